@@ -11,18 +11,18 @@ from pathlib import Path
 
 from rich.cells import cell_len
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
 
 from radiogs_baselines.published import published
 from radiogs_core.errors import UsageError
-from radiogs_reports.analysis.legend import shown_verdict, suite_legend
 from radiogs_reports.analysis.power import Plan, Planned, planned
-from radiogs_reports.doubts import footnotes, marks, remarks
 from radiogs_reports.run_folder import write_reports
 from radiogs_reports.statistics import Level
-from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, Verdict, beside, read_summary
-from radiogs_reports.wording import ARROWS, count_of
-from radiogs_reports.write.caption import published_note
+from radiogs_reports.summary import Summary, read_summary
+from radiogs_reports.tables.caption import published_note
+from radiogs_reports.tables.model import Cell, Column, Table
+from radiogs_reports.tables.suite import suite_table
+from radiogs_reports.wording import count_of
 
 from ..durations import duration
 from ..results.summary import summarise
@@ -45,20 +45,21 @@ def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
     ``alone``: as in ``write``.
     """
     summary, written = write(store, sweep, alone)
-    for table in tables_of(summary, console().width):
-        show(table)
-    say(explanation(summary))
-    for sentence in (*suite_legend(summary, coloured=False), *reasons(summary), *footnotes(summary)):
+    table = suite_table(summary)
+    for part in parts_of(table, title_of(summary), console().width):
+        show(part)
+    say(explanation(table))
+    for sentence in (*table.legend_in_words, *reasons(table), *table.footnotes):
         say(sentence)
-    say_remarks(summary)
+    say_remarks(table)
     say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
 
 
-def say_remarks(summary: Summary) -> None:
-    """How many remarks there are: they fill a screen, and the page has them."""
-    count = len(remarks(summary))
+def say_remarks(table: Table) -> None:
+    """Print the number of remarks; the remarks themselves would fill a screen, and the page has them."""
+    count = len(table.remarks)
     if count:
         say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
@@ -77,53 +78,47 @@ def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, lis
     return summary, [store.folder / "summary.json", *written]
 
 
-def explanation(summary: Summary) -> str:
-    """A sentence that explains what is below each value in the table."""
-    if summary["reference"] is None:
+def explanation(table: Table) -> str:
+    """A sentence that explains the lines below each value in the table."""
+    if table.reference is None:
         return "The rows are not variants of one method, so no differences are shown."
     return (
-        f"Below each value: its difference to '{summary['reference']}', with the half-width of its 95 % interval where"
+        f"Below each value: its difference to '{table.reference.text}', with the half-width of its 95 % interval where"
         " there are several scenes or seeds; better or worse, where that is resolved."
     )
 
 
-def reasons(summary: Summary) -> list[str]:
+def reasons(table: Table) -> list[str]:
     """Why values are missing: each reason once, with its columns."""
-    columns: dict[str, list[str]] = {}
-    for column in summary["columns"]:
-        for row in summary["rows"]:
-            reason = summary["cells"][row["key"]][column["key"]]["reason"]
-            if reason is not None and column["label"] not in columns.setdefault(reason, []):
-                columns[reason].append(column["label"])
-    return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
+    return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items()]
 
 
 LABEL = 24
 """Characters of a row's label before it is wrapped; nothing else is."""
 
 
-Column = tuple[str, list[str]]
-"""A heading, and an entry for each row."""
+Texts = tuple[str, list[str]]
+"""The heading of a column, and its text in each row."""
 
 
-def tables_of(summary: Summary, width: int) -> list[Table]:
-    """The suite's table, cut between columns where ``width`` characters do not hold it; seconds of training come last.
+def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
+    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title.
 
-    A column that is too wide on its own is alone in its table.
+    A column that is too wide on its own is alone in its part.
     """
-    label: Column = "", [row["text"] for row in summary["rows"]]
-    columns = [*(column_of(summary, column) for column in summary["columns"]), seconds_column(summary)]
-    tables = []
+    label: Texts = "", [row.text for row in table.rows]
+    columns = [texts_of(table, place) for place in range(len(table.columns))]
+    parts = []
     room = width - drawn(min(LABEL, lines_of(label))) - 1
     while columns:
         count = next((n for n in range(len(columns), 1, -1) if needed(columns[:n]) <= room), 1)
-        tables.append(table_part(label, columns[:count]))
+        parts.append(table_part(label, columns[:count]))
         columns = columns[count:]
-    tables[0].title = title_of(summary)
-    return tables
+    parts[0].title = title
+    return parts
 
 
-def needed(columns: Sequence[Column]) -> int:
+def needed(columns: Sequence[Texts]) -> int:
     """Characters that columns take when nothing is wrapped."""
     return sum(drawn(lines_of(column)) for column in columns)
 
@@ -133,21 +128,21 @@ def drawn(width: int) -> int:
     return width + 3
 
 
-def lines_of(column: Column) -> int:
+def lines_of(column: Texts) -> int:
     """The longest line of a column."""
     heading, entries = column
     return max(cell_len(line) for text in (heading, *entries) for line in text.split("\n"))
 
 
 def title_of(summary: Summary) -> str:
-    """What the table is, of which scenes and seeds."""
+    """The suite's title, with the scenes, seeds and preset of the run."""
     seeds = ", ".join(map(str, summary["seeds"]))
     return f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
 
 
-def table_part(label: Column, columns: Sequence[Column]) -> Table:
+def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:
     """Some of the columns behind the rows' labels, which alone may be wrapped."""
-    made = Table(show_lines=True)
+    made = RichTable(show_lines=True)
     made.add_column(label[0], max_width=LABEL)
     for heading, _ in columns:
         made.add_column(heading, no_wrap=True, justify="right")
@@ -156,47 +151,27 @@ def table_part(label: Column, columns: Sequence[Column]) -> Table:
     return made
 
 
-def seconds_column(summary: Summary) -> Column:
-    """Mean seconds of training a cell; empty where nothing was trained."""
-    return "training\n(s)", ["" if row["seconds"] is None else f"{row['seconds']:.1f}" for row in summary["rows"]]
+def texts_of(table: Table, place: int) -> Texts:
+    """The texts of a column."""
+    return heading(table.columns[place]), [entry(row.cells[place]) for row in table.rows]
 
 
-def column_of(summary: Summary, column: ColumnSummary) -> Column:
-    """A metric's heading and entries."""
-    return heading(column), [entry_of(summary, row, column) for row in summary["rows"]]
-
-
-def heading(column: ColumnSummary) -> str:
+def heading(column: Column) -> str:
     """A column's label, a word or two a line, with the better direction and its unit."""
-    task, _, measure = column["label"].partition(" ")
-    unit = f"\n({column['unit']})" if column["unit"] else ""
-    return f"{task}\n{measure} {ARROWS[column['direction']]}{unit}"
+    task, _, measure = column.label.partition(" ")
+    last = f"{measure or task} {column.arrow}"
+    return "\n".join([*([task] if measure else []), last, *([f"({column.unit})"] if column.unit else [])])
 
 
-def entry_of(summary: Summary, row: RowSummary, column: ColumnSummary) -> str:
-    """The entry of a row in a column."""
-    cell = summary["cells"][row["key"]][column["key"]]
-    mark = marks(summary, row["key"], column["key"])
-    verdict = shown_verdict(summary, row["key"], column["key"], cell["difference"])
-    return entry(cell, beside(summary, row["key"], column), column, mark, verdict)
-
-
-def entry(
-    cell: CellSummary, published: float | None, column: ColumnSummary, mark: str = "", verdict: Verdict | None = None
-) -> str:
+def entry(cell: Cell) -> str:
     """Mean with its marks, paired difference with its interval, verdict and published value, each on a line."""
-    digits = column["decimals"]
-    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}{mark}"]
-    difference = cell["difference"]
-    if difference is not None and difference["low"] is not None and difference["high"] is not None:
-        half_width = (difference["high"] - difference["low"]) / 2
-        lines.append(f"{difference['mean']:+.{digits}f} ± {half_width:.{digits}f}")
-    elif difference is not None:
-        lines.append(f"{difference['mean']:+.{digits}f}")
-    if verdict is not None:
-        lines.append(verdict)
-    if published is not None:
-        lines.append(f"paper {published:.{digits}f}")
+    lines = [f"{cell.text}{cell.marks}"]
+    if cell.difference is not None:
+        lines.append(cell.difference.plus_minus)
+    if cell.verdict is not None:
+        lines.append(cell.verdict)
+    if cell.published is not None:
+        lines.append(f"paper {cell.published.text}")
     return "\n".join(lines)
 
 
@@ -205,13 +180,14 @@ UNKNOWN = "unknown"
 
 
 def show_plan(request: Request, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
-    """Print every cell, its state, and what the store tells of time, memory and the differences that would be resolved.
+    """Print every cell, its state, and forecasts from the store: time, memory and the differences that would be
+    resolved.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
-    table = Table("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
+    table = RichTable("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
     for (place, _), each in zip(cells, expected, strict=True):
         row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)
@@ -228,7 +204,7 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int, want
 
 
 def power_sentences(request: Request, store: Store, wanted: Mapping[str, float]) -> list[str]:
-    """What the run could show, by the spread of the differences that the store's last summary holds."""
+    """Sentences on the differences that the run could resolve, by the spread in the store's last summary."""
     found = [each for each in power_of(request, store, wanted) if each.smallest is not None or each.wanted is not None]
     if not found:
         return [
@@ -263,7 +239,7 @@ def needs(of: Planned) -> str:
 
 
 def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
-    """What each column of the run could show; empty where no run of this suite is stored. Checks the names of columns.
+    """The differences that each column of the run could resolve; empty where no run of this suite is stored.
 
     Raises UsageError for a wanted difference in a column that the suite does not have.
     """
@@ -283,7 +259,7 @@ def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> lis
 
 
 def emit_plan(request: Request, store: Store, wanted: Mapping[str, float]) -> None:
-    """The plan as events: one per cell, then one per column that the store tells of; null for unknown values."""
+    """The plan as events: one per cell, then one per column with a stored spread; null for unknown values."""
     cells = request.own_cells()
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)

@@ -1,4 +1,4 @@
-"""Where reports are written: within the folder of the run, never through a link that leads out of it."""
+"""Paths of reports: within the folder of the run, never through a link that leads out of it."""
 
 from errno import ENOTDIR
 from pathlib import Path

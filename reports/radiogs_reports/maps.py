@@ -19,10 +19,11 @@ ANGLE_RANGE = 45.0
 """Angle between normals, in degrees, at which false colours saturate."""
 
 MOST_BYTES = 1 << 32
-"""Of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to fill memory."""
+"""Largest size of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to
+fill memory."""
 
 VIEWS = "views/"
-"""How the names of codes of further views begin."""
+"""Prefix of the names of further views' codes."""
 
 Image = NDArray[np.float64]
 """[height, width, channels]."""
@@ -67,11 +68,13 @@ def angle(mine: Image, theirs: Image) -> Image:
 
 @dataclass(frozen=True)
 class Kind:
-    """Label of a kind of map, its display transform, and the unit and range of its error map."""
+    """A kind of map."""
 
     label: str
     shown: Callable[[Image], Image]
+    """Its display transform."""
     error_unit: str = f"mean absolute difference as displayed, 0 to {ERROR_RANGE:g}"
+    """Unit and range of its error map."""
 
 
 KINDS: Mapping[str, Kind] = {

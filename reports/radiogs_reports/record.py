@@ -1,8 +1,8 @@
-"""What the reports of a folder were made from, so that reports which would not change are not made again.
+"""A record of the content that reports were made from, so that unchanged reports are not made again.
 
-The record also says which files earlier runs wrote: tables and figures of a folder belong to its last run, and one that
-only an earlier suite had would stand among them as if measured with them. Files named after their suite stay, because
-they say which run they belong to.
+The record also lists the files that earlier runs wrote: tables and figures of a folder belong to its last run, and one
+that only an earlier suite had would stand among them as if measured with them. Files named after their suite stay,
+because their name says which run they belong to.
 """
 
 import hashlib
@@ -17,7 +17,8 @@ from .files import fresh
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
-"""A line with the digest of what the reports were made from, then one per file: SHA-256, and path relative to OUT.
+"""A line with the digest of the content that the reports were made from, then one per file: SHA-256, and path relative
+to OUT.
 
 Files that it does not list are never deleted.
 """
@@ -29,7 +30,7 @@ DRAWN_WITH = ("matplotlib", "numpy", "pandas", "jinja2", "pillow")
 
 
 def made_from(summary: Summary, out: Path, alone: bool = False) -> str:
-    """Digest of all that the reports in ``out`` follow from: the summary, its arrays, the code and its packages.
+    """Digest of everything that decides the reports in ``out``: the summary, its arrays, the code and its packages.
 
     ``alone``: whether the page has to be a single file.
     """
@@ -67,14 +68,14 @@ def keep_record(out: Path, written: Sequence[Path], source: str = "") -> None:
 
 
 def recorded(out: Path) -> dict[str, str]:
-    """Digests of the recorded files by name, and of what they were made from under the empty name."""
+    """Digests of the recorded files by name; the digest of their source has the empty name."""
     record = out / RECORD
     lines = record.read_text(encoding="utf-8").splitlines() if record.exists() else []
     return {name: digest for digest, _, name in (line.rpartition("  ") for line in lines)}
 
 
 def digest_of(path: Path) -> str:
-    """SHA-256 of a file; of nothing for one that is not there."""
+    """SHA-256 of a file; SHA-256 of no bytes for a file that does not exist."""
     if not path.is_file():
         return hashlib.sha256().hexdigest()
     with path.open("rb") as file:

@@ -24,6 +24,9 @@ from .page.assemble import write_page
 from .page.pictures import FOLDER as PICTURES
 from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
+from .tables.caption import run_note
+from .tables.paper import paper_table
+from .tables.suite import suite_table
 from .write.analyses import (
     Findings,
     audit_csv,
@@ -42,11 +45,11 @@ from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 PARTS = 4
-"""What ``write_reports`` counts: figures, tables, contact sheet, page."""
+"""Number of steps that ``write_reports`` reports: figures, tables, contact sheet, page."""
 
 
 def unheard(done: int, total: int) -> None:
-    """Where nobody wants to know how many parts are done."""
+    """Progress callback that does nothing."""
 
 
 def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard) -> list[Path]:
@@ -103,11 +106,11 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
 
 def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
     """Every text report by file name; the LaTeX document of the whole run includes ``figures``."""
-    suite = summary["suite"]
+    suite, table = summary["suite"], suite_table(summary)
     own = {
-        f"{suite}_table.tex": suite_latex(summary),
-        f"{suite}.tex": suite_document(summary),
-        f"{suite}.md": suite_markdown(summary),
+        f"{suite}_table.tex": suite_latex(table),
+        f"{suite}.tex": suite_document(table),
+        f"{suite}.md": suite_markdown(table, run_note(summary)),
         f"{suite}.csv": suite_csv(summary),
     }
     tables = _tables(summary)
@@ -120,11 +123,11 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
 def _tables(summary: Summary) -> dict[str, str]:
     """Tables of the paper, of the cost report and of every other analysis, by file name."""
     made = {}
-    for table in summary["paper"]:
-        name = f"tables/{table['key']}"
-        made[f"{name}.tex"] = paper_latex(table, summary)
-        made[f"{name}.md"] = paper_markdown(table, summary)
-        made[f"{name}.csv"] = paper_csv(table)
+    for stored in summary["paper"]:
+        name, table = f"tables/{stored['key']}", paper_table(stored, summary)
+        made[f"{name}.tex"] = paper_latex(table)
+        made[f"{name}.md"] = paper_markdown(table)
+        made[f"{name}.csv"] = paper_csv(stored)
     cost = cost_report(summary)
     if cost is not None:
         made["tables/cost.tex"] = cost_latex(summary, cost)

@@ -16,7 +16,7 @@ from scipy.special import stdtr, stdtrit
 CONFIDENCE = 0.95
 
 Level = Literal["kinds", "scenes", "seeds"]
-"""What the units of an interval are."""
+"""The units of an interval."""
 
 
 class Origin(NamedTuple):
@@ -33,20 +33,22 @@ Sample = Mapping[Origin, float]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over ``units`` independent units and the ends of its 95 % interval, which are None for a single unit.
-
-    ``over``: what the units are. ``values``: how many values they are made of. ``deviation``: the units' sample
-    standard deviation. ``p_value``: two-sided, of a mean of zero (of a ratio of one). Both are None for a single unit.
-    """
+    """A mean over independent units and its 95 % interval."""
 
     mean: float
     low: float | None
+    """Lower end of the interval; None for a single unit, like ``high``."""
     high: float | None
     units: int
+    """Number of units."""
     over: Level = "seeds"
+    """Level of the units."""
     values: int = 1
+    """Number of values that the units are means of."""
     deviation: float | None = None
+    """Sample standard deviation of the units; None for a single unit."""
     p_value: float | None = None
+    """Two-sided p value of a mean of zero (of a ratio of one); None for a single unit."""
 
     @property
     def half_width(self) -> float | None:
@@ -91,7 +93,7 @@ def mean_of(sample: Sample) -> Estimate | None:
 
 
 def units_of(sample: Sample) -> tuple[Level, list[float]]:
-    """What the units of a sample are, and the mean over each."""
+    """The level of a sample's units, and the mean over each unit."""
     by_kind = _grouped(sample, lambda origin: origin.kind)
     by_scene = {kind: _grouped(part, lambda origin: origin.scene) for kind, part in by_kind.items()}
     if len(by_kind) > 1:

@@ -32,10 +32,10 @@ class Interval(TypedDict):
     low: float | None
     high: float | None
     over: Level
-    """What the units of the interval are: kinds of scenes, scenes, or the seeds of a single scene."""
+    """The units of the interval: kinds of scenes, scenes, or the seeds of a single scene."""
     units: int
     p_value: float | None
-    """Two-sided, of no difference, by Holm's correction over the rows of the column; None for one unit."""
+    """Two-sided p value of no difference, by Holm's correction over the rows of the column; None for one unit."""
     verdict: Verdict | None
     """Which of the two is resolved to be better; None where they are not told apart."""
     smallest: float | None
@@ -51,20 +51,23 @@ class CellSummary(TypedDict):
     count: int
     """Number of scenes and seeds in the mean."""
     difference: Interval | None
-    """To the reference row; None in that row, and where the two share no scene and seed."""
+    """Difference to the reference row; None in that row, and where the two share no scene and seed."""
     reason: str | None
     rank: NotRequired[int | None]
     """``analysis.comparisons.ranks`` among the rows of the table; None or absent for a row without one."""
 
 
 class ColumnSummary(TypedDict):
-    """A column: its key such as ``nvs/psnr``, label, unit, which values are better, and printed decimals."""
+    """A column of the table."""
 
     key: str
+    """Task and measure, such as ``nvs/psnr``."""
     label: str
     unit: str
     direction: Literal["up", "down", "zero"]
+    """Which values are better."""
     decimals: int
+    """Printed decimals."""
     published_by: NotRequired[str]
     """The protocol of its published values, where it computes this metric by other conventions than the run's."""
     smallest: NotRequired[float | None]
@@ -72,15 +75,15 @@ class ColumnSummary(TypedDict):
 
 
 class RowSummary(TypedDict):
-    """A row: its key, its label in LaTeX and in plain text, and its mean training seconds per cell.
-
-    ``latex`` may be empty; ``write.latex.row_label`` then escapes ``text``.
-    """
+    """A row of the table."""
 
     key: str
     latex: str
+    """Label in LaTeX; if it is empty, reports escape ``text``."""
     text: str
+    """Label in plain text."""
     seconds: float | None
+    """Mean training seconds per cell; None where nothing was trained."""
     given: NotRequired[list[str]]
     """In a ladder of oracles: the parts of the truth that the row was given, none of them or several."""
     method: NotRequired[str]
@@ -88,24 +91,25 @@ class RowSummary(TypedDict):
 
 
 class Settled(TypedDict):
-    """Mean seconds of training until a metric stays near its final value (``analysis.settling``), over ``count``
-    scenes and seeds, and the ends of the 95 % interval (None for one unit)."""
+    """Time until a metric stays near its final value (``analysis.settling``)."""
 
     seconds: float
+    """Mean seconds of training."""
     low: float | None
+    """Lower end of the 95 % interval; None for one unit, like ``high``."""
     high: float | None
     count: int
+    """Number of scenes and seeds."""
 
 
 class Doubt(TypedDict):
-    """Why values of a column are not to be taken at their word, in the rows where that is so.
-
-    ``column`` is empty for what concerns no column: the protocol takes it out of all of them, or it is what a method
-    differs in from the published one.
-    """
+    """A reason why values are uncertain."""
 
     column: str
+    """Key of the column; empty where the text concerns no column, because the protocol removes the quantity from all of
+    them, or because it is a difference between a method and the published one."""
     rows: list[str]
+    """Keys of the rows that it concerns."""
     text: str
 
 
@@ -131,23 +135,21 @@ class StageSummary(TypedDict):
 
 
 class TrailPoint(TypedDict):
-    """Progress of a stage after a number of steps and seconds.
-
-    ``losses``: weighted, by name, averaged over the steps since the previous point. ``metrics``: by column, over a few
-    test views; empty where the model was not scored.
-    """
+    """Progress of a stage after a number of steps and seconds."""
 
     iteration: int
     seconds: float
     losses: dict[str, float]
+    """Weighted losses by name, averaged over the steps since the previous point."""
     metrics: dict[str, float]
+    """Values by column, over a few test views; empty where the model was not scored."""
 
 
 class PlanSummary(TypedDict):
-    """Which light-transport effects a cell simulated at the end of its training, and what probing them cost."""
+    """The light-transport effects that a cell simulated at the end of its training, and the cost of probing them."""
 
     plan: dict[str, Any]
-    """By field; a mask over surfels is stored as the share that is on."""
+    """The plan by field; a mask over surfels is stored as the share that is on."""
     bound: float | None
     """Largest predicted loss of PSNR, in dB, over all probes; None where the result does not hold it."""
     tolerance: float | None
@@ -157,10 +159,10 @@ class PlanSummary(TypedDict):
 
 
 class RunSummary(TypedDict):
-    """One cell of the run: its place in the table, its metric values, what it cost, and its provenance.
+    """One cell of the run: its place in the table, its metric values, its cost, and its provenance.
 
-    What a method may lack (``effects``, ``surfels``, entries of ``work`` such as rays) is None or absent, and reports
-    print n/a for it.
+    An entry that a method may lack (``effects``, ``surfels``, entries of ``work`` such as rays) is None or absent, and
+    reports print n/a for it.
     """
 
     row: str
@@ -178,7 +180,7 @@ class RunSummary(TypedDict):
     stages: list[StageSummary]
     """Training stages in the order in which they run."""
     seconds: dict[str, float]
-    """By stage, ``evaluate`` included."""
+    """Seconds by stage, ``evaluate`` included."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage."""
     guards: dict[str, dict[str, int]]
@@ -195,7 +197,7 @@ class RunSummary(TypedDict):
     arrays: str | None
     """The file of its maps, as in ``SheetSummary``; None where there is none."""
     made_from: dict[str, Any]
-    """Everything that the key is the hash of."""
+    """Everything that the key is a hash of."""
     sessions: dict[str, list[dict[str, Any]]]
     """Date, commit, versions, machine and memory of each process that worked on it, by stage."""
 
@@ -215,10 +217,11 @@ class ModesSummary(TypedDict):
 
 
 class PaperColumn(TypedDict):
-    """A column of a table of the paper; neighbouring columns with the same ``group`` share that heading."""
+    """A column of a table of the paper."""
 
     key: str
     group: str
+    """Heading that it shares with neighbouring columns of the same group."""
     label: str
     unit: str
     direction: Literal["up", "down", "none"]
@@ -226,7 +229,7 @@ class PaperColumn(TypedDict):
     """Printed decimals of measured values: as many as the paper prints."""
     published_by: NotRequired[str]
     smallest: NotRequired[float | None]
-    """Both as in ``ColumnSummary``."""
+    """``published_by`` and ``smallest`` are as in ``ColumnSummary``."""
 
 
 class PaperValue(TypedDict):
@@ -235,15 +238,15 @@ class PaperValue(TypedDict):
     mean: float | None
     count: int
     difference: Interval | None
-    """To the table's reference row, paired by scene and seed."""
+    """Difference to the table's reference row, paired by scene and seed."""
     reason: str | None
     """Why nothing was measured."""
     published: str | None
-    """As printed."""
+    """The published value as printed."""
     absent: str | None
     """Why nothing was published."""
     rank: NotRequired[int | None]
-    """Of the measured value, as in ``CellSummary``."""
+    """Rank of the measured value, as in ``CellSummary``."""
 
 
 class PaperTable(TypedDict):
@@ -294,13 +297,14 @@ class Summary(TypedDict):
     paper: list[PaperTable]
     """Tables of the paper with at least one measured value, those of other suites included."""
     doubts: NotRequired[list[Doubt]]
-    """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
+    """Why values are uncertain: quantities that the images do not determine, and values no better than a constant's;
+    absent in earlier summaries."""
     settling: NotRequired[dict[str, dict[str, Settled]]]
-    """Time to quality by row, then column, of what was scored during training; absent in earlier summaries."""
+    """Time to quality by row, then column, where models were scored during training; absent in earlier summaries."""
     relighting: NotRequired[dict[str, ModesSummary]]
     """Ways of relighting by method; absent where no method offers several, and in earlier summaries."""
     command: NotRequired[list[str]]
-    """What was typed after the program's name to ask for the run; absent where nothing was."""
+    """The words of the command line after the program's name; absent where there was none."""
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
     seal: NotRequired[str]
@@ -316,16 +320,19 @@ def read_summary(out: Path) -> Summary:
     path = out / "summary.json"
     stored = json.loads(path.read_text(encoding="utf-8"))
     if stored["schema"] != SCHEMA:
-        raise ValueError(f"{path} has schema {stored['schema']}; this version reads {SCHEMA}")
+        raise ValueError(
+            f"{path} has schema {stored['schema']}, but this version reads {SCHEMA};"
+            f" rebuild it with: radiogs-bench report {out}"
+        )
     if stored.get("seal") != seal_of(stored):
-        raise ValueError(f"{path} does not agree with its seal; radiogs-bench report {out} makes it anew")
+        raise ValueError(f"{path} does not agree with its seal; rebuild it with: radiogs-bench report {out}")
     summary: Summary = stored
     for name in (summary["suite"], *(table["key"] for table in summary["paper"])):
         if PLAIN.fullmatch(name) is None:
             raise ValueError(f"{path}: {name!r} is no plain file name")
     for each in (*summary["sheet"], *summary["runs"]):
         if each["arrays"] is not None and ARRAYS.fullmatch(each["arrays"]) is None:
-            raise ValueError(f"{path}: {each['arrays']!r} is no array file of the folder")
+            raise ValueError(f"{path}: {each['arrays']!r} is not an array file of the folder")
     return summary
 
 
@@ -347,11 +354,6 @@ def reference_of(summary: Summary) -> str:
 def row_texts(summary: Summary) -> dict[str, str]:
     """Plain-text labels by row key, in the table's order."""
     return {row["key"]: row["text"] for row in summary["rows"]}
-
-
-def beside(summary: Summary, row: str, column: ColumnSummary) -> float | None:
-    """The published value that stands beside a measured one; None where there is none of the same conventions."""
-    return None if "published_by" in column else summary["published"].get(row, {}).get(column["key"])
 
 
 def half_width(interval: Interval | None) -> float | None:

@@ -1,4 +1,4 @@
-"""How values, headings and counts are put into plain text."""
+"""Values, headings and counts in plain text."""
 
 import re
 
@@ -6,7 +6,7 @@ from .statistics import Level
 from .summary import ColumnSummary, Summary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
-"""Which values of a column are better, by its direction."""
+"""Arrows towards the better values of a column, by its direction."""
 
 SYMBOL = re.compile(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?")
 """Symbols in labels: L_rad, L_G^PBR, λ_rad, N_g."""
@@ -25,6 +25,12 @@ def label_with_unit(column: ColumnSummary) -> str:
     return f"{column['label']}, {column['unit']}" if column["unit"] else column["label"]
 
 
+def number(value: float, decimals: int) -> str:
+    """A value with its decimals; with two significant digits where those decimals would all be 0."""
+    text = f"{value:.{decimals}f}"
+    return f"{value:.2g}" if float(text) == 0 and value != 0 else text
+
+
 def signed(value: float, decimals: int) -> str:
     """A difference with its sign; without one if it rounds to zero."""
     text = f"{value:+.{decimals}f}"
@@ -36,13 +42,13 @@ def plus_minus(text: str, half_width: float | None, decimals: int, sign: str = "
     return text if half_width is None else f"{text}{sign}{half_width:.{decimals}f}"
 
 
-def count_of(number: int, noun: str) -> str:
-    """A number with its noun, in the plural where it needs one: ``2 seeds``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+def count_of(count: int, noun: str) -> str:
+    """A count with its noun, in the plural where it needs one: ``2 seeds``."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 def population(over: Level, units: int, scene: str = "one scene") -> str:
-    """What an interval counts, and so speaks of: ``over 4 scenes, each with the mean over its seeds``."""
+    """The units of an interval, in words: ``over 4 scenes, each with the mean over its seeds``."""
     if over == "kinds":
         return f"over {count_of(units, 'kind')} of scenes, each with the mean over its scenes"
     if over == "scenes":
@@ -51,7 +57,7 @@ def population(over: Level, units: int, scene: str = "one scene") -> str:
 
 
 def population_of(summary: Summary) -> str:
-    """What the intervals of a complete run count."""
+    """The units of the intervals of a complete run, in words."""
     scenes, kinds = summary["scenes"], set(summary.get("kinds", {}).values())
     if len(kinds) > 1:
         return population("kinds", len(kinds))

@@ -4,16 +4,22 @@ import io
 
 import pytest
 from rich.console import Console
+from rich.table import Table
 
 from made_up_run import summary
-from radiogs_bench.cli.showing import tables_of
+from radiogs_bench.cli.showing import parts_of, title_of
 from radiogs_reports.summary import Summary
+from radiogs_reports.tables.suite import suite_table
+
+
+def parts(made: Summary, width: int) -> list[Table]:
+    return parts_of(suite_table(made), title_of(made), width)
 
 
 def printed(made: Summary, width: int) -> str:
     text = io.StringIO()
     console = Console(width=width, file=text)
-    for table in tables_of(made, width):
+    for table in parts(made, width):
         console.print(table)
     return text.getvalue()
 
@@ -32,14 +38,14 @@ def test_no_number_is_cut_at_any_width(width: int) -> None:
 
 
 def test_columns_that_fit_are_one_table() -> None:
-    assert len(tables_of(summary(), 160)) == 1
-    assert len(tables_of(summary(), 40)) > 1
+    assert len(parts(summary(), 160)) == 1
+    assert len(parts(summary(), 40)) > 1
 
 
 def test_a_column_that_is_too_wide_on_its_own_is_alone() -> None:
     made = summary()
     made["columns"][0]["label"] = "NVS " + "x" * 70
-    assert len(tables_of(made, 80)) >= 2
+    assert len(parts(made, 80)) >= 2
 
 
 def test_markup_in_a_label_is_text() -> None:

@@ -28,8 +28,8 @@ WHOLE = {
 }  # fmt: skip
 NO_RAYS = {"visibility": False, "indirect": False}
 LOSSES = {"ball": (0.01, 0.02, 0.03), "room": (1.0, 1.1, 1.2)}
-"""Of NVS PSNR under ``auto``: 0.02 and 1.1 dB in the mean; half-widths t(0.975, 2 degrees) = 4.3027 times s / sqrt 3,
-0.0248 and 0.248 dB."""
+"""Losses of NVS PSNR under ``auto``: 0.02 and 1.1 dB in the mean; half-widths t(0.975, 2 degrees) = 4.3027 times s /
+sqrt 3, 0.0248 and 0.248 dB."""
 
 BOUNDS = {"ball": (0.05, 0.04, 0.01), "room": (0.08, 0.0, 0.07)}
 
@@ -118,7 +118,7 @@ def test_losses_are_paired_over_seeds_and_positive_where_it_is_worse(scene: str)
         assert (found.low, found.high) == pytest.approx(ends(given))
 
 
-def test_the_table_says_what_was_worked_out_by_hand() -> None:
+def test_the_table_has_the_values_computed_by_hand() -> None:
     made = made_up()
     said = {head: item(made, "ball", "auto", head).text for head in report_of(made).grid.heads}
     assert said == {
@@ -146,7 +146,7 @@ def whole(estimate: Estimate | None) -> tuple[float, float | None, float | None,
     return estimate.mean, estimate.low, estimate.high, estimate.units
 
 
-def test_rays_of_evaluation_do_not_count_and_none_at_all_is_everything_saved() -> None:
+def test_rays_of_evaluation_do_not_count_and_a_row_without_rays_saves_all() -> None:
     line = line_of(made_up(), "ball", "no-rays")
     assert whole(line.rays_saved) == (1.0, 1.0, 1.0, 3)
     assert whole(line_of(made_up(), "ball", "auto").probe_rays) == (0.04, 0.04, 0.04, 3)
@@ -200,7 +200,7 @@ def test_a_seed_that_one_row_lacks_does_not_count() -> None:
     assert line.left_out == "no rays"
 
 
-def test_what_results_do_not_hold_is_not_made_up() -> None:
+def test_a_value_that_results_do_not_hold_is_missing() -> None:
     made = made_up()
     made["columns"] = made["columns"][:1]
     for each in made["runs"]:
@@ -214,7 +214,7 @@ def test_what_results_do_not_hold_is_not_made_up() -> None:
     assert item(made, "ball", "auto", "NVS loss, dB").text == "+0.020 ± 0.025"
 
 
-def test_only_an_audit_has_an_audit() -> None:
+def test_a_run_that_is_no_audit_has_no_audit_report() -> None:
     made = made_up()
     for each in made["runs"]:
         each["made_from"]["experiment"] = "training"
@@ -239,7 +239,7 @@ def test_only_an_audit_has_an_audit() -> None:
         ({"bounces": False, "light_sampling": False}, "one bounce, no light sampling"),
     ],
 )
-def test_plans_are_said_in_words(changes: dict[str, Any], said: str) -> None:
+def test_plans_are_described_in_words(changes: dict[str, Any], said: str) -> None:
     assert left_out(WHOLE | changes) == said
 
 
@@ -248,7 +248,7 @@ def test_seeds_are_named_where_they_differ() -> None:
     assert over_seeds({2: "a", 0: "a", 1: "b"}) == "a (seeds 0, 2); b (seed 1)"
 
 
-def test_every_form_of_the_report_holds_it_all() -> None:
+def test_every_form_of_the_report_has_all_sentences_and_values() -> None:
     made = made_up()
     report, written = report_of(made), texts(made)
     assert written["tables/audit.md"] == findings_markdown(made, "the audit of plans", report)
@@ -315,7 +315,7 @@ def test_the_figure_holds_bounds_losses_diagonal_and_tolerance() -> None:
     assert axes.get_ylim()[1] > ends(LOSSES["room"])[1]
 
 
-def test_scenes_without_anything_left_out_are_named_so_and_rows_have_panels_of_their_own() -> None:
+def test_scenes_that_leave_nothing_out_are_labelled_and_rows_have_panels_of_their_own() -> None:
     made = made_up()
     more = [copy.deepcopy(each) for each in made["runs"] if each["row"] == "auto"]
     for each in more:

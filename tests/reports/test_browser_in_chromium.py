@@ -38,7 +38,7 @@ def opened(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
 
 
 def pixels(watched: Watched, name: str) -> np.ndarray:
-    """What a canvas shows, once every sheet that was asked for is there."""
+    """The pixels of a canvas, once every requested sheet has arrived."""
     watched.page.wait_for_function("document.querySelectorAll('#gallery canvas').length > 0")
     watched.page.evaluate("() => new Promise(done => setTimeout(done, 100))")
     return np.array(watched.page.evaluate(PIXELS, name)).reshape(16, 16, 4)[..., :3]
@@ -53,7 +53,7 @@ def said(watched: Watched, name: str) -> str:
     return watched.page.locator(f"#{name}").text_content() or ""
 
 
-def test_first_is_the_shown_view_beside_its_truth(opened: Watched) -> None:
+def test_the_browser_opens_with_the_shown_view_beside_its_truth(opened: Watched) -> None:
     assert opened.page.locator("#browse-view option:checked").text_content() == "test_004"
     assert np.array_equal(pixels(opened, "compare-right-image"), levels(arrays(0)["render/image"]))
     assert np.array_equal(pixels(opened, "compare-left-image"), levels(arrays(0)["truth/image"]))
@@ -61,7 +61,7 @@ def test_first_is_the_shown_view_beside_its_truth(opened: Watched) -> None:
     assert opened.page.locator("#browse-seed").is_hidden(), "there is only one"
 
 
-def test_what_is_drawn_is_of_the_chosen_view_map_light_and_rows(opened: Watched) -> None:
+def test_the_canvas_shows_the_chosen_view_map_light_and_rows(opened: Watched) -> None:
     choose(opened, browse_view="2", browse_map="relit/night", compare_left="row ours", compare_right="row no-rad")
     assert np.array_equal(pixels(opened, "compare-right-image"), arrays(1)["views/2/render/relit/night"])
     assert np.array_equal(pixels(opened, "compare-left-image"), arrays(0)["views/2/render/relit/night"])

@@ -1,4 +1,4 @@
-"""Which rows of a column are told apart, how often falsely, and what a table could have shown."""
+"""Comparisons of rows: resolved differences, the rate of false ones, and the smallest one that a table could show."""
 
 from collections.abc import Mapping
 
@@ -146,7 +146,7 @@ def test_a_plan_is_silent_where_the_stored_spread_is() -> None:
     assert smallest_difference({}) is None
 
 
-def test_the_smallest_difference_is_of_the_typical_row() -> None:
+def test_the_smallest_difference_is_that_of_the_typical_row() -> None:
     rows = {
         "ours": shifted(0, 0, 0),
         "calm": shifted(0.1, 0, 0.1),

@@ -95,7 +95,7 @@ def spread(values: Any) -> float:
         ("reference", "ns-double", "rays a surfel, N_s, 32 → 64: "),
     ],
 )
-def test_each_sentence_says_what_the_runs_say(low: str, high: str, begins: str) -> None:
+def test_each_sentence_agrees_with_the_runs(low: str, high: str, begins: str) -> None:
     made = made_up()
     (sentence,) = [each for each in report_of(made).sentences if each.startswith(begins)]
     table = frame(made)
@@ -126,7 +126,7 @@ def test_a_single_seed_gives_no_interval() -> None:
     assert not any("±" in each for each in sentences)
 
 
-def test_the_second_half_of_the_training_is_what_the_trails_say() -> None:
+def test_the_gain_of_the_second_half_is_that_of_the_trails() -> None:
     """Made-up trails were scored after 1, 2, 4 and 8 steps of 0.25 s, a decibel better each time, after 4 s."""
     (sentence,) = [each for each in report_of(made_up()).sentences if each.startswith("The second half")]
     assert "NVS PSNR +1.00 ± 0.00 dB, Normal MAE -1.00 ± 0.00 degrees" in sentence
@@ -179,7 +179,7 @@ def test_every_scene_has_its_own_targets_and_the_reference_reaches_them() -> Non
     assert [each.reached for each in found] == [5, 5, 4, 4]  # 26 - 0.6 + 3 dB are 80 % of the way
 
 
-def test_what_rounds_to_nothing_has_no_sign() -> None:
+def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
     shown = [signed(value, 2) for value in (-0.004, 0.004, 0.0, -0.006, 0.006)]
     assert shown == ["0.00", "0.00", "0.00", "-0.01", "+0.01"]
 

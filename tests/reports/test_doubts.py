@@ -1,18 +1,16 @@
-"""Every report marks a value that is not to be taken at its word, and says why below."""
+"""Every report marks an uncertain value, and gives the reason below."""
 
 import io
-from collections.abc import Callable
 
 import pandas as pd
-import pytest
 
 from made_up_run import summary
-from radiogs_bench.cli.showing import tables_of
-from radiogs_reports.doubts import footnotes, marks, remarks, texts_of
+from radiogs_bench.cli.showing import parts_of
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album
-from radiogs_reports.page.tables import suite_table
 from radiogs_reports.summary import Summary
+from radiogs_reports.tables.doubts import footnotes, marks, remarks, texts_of
+from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
 LEVEL = "changing it by 0.1 changes the image by 0.01 dB"
@@ -30,7 +28,7 @@ def doubted() -> Summary:
     return made
 
 
-def test_marks_are_of_the_rows_that_a_footnote_names() -> None:
+def test_only_the_rows_that_a_footnote_names_have_its_mark() -> None:
     made = doubted()
     assert marks(made, "ours", "normal/mae") == "†"
     assert marks(made, "no-rad", "normal/mae") == "†‡"
@@ -47,19 +45,19 @@ def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
 
 
 def test_the_terminal_marks_values() -> None:
-    (table,) = tables_of(doubted(), 160)
+    (table,) = parts_of(suite_table(doubted()), "", 160)
     assert [str(cell).splitlines()[0] for cell in table.columns[2]._cells] == ["7.50†", "7.00†‡"]
 
 
 def test_markdown_marks_values_and_says_why_below() -> None:
-    text = suite_markdown(doubted())
+    text = suite_markdown(suite_table(doubted()), "")
     assert "| 7.50† |" in text
     assert "| 7.00†‡ (-0.50, -1.00 to 0.00) |" in text
     assert text.endswith(f"\n\n† {LEVEL}\n\n‡ {CONSTANT}\n\n{REMARK}\n")
 
 
 def test_latex_marks_values_and_says_why_below() -> None:
-    text = suite_latex(doubted())
+    text = suite_latex(suite_table(doubted()))
     assert r"7.50 & $^\dagger$ &" in text
     assert r"7.00 & $^\dagger$$^\ddagger$ &" in text
     assert rf"\par $^\dagger$ {LEVEL}" in text
@@ -74,14 +72,13 @@ def test_csv_gives_the_footnotes_of_each_value() -> None:
 
 
 def test_the_page_marks_values_and_still_sorts_them_by_number() -> None:
-    entries = {row[0].text: row[2] for row in suite_table(doubted()).rows}
-    assert [(entry.text, entry.value) for entry in entries.values()] == [("7.50†", 7.5), ("7.00†‡", 7.0)]
+    cells = [row.cells[1] for row in suite_table(doubted()).rows]
+    assert [(cell.text, cell.marks, cell.value) for cell in cells] == [("7.50", "†", 7.5), ("7.00", "†‡", 7.0)]
     text = page(doubted(), Album())
     assert f'<p class="hint">† {LEVEL}</p>' in text
     assert f'<p class="hint">‡ {CONSTANT.replace("&", "&amp;")}</p>' in text
 
 
-@pytest.mark.parametrize("made", [suite_markdown, suite_latex])
-def test_a_summary_without_doubts_has_no_marks(made: Callable[[Summary], str]) -> None:
-    assert "†" not in made(summary())
-    assert "dagger" not in made(summary())
+def test_a_summary_without_doubts_has_no_marks() -> None:
+    assert "†" not in suite_markdown(suite_table(summary()), "")
+    assert "dagger" not in suite_latex(suite_table(summary()))

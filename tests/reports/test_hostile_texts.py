@@ -1,4 +1,4 @@
-"""Names and titles stay text in every report: no LaTeX that fails to compile, no markup of somebody else's."""
+"""Names and titles stay text in every report: LaTeX compiles, and no markup comes from a name."""
 
 import re
 from typing import Any

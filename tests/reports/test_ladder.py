@@ -129,7 +129,7 @@ def test_over_several_scenes_there_is_a_rung_for_each_and_one_for_all() -> None:
     assert room.mean == pytest.approx(2.4)
 
 
-def test_the_table_says_what_was_worked_out_by_hand() -> None:
+def test_the_table_has_the_values_computed_by_hand() -> None:
     made = made_up()
     said = {head: item(made, 1, head).text for head in report_of(made).grid.heads}
     # Half-widths: 4.3027 s / sqrt 3, with s = 5 of the levels and 0.2 of geometry.
@@ -157,7 +157,7 @@ def test_the_sentences_name_the_parts_that_count_most_and_what_the_values_mean()
     ]
 
 
-def test_where_no_part_helps_the_sentence_says_so() -> None:
+def test_a_sentence_states_that_no_part_helps() -> None:
     made = made_up()
     for each in made["runs"]:
         each["metrics"]["nvs/psnr"] = 30.0
@@ -168,7 +168,7 @@ def test_where_no_part_helps_the_sentence_says_so() -> None:
     )
 
 
-def test_what_a_missing_row_would_say_is_not_made_up() -> None:
+def test_a_value_that_needs_a_missing_row_is_missing() -> None:
     made = made_up()
     made["rows"] = [row for row in made["rows"] if row["key"] != "all-but-light"]
     assert rung(made, "nvs/psnr").parts["light"].last_out is None
@@ -186,7 +186,7 @@ def test_a_seed_that_one_row_lacks_does_not_count() -> None:
     assert item(made, 0, "geometry, first in").text == "+1.20"
 
 
-def test_methods_are_told_apart() -> None:
+def test_each_method_has_rungs_of_its_own() -> None:
     made = made_up()
     other = copy.deepcopy(made)
     for row in other["rows"]:

@@ -1,4 +1,4 @@
-"""Numbers stand below each other by their decimal points, and what is no number is set as text."""
+"""Numbers are aligned at their decimal points, and entries that are not numbers are set as text."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def test_a_column_has_room_for_the_most_digits_on_both_sides(numbers: list[str],
     assert layout(map(Entry, numbers)) == rf"S[table-format={table_format}]@{{\,}}l"
 
 
-def test_what_siunitx_cannot_align_is_braced() -> None:
+def test_text_that_siunitx_cannot_align_is_braced() -> None:
     entries = [Entry("1.5", r"\x "), Entry("n/a$^{a}$", r"\x "), Entry("1e-05"), Entry(), Entry("2", "", "(3)")]
     assert Line("row", entries).text() == r"row & \x 1.5 &  & {\x n/a$^{a}$} &  & {1e-05} &  &  &  & 2 & (3) \\"
     assert [bool(entry) for entry in entries] == [True, True, True, False, True]

@@ -76,11 +76,11 @@ def test_each_stage_has_a_panel_under_its_title_with_the_total_loss(stages: dict
 
 
 @EACH
-def test_what_the_method_lacks_is_missing_with_a_reason(stages: dict[str, str]) -> None:
+def test_a_value_that_the_method_lacks_is_missing_with_a_reason(stages: dict[str, str]) -> None:
     made = made_up(stages)
     table = cells_table(made)
-    (place,) = [place for place, head in enumerate(table.heads) if head.label == "surfels"]
-    assert [(row[place].text, row[place].reason) for row in table.rows] == [
+    (place,) = [place for place, column in enumerate(table.columns) if column.label == "surfels"]
+    assert [(row.cells[place].text, row.cells[place].reason) for row in table.rows] == [
         ("n/a", "the result holds no number of surfels")
     ] * 4
     assert [sketch.name for sketch in knob_figures(made)] == ["cost", "cost-doublings"], "no figure of rays"

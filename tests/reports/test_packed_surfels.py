@@ -1,4 +1,4 @@
-"""Surfels on their way into the page: what is packed is what was stored, within the rounding that is written down."""
+"""Packed surfels of the page: equal to the stored ones, within the documented rounding."""
 
 import base64
 from pathlib import Path
@@ -26,7 +26,7 @@ def stored(seed: int, count: int = 50) -> dict[str, np.ndarray]:
     }
 
 
-def test_what_is_packed_is_what_was_stored() -> None:
+def test_packed_surfels_are_the_stored_ones() -> None:
     arrays = stored(1)
     made = packed(arrays)
     assert PACKED.itemsize == 26, "the script reads 26 bytes a surfel"

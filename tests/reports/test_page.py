@@ -84,7 +84,7 @@ def test_where_zero_is_the_best_values_sort_by_magnitude(tmp_path: Path) -> None
     assert 'aria-label="closer to zero is better"' in text
 
 
-def test_what_is_resolved_has_a_colour_and_a_rank_in_words(text: str) -> None:
+def test_a_resolved_difference_has_a_colour_and_a_rank_in_words(text: str) -> None:
     assert re.search(r'<td class="number worse" title="1 row resolved to be better"[^>]*>30.00<', text)
     assert re.search(r'<td class="number better" title="no rows resolved to be better"[^>]*>7.00<', text)
     assert re.search(r'<td class="number" title="no rows resolved to be better"[^>]*>31.23<', text)
@@ -281,7 +281,7 @@ def test_the_page_shows_the_command_as_it_was_typed(tmp_path: Path) -> None:
     assert "radiogs-bench run ablations --scenes &#39;my scene&#39; --long-side 48" in page_of(tmp_path, made)
 
 
-def test_the_page_says_when_by_what_and_how_it_was_made(tmp_path: Path) -> None:
+def test_the_page_names_the_date_commit_and_command_of_its_run(tmp_path: Path) -> None:
     made = summary()
     for place, run in enumerate(made["runs"]):
         dates = [f"2026-11-{20 + place}T08:00:00+00:00"]

@@ -14,7 +14,7 @@ __all__ = ["browser"]
 SHEET = {"width": 1032, "height": 703}
 """A4 on its side within its margins, in CSS pixels."""
 MORE_CELLS = 12
-"""How many times as long a page of 200 cells may take to open as one of 20 does."""
+"""Largest ratio of the times in which pages of 200 and of 20 cells open."""
 
 DARKEST = """(canvas => {
     const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
@@ -84,7 +84,7 @@ def test_zoom_is_one_for_all_pictures_and_keeps_them_in_their_frame(opened: Watc
     assert opened.page.locator("#zoom-said").text_content() == "1.0 times"
 
 
-def test_marks_of_the_scatter_speak_when_hovered_and_by_arrow_keys(opened: Watched) -> None:
+def test_points_of_the_scatter_are_described_on_hover_and_by_arrow_keys(opened: Watched) -> None:
     box = opened.page.locator("#scatter")
     box.press("ArrowRight")
     first = opened.page.locator("#scatter-said").text_content() or ""
@@ -132,7 +132,7 @@ def test_a_run_that_trained_nothing_and_keeps_no_pictures_has_no_empty_parts(
     watched.close()
 
 
-def test_a_cell_tells_where_it_comes_from_and_shows_its_images(opened: Watched) -> None:
+def test_a_cell_shows_its_provenance_and_its_images(opened: Watched) -> None:
     opened.page.locator('table[data-name="cells"] button.open').nth(1).press("Enter")
     dialog = opened.page.locator("dialog")
     text = dialog.inner_text()
@@ -290,7 +290,7 @@ def tick(watched: Watched, name: str, value: str) -> None:
     watched.page.locator(f'#selection input[name="{name}"][value="{value}"]').click()
 
 
-def test_the_table_of_means_is_of_the_cells_that_are_ticked(of_two_seeds: Watched) -> None:
+def test_the_table_of_means_follows_the_ticked_cells(of_two_seeds: Watched) -> None:
     page = of_two_seeds.page
     page.locator("#selection summary").click()
     assert of_two_seeds.column("means", 1)[0] == "31.23"
@@ -299,6 +299,7 @@ def test_the_table_of_means_is_of_the_cells_that_are_ticked(of_two_seeds: Watche
     assert of_two_seeds.column("means", 1)[:2] == ["32.00", "30.00"], "31 and 33 of ours, 30 of the other row"
     tick(of_two_seeds, "seed", "1")
     assert of_two_seeds.column("means", 1)[:2] == ["31.00", "30.00"]
+    assert of_two_seeds.column("means", 4)[:2] == ["31.0", "21.0"], "seconds of training, without the evaluation"
     assert not page.locator("#means-partial").is_hidden()
     assert page.locator('table[data-name="means"] .difference').count() == 0
     hidden = 'table[data-name="cells"] tbody tr[hidden]'

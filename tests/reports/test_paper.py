@@ -8,16 +8,18 @@ from pathlib import Path
 import pytest
 
 from made_up_run import paper_table, summary, write_run
-from radiogs_reports.page.tables import paper_tables, suite_table
+from radiogs_reports.page.tables import paper_tables
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import PaperTable
+from radiogs_reports.tables.caption import run_note
+from radiogs_reports.tables.paper import paper_table as made_table
+from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.write.paper_reading import caption, measured
 from radiogs_reports.write.suite import suite_latex, suite_markdown
 
 TABLE, SUMMARY = paper_table(), summary()
-LATEX = paper_latex(TABLE, SUMMARY)
+LATEX = paper_latex(made_table(TABLE, SUMMARY))
 
 
 def spanned(line: str) -> int:
@@ -80,7 +82,7 @@ def test_every_text_of_a_run_in_latex_holds_together() -> None:
         "λ",
     ],
 )
-def test_what_does_not_hold_together_is_found(broken: str) -> None:
+def test_broken_latex_is_found(broken: str) -> None:
     with pytest.raises((AssertionError, IndexError)):
         assert_holds_together(broken.replace(r" \\ ", " \\\\\n").replace("{lc} ", "{lc}\n"))
 
@@ -108,7 +110,7 @@ def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None
     table["cells"] = {key: {name: {**each} for name, each in values.items()} for key in keys}
     table["cells"]["no-rad-50"]["nvs/psnr"].update(mean=12.345, published="-0.54")
     table["reference"] = "ours-100"
-    text = paper_latex(table, SUMMARY)
+    text = paper_latex(made_table(table, SUMMARY))
     assert_holds_together(text)
     lines = cells_of(text)
     assert [line[0] for line in lines if line[0]] == [r"100 \% of the views", r"50 \% of the views"]
@@ -120,7 +122,7 @@ def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None
     assert "12.345" in measured_line[4]
     assert "paired difference to Ours, 100" in text
     assert r"\color{darkgray}-0.54" in text
-    assert "| 50 % of the views | measured | 30.123" in paper_markdown(table, SUMMARY)
+    assert "| 50 % of the views | measured | 30.123" in paper_markdown(made_table(table, SUMMARY))
 
 
 def test_every_missing_value_has_its_reason_below_the_table() -> None:
@@ -132,26 +134,26 @@ def test_every_missing_value_has_its_reason_below_the_table() -> None:
     assert "$^{c}$ Printed otherwise in table 3." in LATEX
 
 
-def test_what_is_resolved_has_a_colour_and_published_values_have_none() -> None:
+def test_a_resolved_difference_has_a_colour_and_published_values_have_none() -> None:
     assert r"\cellcolor[HTML]{FBDCC4}30.123" in LATEX
     assert LATEX.count(r"\cellcolor") == 1
     assert "smallest true difference of a typical row" in LATEX
-    assert [entry.verdict for entry in paper_tables(TABLE, SUMMARY)[0].rows[1][1:]] == ["worse", None, None, None]
+    assert [cell.verdict for cell in paper_tables(TABLE, SUMMARY)[0].rows[1].cells] == ["worse", None, None, None]
 
 
 def test_a_small_value_is_not_printed_as_zero() -> None:
-    assert measured(TABLE["cells"]["detach"]["training/hours"], TABLE["columns"][2]) == "0.00047"
-    assert measured(TABLE["cells"]["ours"]["training/hours"], TABLE["columns"][2]) == "2.0"
+    hours = [row.cells[2].text for row in made_table(TABLE, SUMMARY).rows]
+    assert hours == ["n/a", "0.00047", "2.0"]
 
 
-def test_the_caption_says_seeds_interval_and_where_published_values_come_from() -> None:
-    text = caption(TABLE, SUMMARY)
+def test_the_caption_names_seeds_interval_and_source_of_published_values() -> None:
+    text = made_table(TABLE, SUMMARY).caption
     for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval", "TensoIR_Ind", "Ours_100 %"):
         assert part in text
 
 
 def test_markdown_and_csv_hold_the_values_of_the_latex() -> None:
-    text = paper_markdown(TABLE, SUMMARY)
+    text = paper_markdown(made_table(TABLE, SUMMARY))
     assert (
         "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500: worse) | 0.2500 (0.0000 ± 0.5000) | 0.00047 | 64 |"
         in text
@@ -203,7 +205,9 @@ IMAGES = ("nvs/psnr", "nvs/lpips")
 
 
 def test_published_values_by_other_conventions_stand_apart_in_text() -> None:
-    upper, lower = paper_markdown(other_conditions(*IMAGES), SUMMARY).split("Published, by protocol radiogs;")
+    upper, lower = paper_markdown(made_table(other_conditions(*IMAGES), SUMMARY)).split(
+        "Published, by protocol radiogs;"
+    )
     assert "| Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU | measured | 30.123" in upper
     assert "| Detach L_G^PBR | paper [3] |  |  | 1.1 | 64 |" in upper
     assert "37.252" not in upper
@@ -211,7 +215,7 @@ def test_published_values_by_other_conventions_stand_apart_in_text() -> None:
 
 
 def test_published_values_by_other_conventions_stand_apart_in_latex() -> None:
-    text = paper_latex(other_conditions(*IMAGES), SUMMARY)
+    text = paper_latex(made_table(other_conditions(*IMAGES), SUMMARY))
     assert_holds_together(text)
     upper, lower = text.split("Published, by protocol radiogs")
     assert "37.252" not in upper
@@ -222,10 +226,11 @@ def test_published_values_by_other_conventions_stand_apart_in_latex() -> None:
 
 def test_published_values_by_other_conventions_stand_apart_on_the_page() -> None:
     measured_part, published_part = paper_tables(other_conditions(*IMAGES), SUMMARY)
-    assert measured_part.rows[1][0].text == "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU"
-    assert [entry.published for entry in measured_part.rows[1][1:]] == ["", "", "1.1", "64"]
-    assert [entry.text for entry in published_part.rows[1]] == ["Detach L_G^PBR", "37.252", "0.0275"]
-    assert [head.label for head in published_part.heads] == ["row", "NVS PSNR", "NVS LPIPS"]
+    assert measured_part.rows[1].measured_label == "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU"
+    assert [cell.published and cell.published.text for cell in measured_part.rows[1].cells] == [None, None, "1.1", "64"]
+    assert published_part.rows[1].text == "Detach L_G^PBR"
+    assert [cell.text for cell in published_part.rows[1].cells] == ["37.252", "0.0275"]
+    assert [column.label for column in published_part.columns] == ["NVS PSNR", "NVS LPIPS"]
     assert len(paper_tables(TABLE, SUMMARY)) == 1
 
 
@@ -239,10 +244,10 @@ def test_records_name_the_protocol_and_what_ran() -> None:
 def test_the_suites_own_table_leaves_out_what_is_by_other_conventions() -> None:
     made = summary()
     column = made["columns"][0]
-    assert "(37.86)" in suite_latex(made)
+    assert "(37.86)" in suite_latex(suite_table(made))
     column["published_by"] = "radiogs"
-    assert "(37.86)" not in suite_latex(made)
-    text = suite_markdown(made)
+    assert "(37.86)" not in suite_latex(suite_table(made))
+    text = suite_markdown(suite_table(made), run_note(made))
     assert f"paper: {column['label']}" not in text
     assert "By protocol radiogs, whose conventions are others" in text
-    assert all(entry.published == "" for row in suite_table(made).rows for entry in row[1:2])
+    assert all(row.cells[0].published is None for row in suite_table(made).rows)

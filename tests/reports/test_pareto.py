@@ -1,4 +1,4 @@
-"""The Pareto front holds the rows that are better than what is cheaper, as far as that is resolved."""
+"""The Pareto front holds the rows that are resolved to be better than every cheaper row."""
 
 import itertools
 import random
@@ -37,7 +37,7 @@ def test_without_intervals_the_front_holds_the_pairs_that_no_other_dominates() -
     assert pareto_front(costs, single(distances), "zero") == set(range(60)) - beaten
 
 
-def test_what_costs_more_and_is_better_by_noise_alone_is_not_on_the_front() -> None:
+def test_a_row_that_costs_more_and_is_better_by_noise_alone_is_not_on_the_front() -> None:
     cheap, best = seeds(30.0, 31.0, 32.0), seeds(33.0, 34.1, 35.0)
     by_noise, by_little = seeds(30.5, 30.9, 32.2), seeds(30.2, 31.21, 32.19)
     assert pareto_front([1.0, 2.0, 3.0], [cheap, by_noise, best], "up") == {0, 2}

@@ -65,7 +65,7 @@ def test_tau_counts_pairs_in_order_and_chance_counts_all_orders() -> None:
     assert -1 <= psnr.low <= whole <= psnr.high <= 1
 
 
-def test_the_bounds_are_a_point_where_every_scene_says_the_same_and_wide_where_they_differ() -> None:
+def test_the_bounds_are_a_point_where_every_scene_agrees_and_wide_where_they_differ() -> None:
     alike = {key: (float(place),) * 3 for place, key in enumerate(GAINS)}
     published = {key: float(place) for place, key in enumerate(GAINS)}
     assert [(o.tau, o.low, o.high) for o in orders(alike, published).orders] == [(1.0, 1.0, 1.0)] * 2
@@ -110,7 +110,7 @@ def test_one_scene_and_seed_resolves_no_pair() -> None:
     assert report.grid.rows[0][2].text == "-0.33"
 
 
-def test_every_form_of_the_report_has_it() -> None:
+def test_every_form_of_the_report_has_the_order() -> None:
     made = made_up(GAINS, {"a": 40.0, "b": 30.0, "c": 20.0, "d": 10.0})
     written = texts(made)
     assert "- NVS PSNR, dB: c & co is better" in written["tables/published_order.md"]

@@ -28,7 +28,7 @@ def there(folder: Path) -> set[str]:
     return found - {"reports.txt"}
 
 
-def test_only_what_an_earlier_run_alone_had_is_deleted(tmp_path: Path) -> None:
+def test_only_files_that_the_later_run_does_not_write_are_deleted(tmp_path: Path) -> None:
     files(tmp_path, "tables/mine.md", "figures/notes.png", "cells/a.json")
     first = ["a.tex", "report.html", "tables/audit.md", "tables/cost.md", "figures/audit.png", "contact_sheet.png"]
     keep_record(tmp_path, files(tmp_path, *first))

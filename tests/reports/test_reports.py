@@ -13,11 +13,10 @@ import pytest
 from PIL import Image
 
 from made_up_run import summary, write_run
-from radiogs_reports.analysis.legend import suite_legend
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
-from radiogs_reports.page.tables import suite_table
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
+from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.latex import escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
@@ -49,18 +48,17 @@ def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path:
     assert {"ablations.tex", "report.html", "report.tex"} <= written
 
 
-def test_the_legend_says_what_is_counted_resolved_and_could_have_been_shown() -> None:
-    intervals, resolved, power, *beside = suite_legend(summary())
+def test_the_legend_names_units_resolved_differences_and_the_smallest_one() -> None:
+    intervals, resolved, power, *beside = suite_table(summary()).legend
     assert intervals.endswith("t intervals over 2 seeds of my_scene, and of that scene alone.")
     assert "at most 5 % of columns would have a false difference, and at most 10 % of tables of 2 columns" in resolved
     assert power.endswith("(2 seeds): NVS PSNR 1.75 dB, Normal MAE 0.40 degrees.")
     assert beside == [
         "The paper's differences that are resolved here with the same sign: lambda_rad = 0: NVS PSNR -2.04."
     ]
-    for text in (suite_latex(summary()), suite_markdown(summary())):
+    for text in (suite_latex(suite_table(summary())), suite_markdown(suite_table(summary()), "")):
         assert "at most 10" in text
         assert "1.75 dB" in text
-    assert [*suite_table(summary()).legend] == [intervals, resolved, power, *beside]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +69,7 @@ def test_the_legend_says_what_is_counted_resolved_and_could_have_been_shown() ->
         (35.0, 0.02, 1.0, "The paper's differences that are resolved here with the other sign"),
     ],
 )
-def test_the_papers_difference_is_told_from_one_that_could_not_have_been_seen(
+def test_a_published_difference_is_listed_by_whether_it_could_have_been_resolved(
     published: float, p_value: float, mean: float, outcome: str
 ) -> None:
     made = summary()
@@ -79,16 +77,16 @@ def test_the_papers_difference_is_told_from_one_that_could_not_have_been_seen(
     difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
     assert difference is not None
     difference["p_value"], difference["mean"] = p_value, mean
-    assert suite_legend(made)[-1] == f"{outcome}: lambda_rad = 0: NVS PSNR {published - 37.86:+.2f}."
+    assert suite_table(made).legend[-1] == f"{outcome}: lambda_rad = 0: NVS PSNR {published - 37.86:+.2f}."
 
 
-def test_a_row_that_spreads_more_than_others_could_have_shown_less() -> None:
+def test_a_row_with_a_larger_spread_resolves_only_larger_differences() -> None:
     made = summary()
     made["columns"][0]["published_by"] = "radiogs"
     difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
     assert difference is not None
     difference.update(p_value=0.2, smallest=2.5)
-    assert suite_legend(made)[-1] == (
+    assert suite_table(made).legend[-1] == (
         "Not resolved here, where the paper's difference is too small for this table (published by protocol radiogs):"
         " lambda_rad = 0: NVS PSNR -2.04."
     )
@@ -98,10 +96,10 @@ def test_a_row_that_spreads_more_than_others_could_have_shown_less() -> None:
 def test_a_value_that_a_footnote_concerns_has_no_colour(row: str) -> None:
     made = summary()
     made["doubts"] = [{"column": "nvs/psnr", "rows": [row], "text": "no better than a constant"}]
-    assert "FBDCC4}30.00" not in suite_latex(made)
-    assert "CDE4F7}7.00" in suite_latex(made)
-    assert ": worse)" not in suite_markdown(made)
-    psnr, normals = suite_table(made).rows[1][1:3]
+    assert "FBDCC4}30.00" not in suite_latex(suite_table(made))
+    assert "CDE4F7}7.00" in suite_latex(suite_table(made))
+    assert ": worse)" not in suite_markdown(suite_table(made), "")
+    psnr, normals = suite_table(made).rows[1].cells[:2]
     assert (psnr.verdict, normals.verdict) == (None, "better")
 
 
@@ -111,12 +109,12 @@ def test_one_scene_and_seed_resolves_nothing_and_says_so() -> None:
         for cell in row.values():
             if cell["difference"] is not None:
                 cell["difference"].update(low=None, high=None, p_value=None, verdict=None, units=1)
-    (sentence,) = suite_legend(made)
+    (sentence,) = suite_table(made).legend
     assert sentence.startswith("One scene with one seed")
 
 
 def test_the_table_says_everything_that_the_summary_says() -> None:
-    text = suite_latex(summary())
+    text = suite_latex(suite_table(summary()))
     assert r" & 31.23 & \textcolor{gray}{(37.86)} &" in text
     assert r"\cellcolor[HTML]{FBDCC4}30.00" in text
     assert r"\cellcolor[HTML]{CDE4F7}7.00" in text
@@ -133,8 +131,8 @@ def test_the_table_says_everything_that_the_summary_says() -> None:
 
 
 def test_markdown_and_csv_hold_the_same_values() -> None:
-    text = suite_markdown(summary())
-    assert "| Ours | 31.23 | 7.50 | n/a (no_weights) | 37.86 | 61 |" in text
+    text = suite_markdown(suite_table(summary()), "")
+    assert "| Ours | 31.23 | 7.50 | n/a (no_weights) | 61.2 | 37.86 |" in text
     records = list(csv_reader.DictReader(io.StringIO(suite_csv(summary()))))
     assert len(records) == 6
     found = next(record for record in records if record["row"] == "no-rad" and record["column"] == "nvs/psnr")
@@ -179,8 +177,8 @@ def test_text_is_escaped_character_by_character() -> None:
 def test_a_row_without_a_label_in_latex_has_its_text_escaped() -> None:
     made = summary()
     made["rows"][0]["latex"], made["rows"][0]["text"] = "", "50 % of λ"
-    assert r"50 \% of $\lambda$ & " in suite_latex(made)
-    assert r"paired difference to 50 \% of $\lambda$ and" in suite_latex(made)
+    assert r"50 \% of $\lambda$ & " in suite_latex(suite_table(made))
+    assert r"paired difference to 50 \% of $\lambda$ and" in suite_latex(suite_table(made))
 
 
 def test_another_schema_is_refused(tmp_path: Path) -> None:
@@ -190,7 +188,7 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
 
 
 def pdflatex(name: str, folder: Path) -> str:
-    """What pdflatex says of a document that it can print; skips without it or siunitx."""
+    """The output of pdflatex for a document that it can print; skips without pdflatex or siunitx."""
     if shutil.which("pdflatex") is None or shutil.which("kpsewhich") is None:
         pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended, texlive-science)")
     if subprocess.run(["kpsewhich", "siunitx.sty"], capture_output=True, check=False).returncode != 0:

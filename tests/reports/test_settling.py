@@ -51,7 +51,7 @@ def test_a_value_is_settled_once_it_stays_within_the_band(values: list[float], e
     assert grid[len(near) - np.argmin(near[::-1]) if not near.all() else 0] == pytest.approx(expected, abs=1e-3)
 
 
-def test_bands_are_of_the_metric_and_one_point_tells_nothing() -> None:
+def test_each_metric_has_a_band_of_its_own_and_one_point_settles_nothing() -> None:
     assert [band_of("psnr", "dB", 30), band_of("mae", "deg", 4), band_of("ssim", "", 0.9)] == [0.5, 0.5, 0.01]
     assert band_of("mse", "", -2.0) == pytest.approx(0.1)
     assert settled_after([Point(1.0, 2.0)], 0.5) is None
@@ -84,7 +84,7 @@ def test_every_form_has_the_same_seconds(tmp_path: Path) -> None:
     assert text in (tmp_path / "tables" / "settling.md").read_text()
 
 
-def test_nothing_is_said_where_nothing_was_scored_during_training() -> None:
+def test_a_run_without_scores_during_training_has_no_report() -> None:
     made = summary()
     for each in made["runs"]:
         each["trail"] = {}

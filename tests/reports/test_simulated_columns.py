@@ -1,4 +1,4 @@
-"""How often intervals hold what they say they hold, and how often rows that do not differ are told apart: simulated."""
+"""Simulated columns: the coverage of intervals, and the rate of false differences between equal rows."""
 
 from itertools import product
 
@@ -37,7 +37,7 @@ def covered(scenes: int, seeds: int, between: float, columns: int) -> float:
     return hits / columns
 
 
-def test_intervals_hold_the_mean_over_scenes_as_often_as_they_say() -> None:
+def test_intervals_cover_the_mean_over_scenes_at_their_confidence() -> None:
     shares = [covered(*case, columns=300) for case in GRID]
     assert np.mean(shares) == pytest.approx(CONFIDENCE, abs=0.01)  # 4 standard deviations of a binomial
     assert min(shares) > 0.9
@@ -45,7 +45,7 @@ def test_intervals_hold_the_mean_over_scenes_as_often_as_they_say() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenes", [2, 3, 4, 6, 12])
-def test_intervals_hold_the_mean_over_scenes_as_often_as_they_say_at_every_place_of_the_grid(scenes: int) -> None:
+def test_intervals_cover_the_mean_over_scenes_at_every_point_of_the_grid(scenes: int) -> None:
     for seeds, between in product((1, 2, 5), (0.2, 1.0, 5.0)):
         share = covered(scenes, seeds, between, columns=2_000)
         assert 0.93 <= share <= 0.97, (seeds, between)
@@ -62,7 +62,7 @@ def false_shares(rows: int, scenes: int, runs: int, between: float, columns: int
     return references / columns, pairs / columns
 
 
-def test_rows_that_do_not_differ_are_told_apart_in_one_column_of_twenty_at_most() -> None:
+def test_equal_rows_have_a_false_difference_in_one_column_of_twenty_at_most() -> None:
     cases = [(2, 3, 2, 1.0), (7, 4, 3, 0.2), (7, 4, 3, 5.0), (5, 12, 1, 1.0)]
     shares = np.array([false_shares(*case, columns=300) for case in cases])
     assert shares.max() <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 300)
@@ -71,7 +71,7 @@ def test_rows_that_do_not_differ_are_told_apart_in_one_column_of_twenty_at_most(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rows", range(2, 13, 2))
-def test_the_share_of_false_differences_at_every_place_of_the_grid(rows: int) -> None:
+def test_the_share_of_false_differences_at_every_point_of_the_grid(rows: int) -> None:
     columns = 400
     cases = list(product((2, 3, 4, 6, 8, 12), (1, 3, 5), (0.2, 1.0, 5.0)))
     shares = np.array([false_shares(rows, *case, columns=columns) for case in cases])

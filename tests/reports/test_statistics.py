@@ -135,7 +135,7 @@ def test_parts_of_the_spread_are_found_again() -> None:
     assert {level: pytest.approx(size, rel=0.25) for level, size in truth.items()} == found
 
 
-def test_parts_that_nothing_tells_of_are_left_out() -> None:
+def test_unknown_parts_of_the_spread_are_left_out() -> None:
     assert spread({Origin("a", 0): 1.0}) == {}
     assert spread({Origin("a", 0): 1.0, Origin("a", 1): 3.0}) == {"seeds": pytest.approx(math.sqrt(2))}
     assert spread({Origin("a", 0): 1.0, Origin("b", 0): 3.0}) == {"scenes": pytest.approx(math.sqrt(2))}

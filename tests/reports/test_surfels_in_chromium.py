@@ -1,4 +1,4 @@
-"""Surfels in 3-D in headless Chromium: which one is in front, what is blended, what turns."""
+"""Surfels in 3-D in headless Chromium: the order from front to back, blending, turning."""
 
 import io
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ pytestmark = needed
 __all__ = ["browser"]
 
 SMALL_DESK = {"width": 640, "height": 600}
-"""Where surfels are drawn: without a graphics card, pixels take time."""
+"""Window in which surfels are drawn: without a graphics card, pixels take time."""
 
 
 def two_discs() -> dict[str, np.ndarray]:

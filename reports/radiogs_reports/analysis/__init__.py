@@ -1,4 +1,4 @@
-"""What a run's stored values say: paired differences, ranks, Pareto fronts, cost, audit, fine-tuning.
+"""Analyses of a run's stored values: paired differences, ranks, Pareto fronts, cost, audit, fine-tuning.
 
-Computes values, sentences and grids; ``write``, ``figures`` and ``page`` show them.
+They compute values, sentences and grids; ``write``, ``figures`` and ``page`` show them.
 """

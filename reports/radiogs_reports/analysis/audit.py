@@ -1,6 +1,6 @@
-"""The audit of plans: what leaving effects out has cost, beside what was predicted, from a run's summary alone.
+"""The audit of plans: the cost of leaving effects out beside its prediction, from a run's summary alone.
 
-Its sentences and its grid are what every form of the report shows.
+Every form of the report shows its sentences and its grid.
 """
 
 from collections import Counter
@@ -55,7 +55,7 @@ def _range_sentence(text: str, lines: list[Line]) -> str | None:
 
 
 def _bound_sentence(text: str, lines: list[Line]) -> str | None:
-    """In how many scenes the loss is under its bound, and its whole interval under the tolerance."""
+    """The number of scenes whose loss is under its bound, and whose whole interval is under the tolerance."""
     counted = Counter(line.judgement for line in lines if line.judgement is not None)
     if not counted:
         return None

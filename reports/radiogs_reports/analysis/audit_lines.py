@@ -1,6 +1,6 @@
 """Lines of the audit: a scene under a row that leaves effects out, paired over seeds with the reference row.
 
-A line also says in words what its plan leaves out.
+A line also names in words the effects that its plan leaves out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,34 +17,42 @@ LOSSES: Mapping[str, str] = {"nvs": "nvs/psnr", "albedo": "albedo/psnr", "religh
 """Columns by the name of their loss, which is the fall of that PSNR in dB."""
 
 Judgement = Literal["yes", "within noise", "no", "above"]
-"""Whether a loss is under its bound; ``above``: a single seed lies above, and there is no interval to tell by."""
+"""Whether a loss is under its bound; ``above``: the loss of a single seed, without an interval, is above it."""
 
 
 class Line(NamedTuple):
-    """What a row's plans cost and saved on one scene; "everything" is the reference row, with all effects on.
+    """Cost and savings of a row's plans on one scene, beside the reference row, which has all effects on.
 
-    losses: in dB by name as in ``LOSSES``, positive where the row is worse. probed: whether probes chose the plan.
-    bound: largest predicted loss over all probes and seeds, dB. tolerance: largest loss that probes were allowed, dB.
-    rays_saved: 1 - rays / everything's rays. last_stage, training: everything's seconds over the row's.
-    probes_of_last_stage, probes_of_training: seconds of probing over the row's seconds. probe_rays: rays of probing
-    over everything's rays. What results do not hold is None.
+    A value that the results do not hold is None.
     """
 
     scene: str
     row: str
     seeds: int
     probed: bool
+    """Whether probes chose the plan."""
     losses: dict[str, Estimate | None]
+    """Losses in dB by name as in ``LOSSES``, positive where the row is worse."""
     bound: float | None
+    """Largest predicted loss over all probes and seeds, dB."""
     tolerance: float | None
+    """Largest loss that probes were allowed, dB."""
     judgement: Judgement | None
+    """Whether the loss is under the bound."""
     rays_saved: Estimate | None
+    """1 - rays / the reference row's rays."""
     last_stage: Estimate | None
+    """Seconds of the reference row's last stage over the row's."""
     training: Estimate | None
+    """Seconds of the reference row's training over the row's."""
     probes_of_last_stage: Estimate | None
+    """Seconds of probing over the seconds of the row's last stage."""
     probes_of_training: Estimate | None
+    """Seconds of probing over the seconds of the row's training."""
     probe_rays: Estimate | None
+    """Rays of probing over the reference row's rays."""
     left_out: str
+    """The effects that the plan leaves out, in words."""
 
 
 def audit_lines(summary: Summary) -> list[Line]:
@@ -104,7 +112,7 @@ def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping
 
 
 def judged(loss: Estimate | None, bound: float | None) -> Judgement | None:
-    """Whether a loss is under a bound: by its mean, and failing that by the low end of its interval."""
+    """Whether a loss is under a bound: by its mean, and otherwise by the low end of its interval."""
     if loss is None or bound is None:
         return None
     if loss.mean <= bound:
@@ -157,10 +165,10 @@ HIGHEST_DEGREE = 3
 
 
 def left_out(plan: Mapping[str, Any]) -> str:
-    """Such as ``no rays, lobes on 34 % of the surfels``.
+    """The effects that a plan leaves out, such as ``no rays, lobes on 34 % of the surfels``.
 
     ``plan`` is as results store it: a mask is the share of surfels that it turns on. A field that it does not have
-    counts as nothing left out.
+    leaves nothing out.
     """
     parts = [*_rays(plan), *_lobes(plan)]
     if not plan.get("bounces", True):

@@ -16,19 +16,17 @@ Direction = Literal["up", "down", "zero"]
 Key = TypeVar("Key", bound=Hashable)
 
 ERROR_RATE = 1 - CONFIDENCE
-"""How often a column of rows that do not differ has a false difference, at most."""
+"""The largest share of columns of equal rows that have a false difference."""
 
 
 class Comparison(NamedTuple):
-    """A row beside the reference row: the difference of their values, and whether it is resolved to be better.
-
-    ``parts``: standard deviations of the difference by level. ``p_value``: of no gain, after the correction; None for a
-    single unit.
-    """
+    """A row beside the reference row: the difference of their values, and whether it is resolved to be better."""
 
     difference: Estimate
     parts: dict[Level, float]
+    """Standard deviations of the difference by level."""
     p_value: float | None
+    """P value of no gain, after the correction; None for a single unit."""
     verdict: Verdict | None
     """None where the two rows are not told apart, and in columns in which neither more nor less is better."""
 
@@ -85,7 +83,7 @@ def upwards(sample: Sample, direction: Direction) -> Sample:
 
 
 def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
-    """By row, the rows that are resolved to be worse than it, over all pairs of rows; None if no pair can be tested."""
+    """The rows that are resolved to be worse than each row, over all pairs of rows; None if no pair can be tested."""
     upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
     pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
     tested = {pair: gain for pair, gain in pairs.items() if gain is not None and gain.p_value is not None}

@@ -1,4 +1,4 @@
-"""What accuracy costs: sentences and grids that every form of the report shows, computed from a run's summary alone."""
+"""The cost of accuracy: sentences and grids for every form of the report, computed from a run's summary alone."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -18,7 +18,7 @@ UNSHARED = "no scene and seed has every setting"
 
 
 class CostReport(NamedTuple):
-    """The run's knobs, and what turning them gives and costs, as sentences and as grids."""
+    """The knobs of the run, with the gain and the cost of turning them, as sentences and as grids."""
 
     knobs: list[Knob]
     sentences: list[str]
@@ -45,7 +45,7 @@ def cost_report(summary: Summary) -> CostReport | None:
 
 
 def step_sentence(summary: Summary, step: Step) -> str:
-    """Such as ``rays a surfel, N_s, 64 → 128: NVS PSNR +0.03 ± 0.05 dB, for 1.90 times the time.``"""
+    """One step of a knob: ``rays a surfel, N_s, 64 → 128: NVS PSNR +0.03 ± 0.05 dB, for 1.90 times the time.``"""
     changes = [
         change(step.differences[column["key"]], column)
         for column in summary["columns"]
@@ -60,7 +60,7 @@ def step_sentence(summary: Summary, step: Step) -> str:
 
 
 def doubling_sentence(doublings: list[Doubling]) -> str:
-    """What a doubling of one knob changes in every column; ``doublings`` are of that knob."""
+    """The change of every column per doubling of a knob; all ``doublings`` belong to that knob."""
     first = doublings[0]
     changes = [change(each.slope, each.column) for each in doublings]
     cost = "" if first.time_ratio is None else f", for {first.time_ratio.mean:.2f} times the time"
@@ -68,7 +68,7 @@ def doubling_sentence(doublings: list[Doubling]) -> str:
 
 
 def second_half_sentence(summary: Summary) -> str | None:
-    """What the second half of the last stage adds; None where nothing was scored during training."""
+    """The gain of the second half of the last stage; None where nothing was scored during training."""
     found = [(column, second_half(summary, column["key"])) for column in summary["columns"]]
     known = [(column, each) for column, each in found if each is not None]
     if not known:

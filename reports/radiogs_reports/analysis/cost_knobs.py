@@ -1,4 +1,4 @@
-"""Knobs of a run, and what turning one gives and costs: from setting to setting, and per doubling over all settings.
+"""Knobs of a run, with the gain and cost of turning one: from setting to setting, and per doubling over all settings.
 
 A knob is a field of the budget in which alone some rows differ from the reference row.
 """
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ..statistics import Estimate, Origin, exponential, mean_of, paired_difference, paired_ratio
 from ..summary import ColumnSummary, Summary, reference_of
-from .samples import costs_of, made_from, values_of
+from .samples import costs_of, flat, made_from, values_of
 
 RADIOGS = "radiogs"
 
@@ -24,7 +24,7 @@ TEXTS: Mapping[str, Mapping[str, str]] = {
         "initialise_iterations": "iterations of stage 1",
     },
 }
-"""What fields of the budget are called, by method; a field that is not listed is called by its own name."""
+"""Labels of the budget's fields, by method; a field that is not listed has its own name as its label."""
 
 COMPARED = ("method", "variant", "settings")
 """Parts of a key's content that rows of one knob share."""
@@ -159,13 +159,3 @@ def _slope(knob: Knob, samples: Mapping[str, Mapping[Origin, float]]) -> Estimat
             for origin in complete
         }
     )
-
-
-def flat(budget: Mapping[str, Any]) -> dict[str, Any]:
-    """A stored budget with the numbers of its nested half by dotted names, such as ``geometry.steps``."""
-    numbers: dict[str, Any] = {}
-    for name, value in budget.items():
-        numbers |= (
-            {f"{name}.{part}": each for part, each in value.items()} if isinstance(value, Mapping) else {name: value}
-        )
-    return numbers

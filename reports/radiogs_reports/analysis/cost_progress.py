@@ -13,11 +13,11 @@ from .samples import runs_of
 from .settling import Point, curve
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
-"""Targets, as shares of what the reference row gains from its first scored point to its last."""
+"""Targets, as shares of the reference row's gain from its first scored point to its last."""
 
 
 class AtTime(NamedTuple):
-    """The best row after so many seconds, by the mean of its runs' values then, and the reference row's mean."""
+    """The best row after a number of seconds, by the mean of its runs' values then, and the reference row's mean."""
 
     seconds: float
     column: ColumnSummary
@@ -27,18 +27,20 @@ class AtTime(NamedTuple):
 
 
 class ToQuality(NamedTuple):
-    """Time to a target (its mean over scenes and seeds): mean seconds of the fastest row and of the reference row.
-
-    ``reached`` counts the rows that reach the target.
-    """
+    """Time to a target (its mean over scenes and seeds), of the fastest row and of the reference row."""
 
     column: ColumnSummary
     share: float
+    """The target, as a share of the reference row's gain."""
     target: float
     row: str
+    """The fastest row."""
     seconds: float
+    """Mean seconds of the fastest row."""
     reference: float
+    """Mean seconds of the reference row."""
     reached: int
+    """Number of rows that reach the target."""
 
 
 def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[Point]]:
@@ -115,7 +117,7 @@ def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | No
 
 
 def value_at(points: list[Point], seconds: float) -> float | None:
-    """The value after so many seconds, linear between scored points; None before the first."""
+    """The value after a number of seconds, linear between scored points; None before the first."""
     if seconds < points[0].seconds:
         return None
     for before, after in pairwise(points):

@@ -9,19 +9,22 @@ UNKNOWN = "the results do not hold it"
 
 
 class Item(NamedTuple):
-    """A text in a grid and the value that it sorts by; ``reason`` says why there is none."""
+    """A text in a grid and the value that it sorts by."""
 
     text: str
     value: float | str | None = None
     reason: str = UNKNOWN
+    """Why there is no value."""
 
 
 class Grid(NamedTuple):
-    """A table: ``note`` says how to read it, ``name`` names it in labels and on the page."""
+    """A table of derived values."""
 
     name: str
+    """Its name in labels and on the page."""
     title: str
     note: str
+    """How to read it."""
     heads: list[str]
     rows: list[list[Item]]
 

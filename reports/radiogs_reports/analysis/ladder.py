@@ -1,4 +1,4 @@
-"""The oracle ladder: what each part of the truth is responsible for, metric by metric."""
+"""The oracle ladder: the share of each part of the truth in each metric."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -14,7 +14,8 @@ ALL_SCENES = "all scenes"
 OWN: Mapping[str, str] = {
     "geometry": "normal", "light": "environment", "albedo": "albedo", "roughness": "roughness",
 }  # fmt: skip
-"""The task of the metrics that measure a part itself: giving the part settles them, whatever the others are."""
+"""The task of the metrics that measure a part itself: giving the part settles them, however good the other parts are.
+"""
 
 WHAT_THEY_MEAN = (
     "First in: what a metric gains when this part alone is given, compared with nothing given. Last out: what it loses"
@@ -28,23 +29,22 @@ WHAT_THEY_MEAN = (
 
 
 class Share(NamedTuple):
-    """What one part is responsible for (``WHAT_THEY_MEAN``); None where a row that it takes has no values."""
+    """The values of one part, first in and last out (``WHAT_THEY_MEAN``); None where a row that they need has no
+    values."""
 
     first_in: Estimate | None
     last_out: Estimate | None
 
 
 class Rung(NamedTuple):
-    """A metric on a scene, or over all: its value with nothing and with everything given, and the parts' shares.
-
-    ``everything`` leaves out the part that the metric measures itself (``OWN``).
-    """
+    """A metric on a scene, or over all: its value with nothing and with everything given, and the parts' shares."""
 
     method: str
     scene: str
     column: ColumnSummary
     nothing: Estimate | None
     everything: Estimate | None
+    """Without the part that the metric measures itself (``OWN``)."""
     parts: dict[str, Share]
 
 
@@ -90,7 +90,7 @@ def is_own(part: str, column: ColumnSummary) -> bool:
 
 
 def _ladders(summary: Summary) -> dict[str, dict[frozenset[str], str]]:
-    """By method, the row of every choice of given parts, smaller choices first."""
+    """The row of every choice of given parts, by method, smaller choices first."""
     ladders: dict[str, dict[frozenset[str], str]] = {}
     for row in summary["rows"]:
         if "given" in row:

@@ -11,12 +11,13 @@ from .samples import costs_of, values_of
 
 
 class Point(NamedTuple):
-    """Mean cost and quality of a row; ``half_width`` is that of the interval of its difference to the reference."""
+    """Mean cost and quality of a row."""
 
     row: str
     cost: float
     quality: float
     half_width: float | None
+    """Half-width of the interval of its difference to the reference row; None for one unit."""
     on_front: bool
 
 
@@ -36,8 +37,8 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
 def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: Direction) -> set[int]:
     """Indices of the rows that are better than every cheaper one on the front.
 
-    Better is what ``comparisons.beaten`` resolves among all of them; where two rows share a single unit, what their
-    difference says. Among rows of equal cost the better one comes first.
+    Rows are compared by ``comparisons.beaten`` over all of them, and by their plain difference where two rows share a
+    single unit. Among rows of equal cost the better one comes first.
     """
     named = {str(place): sample for place, sample in enumerate(samples)}
     worse = beaten(named, direction) or {}

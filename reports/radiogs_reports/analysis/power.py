@@ -1,4 +1,4 @@
-"""The smallest difference that a table could have shown, and how many scenes or seeds another one needs."""
+"""The smallest difference that a table could have shown, and how many scenes or seeds a smaller one needs."""
 
 import math
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ from ..summary import ColumnSummary, Summary
 from .comparisons import ERROR_RATE, Comparison
 
 POWER = 0.8
-"""How often a difference of the stated size is resolved."""
+"""The share of runs in which a difference of the stated size is resolved."""
 
 LEVELS: tuple[Level, ...] = ("kinds", "scenes", "seeds")
 
 MOST = 1_000
-"""Kinds, scenes or seeds beyond which nobody would run them."""
+"""The largest number of kinds, scenes or seeds that is tried."""
 
 
 def smallest_of(difference: Estimate, comparisons: int) -> float | None:
@@ -58,14 +58,17 @@ def shift(units: int, comparisons: int) -> float:
 
 
 class Plan(NamedTuple):
-    """How many kinds of scenes, scenes of each kind (the least, where they differ), and seeds of each scene are run."""
+    """The size of a run."""
 
     kinds: int
+    """Number of kinds of scenes."""
     scenes: int
+    """Number of scenes of each kind; the smallest, where kinds differ."""
     seeds: int
+    """Number of seeds of each scene."""
 
     def units(self) -> tuple[Level, int]:
-        """What the units of an interval are, and how many."""
+        """The units of an interval, and their number."""
         if self.kinds > 1:
             return "kinds", self.kinds
         return ("scenes", self.scenes) if self.scenes > 1 else ("seeds", self.seeds)
@@ -99,20 +102,20 @@ def needed(wanted: float, plan: Plan, parts: Mapping[Level, float], comparisons:
 
 
 class Planned(NamedTuple):
-    """A column of a planned run: the smallest difference that it would resolve, and how many units a wanted one needs.
-
-    ``needed``: how many kinds of scenes, scenes of each kind, or seeds of each scene, all else as in the plan. A level
-    is absent where the stored spread does not tell, or ``MOST`` would not do.
-    """
+    """The power of a planned run in one column."""
 
     column: ColumnSummary
     smallest: float | None
+    """The smallest difference that it would resolve; None where the stored spread does not suffice."""
     wanted: float | None
+    """The difference that is wanted; None without one."""
     needed: dict[Level, int]
+    """Kinds of scenes, scenes of each kind, or seeds of each scene that resolve the wanted difference, all else as in
+    the plan. A level is absent where the stored spread does not suffice, or ``MOST`` would not do."""
 
 
 def planned(summary: Summary, plan: Plan, wanted: Mapping[str, float]) -> list[Planned]:
-    """What a plan could show in each column, by the spread of the differences that a summary holds.
+    """The smallest difference that a plan could show in each column, by the spread of a summary's differences.
 
     ``wanted``: differences by column. A part of the spread is the median over the rows.
     """

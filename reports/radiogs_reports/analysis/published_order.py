@@ -1,4 +1,4 @@
-"""Whether methods come in the published order: rank correlation, and what is resolved of every two methods."""
+"""Measured against published order of methods: rank correlation, and the pairs of methods that are resolved."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from .grid import Grid, Item, name_item
 from .samples import values_of
 
 FEWEST = 3
-"""Methods that a rank correlation needs."""
+"""The fewest methods of a rank correlation."""
 
 HOW_TO_READ = (
     "Kendall's tau between the measured means and the published values: 1 where every two methods come in the published"
@@ -27,32 +27,34 @@ HOW_TO_READ = (
 
 
 class Reversal(NamedTuple):
-    """Two methods that are resolved to come in the order opposite to the published one.
-
-    ``gain``: by how much ``better`` is better here, in the direction of better values; the published values are in the
-    order better, worse.
-    """
+    """Two methods that are resolved to come in the order opposite to the published one."""
 
     better: str
     worse: str
     gain: Estimate
+    """Difference of ``better`` and ``worse`` here, in the direction of better values."""
     published: tuple[float, float]
+    """Published values of ``better`` and ``worse``, with the sign that makes larger ones better."""
 
 
 class Order(NamedTuple):
-    """A column: tau, how many pairs of methods are resolved in the published order, and those in the other order.
-
-    ``low`` and ``high``: tau if all pairs that are not resolved came in the other order, or in the published one.
-    """
+    """The measured and the published order of the methods in a column."""
 
     column: ColumnSummary
     methods: int
+    """Number of methods."""
     tau: float
+    """Kendall's tau-b between the measured and the published values."""
     low: float
+    """Tau if all pairs that are not resolved came in the order opposite to the published one."""
     high: float
+    """Tau if all pairs that are not resolved came in the published order."""
     by_chance: float
+    """P value of tau if all orders were equally likely."""
     confirmed: int
+    """Number of pairs that are resolved in the published order."""
     reversals: list[Reversal]
+    """The pairs that are resolved in the other order."""
 
 
 class OrderReport(NamedTuple):

@@ -1,7 +1,7 @@
 """Time to quality: seconds of training until a metric stands near its final value, and stays there.
 
-Only models that were scored during training tell it (suite ``cost``, with any method). Values during training are means
-over a few test views.
+It is known only for models that were scored during training (suite ``cost``, with any method). Values during training
+are means over a few test views.
 """
 
 import math
@@ -16,16 +16,16 @@ from .samples import runs_of
 
 DECIBELS = 0.5
 BANDS: Mapping[str, float] = {"mae": 0.5, "delta_e": 0.5, "ssim": 0.01, "lpips": 0.01}
-"""Widths of the band on either side of the final value, by measure, where it is in other units than dB."""
+"""Half-widths of the band around the final value, by measure, for measures in other units than dB."""
 
 SHARE = 0.05
-"""The width for other measures, as a share of the final value."""
+"""The half-width for other measures, as a share of the final value."""
 
 UNSCORED = "its model was not scored during training"
 
 
 class Point(NamedTuple):
-    """A metric value after so many seconds of training, earlier stages included."""
+    """A metric value after a number of seconds of training, earlier stages included."""
 
     seconds: float
     value: float
@@ -48,14 +48,14 @@ def curve(run: Mapping[str, Any], column: str) -> list[Point]:
 
 
 def band_of(measure: str, unit: str, final: float) -> float:
-    """How far a value may be from its final one to count as near it."""
+    """The largest distance of a value from its final one that counts as near it."""
     return DECIBELS if unit == "dB" else BANDS.get(measure, SHARE * abs(final))
 
 
 def settled_after(points: Sequence[Point], band: float) -> float | None:
-    """Seconds from which on the value stays within ``band`` of the last one, linear between scored points.
+    """Seconds after which the value stays within ``band`` of the last one, linear between scored points.
 
-    None for fewer than two points. A value that is near it at the first point was so by then: that point's seconds.
+    None for fewer than two points. If the value is near the last one at the first point already, that point's seconds.
     """
     if len(points) < 2:
         return None
@@ -69,7 +69,7 @@ def settled_after(points: Sequence[Point], band: float) -> float | None:
 
 
 def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
-    """By row, then column, for everything that was scored during training."""
+    """Time to quality by row, then column, of everything that was scored during training."""
     found: dict[str, dict[str, Settled]] = {}
     for row in summary["rows"]:
         for column in summary["columns"]:
@@ -94,7 +94,7 @@ def _seconds(summary: Summary, row: str, column: ColumnSummary) -> dict[Origin, 
 
 
 class SettlingReport(NamedTuple):
-    """When metrics stand near their final values, as sentences and as a grid."""
+    """The times at which metrics stand near their final values, as sentences and as a grid."""
 
     sentences: list[str]
     grid: Grid
@@ -129,7 +129,7 @@ def settling_report(summary: Summary) -> SettlingReport | None:
 
 
 def _sentence(column: ColumnSummary, rows: Sequence[RowSummary], found: Mapping[str, Mapping[str, Settled]]) -> str:
-    """Such as ``NVS PSNR settles after 12.3 s of 40.1 s (ours).``, of the row that comes first."""
+    """A sentence on the row that comes first: ``NVS PSNR settles after 12.3 s of 40.1 s (ours).``"""
     row = next(row for row in rows if column["key"] in found[row["key"]])
     whole = "" if row["seconds"] is None else f" of {row['seconds']:.1f} s"
     return (

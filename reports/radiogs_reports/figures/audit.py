@@ -22,13 +22,13 @@ LEGEND = 2.1
 """Width of the legend in inches."""
 
 LINEAR_UP_TO = 5.0
-"""In tolerances: axes that reach further are logarithmic beyond one tolerance."""
+"""Largest value, in tolerances, of a linear axis; axes that reach further are logarithmic beyond one tolerance."""
 
 DECADES = 4
 """Decades beyond the tolerance that have ticks: no loss is larger."""
 
 ROOM = 1.15
-"""How far axes extend, as a multiple of the largest value shown."""
+"""Length of an axis, as a multiple of the largest value shown."""
 
 
 def audit_figure(summary: Summary) -> list[Sketch]:

@@ -1,4 +1,4 @@
-"""How all plots look: titles, grids, and axes of cost and quality."""
+"""The look of all plots: titles, grids, and axes of cost and quality."""
 
 from collections.abc import Sequence
 

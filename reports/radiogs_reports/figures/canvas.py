@@ -1,4 +1,4 @@
-"""What all figures share: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
+"""Parts of all figures: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
 
 import hashlib
 import re
@@ -54,17 +54,17 @@ INCHES_PER_CHARACTER = 0.065
 
 @dataclass(frozen=True)
 class Sketch:
-    """A figure before it is saved: file name without ending, caption in plain text, the figure.
-
-    ``on_page``: whether the page shows it; the page draws scatter plots and maps itself. ``images``: whether it shows
-    images, whose colours the page leaves as they are on a dark ground.
-    """
+    """A figure before it is saved."""
 
     name: str
+    """File name without its ending."""
     caption: str
+    """Plain text."""
     figure: Figure
     on_page: bool = False
+    """Whether the page shows it; the page draws scatter plots and maps itself."""
     images: bool = False
+    """Whether it shows images, whose colours the page keeps on a dark ground."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,8 @@ def blank(width: float, height: float) -> Figure:
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
-    """How many columns as wide as the longest line of the labels fit into ``width`` inches, at most ``most``."""
+    """The number of columns, as wide as the longest line of the labels, that fit into ``width`` inches; ``most`` at
+    most."""
     longest = max(len(line) for label in labels for line in label.split("\n"))
     return max(1, min(len(labels), most, int(width / (INCHES_PER_CHARACTER * longest + 0.5))))
 
@@ -106,7 +107,7 @@ def file_name(*parts: str) -> str:
 
 
 def _plain_part(part: str) -> str:
-    """Letters, digits and single underscores; where that is not the part itself, with a digest of what it was."""
+    """Letters, digits and single underscores; followed by a digest of the part if that changes it."""
     kept = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")[:LONGEST_PART]
     if kept and kept == part:
         return kept

@@ -1,4 +1,4 @@
-"""Where a figure looks closer: the window in which pictures differ most, away from edges of the shape."""
+"""The window of a crop: pictures differ most in it, away from edges of the shape."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,10 +14,10 @@ CROP = 3
 """A crop has a third of the picture's width and height."""
 
 BAND = 32
-"""The picture's longer side over the width of the band around an edge that does not count, a pixel at least."""
+"""The picture's longer side divided by the width of the band around an edge that is left out; one pixel at least."""
 
 JUMP = 0.5
-"""Between the unit normals of neighbours (0 where nothing is seen), from which on they are an edge: 29 degrees."""
+"""Smallest difference between the unit normals of neighbours (0 where no surface is) that is an edge: 29 degrees."""
 
 FRAME = "#ffd400"
 

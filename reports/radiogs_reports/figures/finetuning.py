@@ -3,7 +3,7 @@
 Rows fine-tune the surfels for a number of iterations; the figures say after how many frames that pays.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ..analysis.samples import made_from
+from ..analysis.samples import flat, made_from
 from ..maps import Image
 from ..summary import ColumnSummary, ModesSummary, Summary, reference_of, row_texts
 from ..wording import population_of
@@ -302,15 +302,7 @@ def _content(summary: Summary, row: str) -> dict[str, Any] | None:
     content = made_from(summary, row)
     if content is None or not {"variant", "budget"} <= content.keys():
         return None
-    return {**content, "variant": _flat(content["variant"]), "budget": _flat(content["budget"])}
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one, with dotted names."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
-    return found
+    return {**content, "variant": flat(content["variant"]), "budget": flat(content["budget"])}
 
 
 def _modes_and_content(summary: Summary, reference: str | None) -> tuple[ModesSummary | None, dict[str, Any] | None]:
@@ -321,7 +313,7 @@ def _modes_and_content(summary: Summary, reference: str | None) -> tuple[ModesSu
 
 
 def _untuned(summary: Summary) -> str:
-    """What the reference row renders."""
+    """The title of the mode that the reference row renders."""
     modes, content = _modes_and_content(summary, summary["reference"])
     assert modes is not None  # only then a figure is drawn
     assert content is not None
@@ -330,7 +322,7 @@ def _untuned(summary: Summary) -> str:
 
 
 def _without_tuning(content: dict[str, Any], modes: ModesSummary) -> list[Any]:
-    """What a cell is made of, apart from how it is relit."""
+    """The content of a cell's key without the way of relighting."""
     dropped = {"variant": (modes["field"],), "budget": (modes["steps"], "name")}
     kept = [{key: each for key, each in content[part].items() if key not in names} for part, names in dropped.items()]
     return [*kept, content.get("settings"), content.get("method")]

@@ -1,4 +1,4 @@
-"""Bars of the oracle ladder: what each part is worth first in and last out, a panel for each metric."""
+"""Bars of the oracle ladder: the value of each part first in and last out, a panel for each metric."""
 
 from collections.abc import Sequence
 
@@ -20,13 +20,13 @@ LEGEND = 0.3
 
 ENDS = ("first in", "last out")
 THICKNESS = 0.38
-"""Of a bar, as a share of the distance between two parts."""
+"""Thickness of a bar, as a share of the distance between two parts."""
 
 ROOM = 1.25
-"""How far an axis extends, as a multiple of the largest bar that it has to show whole."""
+"""Length of an axis, as a multiple of the largest bar that it has to show whole."""
 
 OWN_SHARE = 0.1
-"""Share of the bar of a metric's own part that the axis shows at least."""
+"""Smallest share of the bar of a metric's own part that the axis shows."""
 
 
 def ladder_figures(summary: Summary) -> list[Sketch]:
@@ -109,7 +109,7 @@ def _reach(rung: Rung) -> float:
 
 
 def _least(rung: Rung) -> float:
-    """The most that a part makes the metric worse, as a negative value."""
+    """The largest loss that a part causes in the metric, as a negative value."""
     return min([0.0, *(value for share in rung.parts.values() for end in share for value in _values(end))])
 
 

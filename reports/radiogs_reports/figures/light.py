@@ -14,7 +14,7 @@ from .views import SceneViews, scene_views
 WIDTH = 2.6
 ACROSS = 3
 KEY = 0.36
-"""What the mean of the true map's log-luminance is drawn at, before tone mapping: twice a middle grey."""
+"""Displayed value of the true map's mean log-luminance, before tone mapping: twice a middle grey."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Share of linear sRGB's channels in luminance (Rec. 709)."""
 
@@ -56,7 +56,7 @@ def _log_mean(light: maps.Image) -> float:
 
 
 def _solid_angles(light: maps.Image) -> NDArray[np.float64]:
-    """What texels' solid angles are proportional to, [height, 1]."""
+    """Weights in proportion to the solid angles of the texels of each row, [height, 1]."""
     height = light.shape[0]
     return np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
 
@@ -112,7 +112,7 @@ def direct(found: dict[str, maps.Image]) -> maps.Image:
 
 
 def components(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
-    """Those of ``COMPONENTS`` that the maps give, in display colours."""
+    """The ``COMPONENTS`` that the maps give, in display colours."""
     known = [name for name in COMPONENTS if name in found]
     parts: dict[str, maps.Image] = {name: maps.KINDS[name].shown(found[name]) for name in known}
     if parts.keys() >= {"image", "indirect"}:

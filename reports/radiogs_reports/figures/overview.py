@@ -17,28 +17,29 @@ from .crops import Window, away_from_edges, crop_place, outline
 from .views import SceneViews, scene_views
 
 LABELS = {"image": "new view", "relit": "relit", "indirect": maps.KINDS["indirect"].label, "albedo": "albedo"}
-"""Maps of the figure, in its order, and what its lines are called."""
+"""Maps of the figure, in its order, and the labels of its lines."""
 
 FEWEST, MOST = 2, 3
-"""Rows of the table that are shown so: with more, pictures would be too small."""
+"""Numbers of rows that the figure is made for: more pictures would be too small."""
 
 RANGES = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
-"""Errors at which the scale may end: the smallest is taken that all but ``OUTLIERS`` of the pixels are below."""
+"""Errors at which the scale may end; the smallest one is taken that at most ``OUTLIERS`` of the pixels exceed."""
 
 OUTLIERS = 0.05
 
 
 @dataclass(frozen=True)
 class Line:
-    """One map: displayed pictures of the truth and of each row, the window to look at, errors of each row in [0, 1].
-
-    Errors are mean absolute differences over the channels, in display units, [height, width, 1].
-    """
+    """One map of the overview."""
 
     name: str
     pictures: list[maps.Image]
+    """Displayed pictures of the truth and of each row."""
     window: Window
+    """The window of the crops."""
     errors: list[maps.Image]
+    """Errors of each row in [0, 1], [height, width, 1]: mean absolute differences over the channels, in display units.
+    """
 
 
 def overview_figures(summary: Summary, out: Path) -> list[Sketch]:
@@ -64,7 +65,7 @@ def lines_of(views: SceneViews) -> list[Line]:
 
 
 def error_range(lines: list[Line]) -> float:
-    """Where the scale of all error maps ends; pixels without any error, as around an object, do not count."""
+    """The end of the scale of all error maps; pixels without any error, as around an object, do not count."""
     errors = np.concatenate([error.ravel() for line in lines for error in line.errors])
     errors = errors[errors > 0]
     largest = float(np.quantile(errors, 1 - OUTLIERS)) if len(errors) else 0.0

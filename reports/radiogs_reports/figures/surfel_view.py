@@ -20,16 +20,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Disks:
-    """Surfels as plain arrays.
-
-    centres: [N, 3], world units. tangents: two per surfel, scaled by their standard deviations, [N, 2, 3], world units.
-    opacities: [N]. colours: [N, 3], display units in [0, 1].
-    """
+    """Surfels as plain arrays."""
 
     centres: Floats
+    """[N, 3], world units."""
     tangents: Floats
+    """Two for each surfel, scaled by their standard deviations, [N, 2, 3], world units."""
     opacities: Floats
+    """[N]."""
     colours: Floats
+    """[N, 3], display units in [0, 1]."""
 
 
 def mesh_of(disks: Disks) -> pyvista.PolyData:

@@ -15,13 +15,14 @@ MOST_ACROSS = 7
 
 @dataclass(frozen=True)
 class SceneViews:
-    """One view of a scene with the first seed; ``rows`` holds label and maps of each row, in the table's order."""
+    """One view of a scene with the first seed."""
 
     scene: str
     view: str
     light: str
     truth: dict[str, maps.Image]
     rows: list[tuple[str, dict[str, maps.Image]]]
+    """Label and maps of each row, in the table's order."""
 
     def bands(self) -> "list[SceneViews]":
         """Split the rows, in order, into bands of nearly equal size; none is wider than the first."""

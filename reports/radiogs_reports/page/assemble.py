@@ -22,14 +22,15 @@ from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
+from ..tables.caption import run_note
+from ..tables.model import Table
 from ..wording import count_of
-from ..write.caption import run_note
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
 from .pictures import BUDGET, FOLDER, KIND, Album, album, scale_bar
 from .sheets import encoded
 from .surfels import Packed, packed_surfels
-from .tables import cells_table, grid_table, paper_tables, suite_table
+from .tables import cells_table, grid_table, means_table, paper_tables
 
 SCRIPTS = (
     "shared",
@@ -47,7 +48,7 @@ SCRIPTS = (
     "printing",
     "selection",
 )
-"""In the order in which they run: all may use the first, and the last tells the others what is selected."""
+"""In the order in which they run: all may use the first, and the last one announces the selection to the others."""
 
 
 METRICS_OF = {"image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
@@ -83,6 +84,7 @@ def page(
     summary: Summary, pictures: Album, figures: Sequence[Figure] = (), surfels: Mapping[str, Packed] | None = None
 ) -> str:
     """The page as text. ``surfels``: of cells by key, for its 3-D view."""
+    means = means_table(summary)
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order, settling = order_report(summary), settling_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
@@ -94,7 +96,7 @@ def page(
             summary=summary,
             origin=origin(summary),
             downloads=downloads(summary),
-            tables=[suite_table(summary), cells_table(summary)],
+            tables=[means, cells_table(summary)],
             paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
             sentences=[] if cost is None else cost.sentences,
             grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
@@ -108,7 +110,6 @@ def page(
             settling_table=None if settling is None else grid_table(settling.grid),
             figures=figures,
             note=run_note(summary),
-            missing=missing(summary),
             scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
             finished=sum(run["state"] == "finished" for run in summary["runs"]),
             selectable=selectable(summary),
@@ -117,7 +118,7 @@ def page(
             scale_bar=data_address(encoded(maps.levels(scale_bar())), "webp"),
             pictures=pictures,
             surfels=surfels or {},
-            data=json_for_script(data(summary, pictures)),
+            data=json_for_script(data(summary, means, pictures)),
             json_for_script=json_for_script,
             policy=content_security_policy(script, style, files=bool(pictures.files)),
             script=Markup(script),
@@ -131,13 +132,16 @@ def data_address(content: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def data(summary: Summary, pictures: Album) -> dict[str, Any]:
-    """What the scripts read: the cells, and the points of the scatter plot by metric and cost."""
+def data(summary: Summary, means: Table, pictures: Album) -> dict[str, Any]:
+    """The input of the scripts: the cells, and the points of the scatter plot by metric and cost.
+
+    ``means``: the table whose values follow the ticked cells.
+    """
     columns = [column for column in summary["columns"] if any(run["metrics"].get(column["key"]) is not None
                for run in summary["runs"])]  # fmt: skip
     return {
         "columns": columns,
-        "table": summary["columns"],
+        "table": [{"key": each.key, "decimals": each.decimals, "direction": each.direction} for each in means.columns],
         "costs": COSTS,
         "rows": [{"key": row["key"], "text": row["text"]} for row in summary["rows"]],
         "reference": summary["reference"],
@@ -167,19 +171,8 @@ def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]
     return [group for group in groups if len(group[2]) > 1]
 
 
-def missing(summary: Summary) -> dict[str, list[str]]:
-    """Labels of columns with missing values, by reason."""
-    reasons: dict[str, list[str]] = {}
-    for column in summary["columns"]:
-        for row in summary["rows"]:
-            reason = summary["cells"][row["key"]][column["key"]]["reason"]
-            if reason is not None and column["label"] not in reasons.setdefault(reason, []):
-                reasons[reason].append(column["label"])
-    return reasons
-
-
 SHORT = 10
-"""Characters of a commit."""
+"""Characters of a commit's hash that are shown."""
 
 
 def origin(summary: Summary) -> dict[str, str]:

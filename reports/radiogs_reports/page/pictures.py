@@ -24,22 +24,23 @@ LEGIBLE = 32
 """Smallest width and height in pixels; if pictures of that size exceed the budget, some cells have none."""
 
 Sheets = dict[str, dict[str, list[dict[str, Any]]]]
-"""By map: sheets of what was predicted (``mine``), of the truth and of the error (``Binder.bound``)."""
+"""Sheets by map: of the predicted map (``mine``), of the truth and of the error (``Binder.bound``)."""
 
 
 @dataclass(frozen=True)
 class Album:
-    """The pictures of a page.
-
-    cells: sheets by cell key. inside: sheets within the page by name, in base64. files: those in the folder beside it,
-    by name. factor: divisor of the stored width and height. reduced: whether there are fewer views than are kept.
-    """
+    """The pictures of a page."""
 
     cells: dict[str, Sheets] = field(default_factory=dict)
+    """Sheets by cell key."""
     inside: dict[str, str] = field(default_factory=dict)
+    """Sheets within the page by name, in base64."""
     files: dict[str, Path] = field(default_factory=dict)
+    """Sheets in the folder beside the page, by name."""
     factor: int = 1
+    """Divisor of the stored width and height."""
     reduced: bool = False
+    """Whether there are fewer views than are kept."""
 
     @property
     def maps(self) -> list[str]:
@@ -73,7 +74,7 @@ def album(runs: Sequence[RunSummary], out: Path, alone: bool = False, budget: in
 
 
 FOLDER = "report_files"
-"""Beside the page."""
+"""The folder of pictures beside the page."""
 
 KIND = ".webp"
 
@@ -121,12 +122,15 @@ RENDER, TRUTH = "render", "truth"
 
 
 class Pair(NamedTuple):
-    """A map of a view, by the view's number in ``RunSummary.views``; ``mine`` and ``theirs`` are as they are stored."""
+    """A map of a view."""
 
     name: str
     view: int
+    """Index of the view in ``RunSummary.views``."""
     mine: maps.Image
+    """The predicted map, as it is stored."""
     theirs: maps.Image | None
+    """The true map, as it is stored; None without one."""
 
 
 def bound(
@@ -156,7 +160,7 @@ def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int | None, factor
 
 
 def chosen(run: RunSummary, most: int | None) -> Callable[[int], bool]:
-    """Which views are shown: all, or at most so many, evenly spread, among them the one that the result shows."""
+    """The views that are shown: all, or at most so many, evenly spread, among them the one that the result shows."""
     count = len(run.get("views") or [None])
     if most is None or most >= count:
         return lambda view: True

@@ -40,7 +40,7 @@ first, which way is up and what is looked at (None: the middle of the surfels), 
 
 
 def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> dict[str, Packed]:
-    """By cell key, those of first seeds first, as many cells as the budget allows."""
+    """Packed surfels by cell key, first seeds first, of as many cells as the budget allows."""
     found: dict[str, Packed] = {}
     for run in sorted((run for run in runs if run["arrays"]), key=lambda run: run["seed"]):
         arrays = maps.read_maps(out / str(run["arrays"]), "surfels/")

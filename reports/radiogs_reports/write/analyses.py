@@ -1,4 +1,4 @@
-"""What the analyses of a run found, as Markdown, LaTeX and CSV: sentences, grids of derived values, and records."""
+"""Findings of the analyses of a run as Markdown, LaTeX and CSV: sentences, grids of derived values, and records."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -16,7 +16,7 @@ from ..analysis.published_order import OrderReport
 from ..analysis.samples import COSTS
 from ..statistics import Estimate
 from ..summary import Summary, reference_of
-from .caption import run_note
+from ..tables.caption import run_note
 from .document import itemized
 from .latex import BOX_BEGIN, BOX_END, as_formula
 from .markdown import table_head, table_line
@@ -24,11 +24,11 @@ from .records import estimate_fields
 
 
 class Findings(Protocol):
-    """What an analysis found, in sentences, and the grid that shows it."""
+    """The findings of an analysis in sentences, and the grid that shows them."""
 
     @property
     def sentences(self) -> Sequence[str]:
-        """What was found, a sentence each."""
+        """The findings, a sentence each."""
 
     @property
     def grid(self) -> Grid:

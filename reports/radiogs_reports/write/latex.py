@@ -1,12 +1,13 @@
-"""What every LaTeX report shares: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
+"""Parts of every LaTeX report: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
 
 from collections.abc import Mapping, Sequence
 
-from ..summary import RowSummary, Verdict
+from ..summary import Verdict
+from ..tables.model import Row
 from ..wording import SYMBOL
 
 COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
-"""Blue and orange, which people tell apart who do not see red and green."""
+"""Blue and orange: they differ for readers who cannot tell red from green."""
 
 ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$", "zero": r"$\to 0$"}
 
@@ -16,10 +17,11 @@ BOX_END = (
     "\n"
     r"\ifdim\dimexpr\ht0+\dp0\relax>0.85\textheight\setbox0=\hbox{\resizebox*{!}{0.85\textheight}{\box0}}\fi\box0"
 )
-"""Around a tabular: shrinks it to the line's width and the page's height if it is larger, never enlarges it."""
+"""Together with ``BOX_BEGIN`` around a tabular: shrinks it to the line's width and the page's height, never enlarges
+it."""
 
 LEFT = r"\par\raggedright"
-"""In front of the notes below a table."""
+"""Precedes the notes below a table."""
 
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
@@ -100,9 +102,9 @@ def as_formula(text: str) -> str:
     return made
 
 
-def row_label(row: RowSummary) -> str:
+def row_label(row: Row) -> str:
     """A row's label in LaTeX; its plain text, escaped, if it has no other."""
-    return row["latex"] or escape(row["text"])
+    return row.latex or escape(row.text)
 
 
 def colour_of(verdict: Verdict | None) -> str:
@@ -111,7 +113,7 @@ def colour_of(verdict: Verdict | None) -> str:
 
 
 def legend(sentences: Sequence[str]) -> list[str]:
-    """What stands below a table, a paragraph each; the colours are shown in front."""
+    """The sentences below a table, a paragraph each; the colours are shown in front."""
     swatches = " ".join(rf"\colorbox[HTML]{{{code}}}{{{verdict}}}" for verdict, code in COLOURS.items())
     first = [rf"{swatches} "] + [""] * max(0, len(sentences) - 1)
     return [

@@ -4,29 +4,33 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from .latex import BOX_BEGIN, BOX_END
+from ..tables.model import Difference, Table
+from .latex import BOX_BEGIN, BOX_END, LEFT, as_formula, escape, legend, note_mark
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
-"""What siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column."""
+"""Numbers that siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column.
+"""
 
 SETUP = r"\sisetup{group-minimum-digits=9}"
-"""In front of a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
+"""Precedes a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
 
 
 MOST_ACROSS = 6
-"""Numbers side by side; more continue in a tabular below, because print would make them too small to read."""
+"""Most numbers side by side; more continue in a tabular below, because print would make them too small to read."""
 
 
 MOST_LINES = 40
-"""Of the parts of a table on one page, without their heads; further parts are a table of their own."""
+"""Most lines of a table on one page, without its heads; further parts are a table of their own."""
 
 
 class Entry(NamedTuple):
-    """A number with what stands before it (size and colour) and behind it (LaTeX, in the narrow column)."""
+    """A number in a table."""
 
     number: str = ""
     style: str = ""
+    """LaTeX in front of it: size and colour."""
     behind: str = ""
+    """LaTeX behind it, in the narrow column."""
 
     def __bool__(self) -> bool:
         return bool(self.number or self.behind)
@@ -36,6 +40,14 @@ class Entry(NamedTuple):
         aligned = PLAIN.fullmatch(self.number)
         number = f"{self.style}{self.number}" if aligned else f"{{{self.style}{self.number}}}" if self.number else ""
         return f"{number} & {self.behind}"
+
+
+def difference_entry(difference: Difference | None) -> Entry:
+    """A paired difference with the half-width of its interval, in small print; empty without one."""
+    if difference is None:
+        return Entry()
+    behind = rf"\scriptsize $\pm${difference.half_width}" if difference.half_width else ""
+    return Entry(difference.text, r"\scriptsize ", behind)
 
 
 def layout(entries: Iterable[Entry]) -> str:
@@ -48,9 +60,10 @@ def layout(entries: Iterable[Entry]) -> str:
 
 
 class Line(NamedTuple):
-    """What heads a line (LaTeX, cells and all), and its numbers."""
+    """A line of a table."""
 
     label: str
+    """LaTeX in front of the numbers, with the separators of its cells."""
     entries: Sequence[Entry]
 
     def cut(self, part: slice) -> "Line":
@@ -69,7 +82,7 @@ class Group(NamedTuple):
     title: str = ""
 
     def cut(self, part: slice) -> "Group":
-        """The group of some of the columns, without further lines that say nothing of them."""
+        """The group with some of the columns, without further lines that have no entry in them."""
         first, *others = (line.cut(part) for line in self.lines)
         kept = [line for line in others if any(line.entries)]
         return Group([first, *kept] if kept or any(first.entries) or not self.title else [], self.title)
@@ -121,3 +134,23 @@ def _body(groups: Sequence[Group], across: int) -> list[str]:
             lines += [r"\addlinespace"] * (place > 0 and apart)
         lines += [line.text() for line in group.lines]
     return lines
+
+
+def environment(
+    table: Table, label: str, caption: str, lead: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]
+) -> list[str]:
+    """The table environment with its caption (LaTeX), tabulars, notes and legend; parameters as in ``tabulars``."""
+    notes = (rf"{note_mark(index)} {as_formula(note)}." for index, note in enumerate(table.notes))
+    return [
+        f"% {escape(f'{table.name}: {table.source}')}",
+        r"\begin{table}[tbp]",
+        r"\centering",
+        SETUP,
+        f"\\caption{{{caption}}}",
+        f"\\label{{{label}}}",
+        *tabulars(lead, label, heads, groups),
+        LEFT,
+        *(rf"\par\smallskip\footnotesize {note}" for note in notes),
+        *legend(table.legend),
+        r"\end{table}",
+    ]

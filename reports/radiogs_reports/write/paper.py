@@ -1,136 +1,92 @@
-"""A table of the paper with its own rows and columns, measured beside published: LaTeX, Markdown and CSV."""
+"""A table of the paper as LaTeX and Markdown, measured beside published, and its stored values as CSV."""
+
+from collections.abc import Sequence
+from itertools import groupby
 
 import pandas as pd
 
-from ..analysis.legend import paper_legend, verdict_of, without_marked
-from ..summary import PaperColumn, PaperTable, PaperValue, Summary
-from .latex import ARROWS, LEFT, as_formula, colour_of, escape, legend, note_mark
+from ..summary import PaperTable
+from ..tables.model import Cell, Column, Row, Table
+from ..tables.paper import apart_table
+from .latex import ARROWS, as_formula, colour_of, escape, note_mark
 from .markdown import table_head, table_line
-from .notes import note_index
-from .numbers import SETUP, Entry, Group, Line, over, tabulars
-from .paper_layout import as_printed
-from .paper_reading import (
-    apart,
-    caption,
-    change,
-    groups_of,
-    heading,
-    is_beside,
-    measured,
-    row_label,
-)
+from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
-PLUS_MINUS = "±"
 
-
-def paper_latex(table: PaperTable, summary: Summary) -> str:
+def paper_latex(table: Table) -> str:
     """The table environment; documents must load booktabs, graphicx, amsmath, siunitx and xcolor (option ``table``).
 
     A row has a line of measured values, one of their differences to the reference row if it has any, and one of
     published values; those by other conventions are below all rows. A value that does not exist is n/a, with its reason
     in a note.
     """
-    notes: list[str] = []
-    below = as_formula(caption(table, summary))
-    sentences = paper_legend(table, summary)
-    table = as_printed(without_marked(table, summary))
-    groups = [Group(_row_lines(table, row, notes)) for row in table["rows"]]
-    title = apart(table, summary)
-    if title:
-        groups.append(Group(_apart(table, notes), f"{as_formula(title)}:"))
-    lines = [
-        f"% {escape(table['key'])}: made by radiogs-bench; the paper's {escape(table['label'])}",
-        r"\begin{table}[tbp]",
-        r"\centering",
-        SETUP,
-        f"\\caption{{{below}}}",
-        f"\\label{{measured:{table['key']}}}",
-        *tabulars("ll", f"measured:{table['key']}", lambda part: _heads(table["columns"][part]), groups),
-        LEFT,
-    ]
-    lines += [
-        rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
-    ]
-    return "\n".join([*lines, *legend(sentences), r"\end{table}", ""])
+    groups = [Group(_row_lines(table, row)) for row in table.rows]
+    if table.apart_title:
+        groups.append(Group(_apart(table), f"{as_formula(table.apart_title)}:"))
+    caption, label = as_formula(table.caption), f"measured:{table.name}"
+    lines = environment(table, label, caption, "ll", lambda part: _heads(table.columns[part]), groups)
+    return "\n".join([*lines, ""])
 
 
-def _heads(columns: list[PaperColumn]) -> list[str]:
-    """What columns share, rules below it, and each column's own heading."""
+def _heads(columns: Sequence[Column]) -> list[str]:
+    """Headings that columns share, rules below them, and each column's own heading."""
+    groups = [(group, len(list(shared))) for group, shared in groupby(columns, key=lambda each: each.group)]
     return [
-        " & & " + " & ".join(_spanning(group, count) for group, count in groups_of(columns)) + r" \\",
-        " ".join(_rule(start, end) for start, end in _spans(columns)),
+        " & & " + " & ".join(_spanning(group, count) for group, count in groups) + r" \\",
+        " ".join(_rule(start, end) for start, end in _spans([count for _, count in groups])),
         "Method & & " + " & ".join(over(_heading(column)) for column in columns) + r" \\",
     ]
 
 
-def _row_lines(table: PaperTable, row: dict[str, str], notes: list[str]) -> list[Line]:
-    """Lines of measured values, of differences if there are any, and of published values."""
-    upper, middle, lower = [], [], []
-    for column in table["columns"]:
-        value = table["cells"][row["key"]][column["key"]]
-        text = measured(value, column)
-        colour = colour_of(verdict_of(value))
-        upper.append(Entry(text, colour) if text else Entry(_missing(value["reason"] or "not measured", notes)))
-        middle.append(_difference(value, column))
-        lower.append(_published(value, notes) if is_beside(column) else Entry())
-    lines = [Line(f"{as_formula(row_label(row))} & measured", upper)]
-    if any(middle):
-        lines.append(Line(r" & \scriptsize difference", middle))
-    if any(lower):
-        lines.append(Line(_paper_label(row["text"] if row.get("ran") else "", row, notes), lower))
+def _row_lines(table: Table, row: Row) -> list[Line]:
+    """Lines of measured values, of differences if there are any, and of published values if there are any."""
+    measured = [Entry(_text(table, cell), colour_of(cell.verdict)) for cell in row.cells]
+    differences = [difference_entry(cell.difference) for cell in row.cells]
+    lines = [Line(f"{as_formula(row.measured_label)} & measured", measured)]
+    if any(differences):
+        lines.append(Line(r" & \scriptsize difference", differences))
+    if row.has_published:
+        published = [_published(table, cell.published) for cell in row.cells]
+        lines.append(Line(_paper_label(table, row.published_label, row.remark), published))
     return lines
 
 
-def _apart(table: PaperTable, notes: list[str]) -> list[Line]:
+def _apart(table: Table) -> list[Line]:
     """Lines of published values by other conventions."""
-    lines = []
-    for row in table["rows"]:
-        values = [
-            Entry() if is_beside(column) else _published(table["cells"][row["key"]][column["key"]], notes)
-            for column in table["columns"]
-        ]  # fmt: skip
-        lines.append(Line(_paper_label(row["text"], row, notes), values))
-    return lines
+    return [
+        Line(_paper_label(table, row.text, row.remark), [_published(table, cell.apart) for cell in row.cells])
+        for row in table.rows
+    ]
 
 
-def _paper_label(text: str, row: dict[str, str], notes: list[str]) -> str:
-    remark = _mark(row["remark"], notes) if row["remark"] else ""
-    return rf"{as_formula(text)} & \textcolor{{darkgray}}{{paper}}{remark}"
+def _paper_label(table: Table, label: str, remark: str) -> str:
+    mark = note_mark(table.note(remark)) if remark else ""
+    return rf"{as_formula(label)} & \textcolor{{darkgray}}{{paper}}{mark}"
 
 
-def _difference(value: PaperValue, column: PaperColumn) -> Entry:
-    number, sign, half_width = change(value, column, PLUS_MINUS).partition(PLUS_MINUS)
-    return Entry(number, r"\scriptsize ", rf"\scriptsize $\pm${half_width}" if sign else "") if number else Entry()
+def _published(table: Table, cell: Cell | None) -> Entry:
+    return Entry() if cell is None else Entry(_text(table, cell), r"\color{darkgray}")
 
 
-def _published(value: PaperValue, notes: list[str]) -> Entry:
-    text = value["published"] or _missing(value["absent"] or "not published", notes)
-    return Entry(text, r"\color{darkgray}")
+def _text(table: Table, cell: Cell) -> str:
+    return cell.text if cell.value is not None else f"{cell.text}{note_mark(table.note(cell.reason))}"
 
 
-def _missing(reason: str, notes: list[str]) -> str:
-    return f"n/a{_mark(reason, notes)}"
-
-
-def _mark(reason: str, notes: list[str]) -> str:
-    return note_mark(note_index(notes, reason.rstrip(".")))
-
-
-def _heading(column: PaperColumn) -> str:
-    unit = f" ({column['unit']})" if column["unit"] not in ("", "dB", "deg") else ""
-    arrow = f" {ARROWS[column['direction']]}" if column["direction"] != "none" else ""
-    return f"{as_formula(column['label'] + unit if column['label'] else column['unit'])}{arrow}"
+def _heading(column: Column) -> str:
+    unit = f" ({column.unit})" if column.unit not in ("", "dB", "deg") else ""
+    arrow = f" {ARROWS[column.direction]}" if column.direction != "none" else ""
+    return f"{as_formula(column.name + unit if column.name else column.unit)}{arrow}"
 
 
 def _spanning(group: str, count: int) -> str:
     return rf"\multicolumn{{{2 * count}}}{{c}}{{{escape(group)}}}"
 
 
-def _spans(columns: list[PaperColumn]) -> list[tuple[int, int]]:
+def _spans(counts: Sequence[int]) -> list[tuple[int, int]]:
     """First and last column of the tabular, two for a number, that each group spans, counted from 1."""
     spans, start = [], 3  # after the columns of the row's name and of "measured"
-    for _, count in groups_of(columns):
+    for count in counts:
         spans.append((start, start + 2 * count - 1))
         start += 2 * count
     return spans
@@ -140,59 +96,52 @@ def _rule(start: int, end: int) -> str:
     return rf"\cmidrule(lr){{{start}-{end}}}"
 
 
-def paper_markdown(table: PaperTable, summary: Summary) -> str:
+def paper_markdown(table: Table) -> str:
     """A line of measured values for each row, and one of published values; reasons of missing ones in notes below.
 
     Published values by other conventions are a table of their own below.
     """
-    notes: list[str] = []
-    below = [caption(table, summary), *paper_legend(table, summary, coloured=False)]
-    table = as_printed(without_marked(table, summary))
-    lines = [f"# {table['title']}", "", *table_head(["", "", *map(heading, table["columns"])])]
-    for row in table["rows"]:
-        upper, lower = [], []
-        for column in table["columns"]:
-            value = table["cells"][row["key"]][column["key"]]
-            text, difference = measured(value, column), change(value, column, " ± ")
-            verdict = verdict_of(value)
-            beside = f" ({difference}{'' if verdict is None else f': {verdict}'})" if difference else ""
-            upper.append(f"{text}{beside}" if text else _markdown_missing(value["reason"] or "not measured", notes))
-            lower.append(_markdown_published(value, notes) if is_beside(column) else "")
-        lines.append(table_line([row_label(row), "measured", *upper]))
-        if any(lower):
-            lines.append(table_line([row["text"] if row.get("ran") else "", f"paper{_remark(row, notes)}", *lower]))
-    lines += _markdown_apart(table, apart(table, summary), notes)
-    numbered = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
-    paragraphs = [line for paragraph in below for line in (paragraph, "")]
-    return "\n".join([*lines, "", *paragraphs, *numbered, *([""] if numbered else [])])
+    lines = [f"# {table.title}", "", *table_head(["", "", *(column.heading for column in table.columns)])]
+    for row in table.rows:
+        lines.append(table_line([row.measured_label, "measured", *(_measured(table, cell) for cell in row.cells)]))
+        if row.has_published:
+            published = [_marked(table, cell.published) for cell in row.cells]
+            lines.append(table_line([row.published_label, f"paper{_remark(table, row)}", *published]))
+    notes = [f"{place}. {note}." for place, note in enumerate(table.notes, start=1)]
+    paragraphs = [line for paragraph in (table.caption, *table.legend_in_words) for line in (paragraph, "")]
+    return "\n".join([*lines, *_markdown_apart(table), "", *paragraphs, *notes, *([""] if notes else [])])
 
 
-def _markdown_apart(table: PaperTable, title: str, notes: list[str]) -> list[str]:
+def _markdown_apart(table: Table) -> list[str]:
     """The table of published values by other conventions; empty without any."""
-    columns = [column for column in table["columns"] if not is_beside(column)]
-    if not columns:
+    if not table.apart_title:
         return []
-    lines = ["", f"{title}:", "", *table_head(["", *map(heading, columns)])]
-    for row in table["rows"]:
-        values = [_markdown_published(table["cells"][row["key"]][column["key"]], notes) for column in columns]
-        lines.append(table_line([f"{row['text']}{_remark(row, notes)}", *values]))
+    apart = apart_table(table)
+    lines = ["", f"{apart.title}:", "", *table_head(["", *(column.heading for column in apart.columns)])]
+    for row in apart.rows:
+        values = [_marked(table, cell) for cell in row.cells]
+        lines.append(table_line([f"{row.text}{_remark(table, row)}", *values]))
     return lines
 
 
-def _markdown_published(value: PaperValue, notes: list[str]) -> str:
-    return value["published"] or _markdown_missing(value["absent"] or "not published", notes)
+def _measured(table: Table, cell: Cell) -> str:
+    """The mean, and the paired difference with its interval and verdict."""
+    difference = cell.difference
+    if cell.value is None or difference is None:
+        return _marked(table, cell)
+    verdict = f": {difference.verdict}" if difference.verdict else ""
+    return f"{cell.text} ({difference.plus_minus}{verdict})"
 
 
-def _remark(row: dict[str, str], notes: list[str]) -> str:
-    return f" {_markdown_mark(row['remark'], notes)}" if row["remark"] else ""
+def _marked(table: Table, cell: Cell | None) -> str:
+    """A value, or n/a with the number of its note; empty where the table has no value."""
+    if cell is None:
+        return ""
+    return cell.text if cell.value is not None else f"{cell.text} [{table.note(cell.reason) + 1}]"
 
 
-def _markdown_missing(reason: str, notes: list[str]) -> str:
-    return f"n/a {_markdown_mark(reason, notes)}"
-
-
-def _markdown_mark(reason: str, notes: list[str]) -> str:
-    return f"[{note_index(notes, reason) + 1}]"
+def _remark(table: Table, row: Row) -> str:
+    return f" [{table.note(row.remark) + 1}]" if row.remark else ""
 
 
 def paper_csv(table: PaperTable) -> str:

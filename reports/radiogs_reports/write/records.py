@@ -5,7 +5,8 @@ from ..summary import Interval
 
 
 def difference_fields(interval: Interval | None) -> dict[str, float | str | None]:
-    """A paired difference, the ends of its interval, what that counts, and whether it is resolved; None without one."""
+    """Fields of a paired difference: its mean, the ends of its interval, the units, and whether it is resolved; None
+    without one."""
     names = {"mean": "difference", "low": "difference_low", "high": "difference_high", "over": "over", "units": "units",
              "p_value": "p_value", "verdict": "resolved"}  # fmt: skip
     return {field: None if interval is None else interval[name] for name, field in names.items()}  # type: ignore[literal-required]

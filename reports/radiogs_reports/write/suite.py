@@ -1,173 +1,115 @@
-"""The suite's own table, means, paired differences and published values: LaTeX, Markdown and CSV."""
+"""The suite's own table as LaTeX and Markdown, and its stored values as CSV."""
 
 import pandas as pd
 
-from ..analysis.legend import shown_verdict, suite_legend
-from ..doubts import footnotes, marks, remarks, texts_of
-from ..summary import CellSummary, ColumnSummary, RowSummary, Summary, Verdict, half_width, row_texts
-from ..summary import beside as published_beside
-from ..wording import heading, signed
-from .caption import run_note, unfinished
-from .latex import ARROWS, END, LEFT, PREAMBLE, colour_of, escape, legend, note_mark, row_label
+from ..summary import Summary
+from ..tables.doubts import texts_of
+from ..tables.model import Cell, Row, Table
+from .latex import ARROWS, END, PREAMBLE, colour_of, escape, note_mark, row_label
 from .markdown import table_head, table_line
-from .notes import note_index
-from .numbers import SETUP, Entry, Group, Line, over, tabulars
+from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
 
-def suite_document(summary: Summary) -> str:
+def suite_document(table: Table) -> str:
     """A document of its own around ``suite_latex``, which pdflatex compiles."""
-    return f"{PREAMBLE}{suite_latex(summary)}{END}"
+    return f"{PREAMBLE}{suite_latex(table)}{END}"
 
 
-def suite_latex(summary: Summary) -> str:
+def suite_latex(table: Table) -> str:
     """The table environment, for documents that load booktabs, graphicx, siunitx and xcolor (option ``table``).
 
     Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
-    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; what else there is
-    to be said of values and methods follows the table as text.
+    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; footnotes of
+    values and remarks on methods follow the table as text.
     """
-    notes: list[str] = []
-    groups = [_group(summary, row, notes) for row in summary["rows"]]
-    lines = [
-        f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
-        r"\begin{table}[tbp]",
-        r"\centering",
-        SETUP,
-        f"\\caption{{{_caption(summary)}}}",
-        f"\\label{{tab:{summary['suite']}}}",
-        *tabulars("l", f"tab:{summary['suite']}", lambda part: _heads(summary, part), groups),
-        LEFT,
-    ]
-    lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
-    lines += legend(suite_legend(summary))
-    return "\n".join([*lines, r"\end{table}", *_beside(summary), ""])
+    groups = [_group(table, row) for row in table.rows]
+    lines = environment(table, f"tab:{table.name}", _caption(table), "l", lambda part: _heads(table, part), groups)
+    return "\n".join([*lines, *_beside(table), ""])
 
 
-def _beside(summary: Summary) -> list[str]:
+def _beside(table: Table) -> list[str]:
     """Footnotes and remarks as text: a page and more of them for seven methods, which a table could not break."""
-    found = [*footnotes(summary), *remarks(summary)]
+    found = [*table.footnotes, *table.remarks]
     if not found:
         return []
     return [
         r"{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
-        rf"To Table~\ref{{tab:{summary['suite']}}}:",
+        rf"To Table~\ref{{tab:{table.name}}}:",
         *(rf"\par {escape(each)}" for each in found),
         r"\par}",
     ]
 
 
-def _heads(summary: Summary, part: slice) -> list[str]:
-    """Names of columns with the direction of better values, and their units; seconds of training come last."""
-    names = [f"{escape(column['label'])} {ARROWS[column['direction']]}" for column in summary["columns"]]
-    units = [escape(column["unit"]) for column in summary["columns"]]
-    lines = ("Method", [*names, "Training"]), ("", [*units, "s"])
+def _heads(table: Table, part: slice) -> list[str]:
+    """Names of columns with the direction of better values, and their units."""
+    names = [f"{escape(column.label)} {ARROWS[column.direction]}" for column in table.columns]
+    units = [escape(column.unit) for column in table.columns]
+    lines = ("Method", names), ("", units)
     return [rf"{' & '.join([label, *map(over, texts[part])])} \\" for label, texts in lines]
 
 
-def _group(summary: Summary, row: RowSummary, notes: list[str]) -> Group:
+def _group(table: Table, row: Row) -> Group:
     """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
-    means, differences = [], []
-    for column in summary["columns"]:
-        cell = summary["cells"][row["key"]][column["key"]]
-        published = published_beside(summary, row["key"], column)
-        beside = "" if published is None else rf"\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
-        behind = escape(marks(summary, row["key"], column["key"])) + beside
-        verdict = shown_verdict(summary, row["key"], column["key"], cell["difference"])
-        means.append(_mean(cell, column, verdict, notes)._replace(behind=behind))
-        differences.append(_difference(cell, column))
-    seconds = Entry() if row["seconds"] is None else Entry(f"{row['seconds']:.0f}")
-    lines = [Line(row_label(row), [*means, seconds]), Line("", [*differences, Entry()])]
-    return Group([line for line in lines if any(line.entries)])
+    means = Line(row_label(row), [_mean(table, cell) for cell in row.cells])
+    differences = Line("", [difference_entry(cell.difference) for cell in row.cells])
+    return Group([line for line in (means, differences) if any(line.entries)])
 
 
-def _mean(cell: CellSummary, column: ColumnSummary, verdict: Verdict | None, notes: list[str]) -> Entry:
-    if cell["mean"] is None:
-        return Entry(f"n/a{note_mark(note_index(notes, cell['reason'] or 'not measured'))}")
-    return Entry(f"{cell['mean']:.{column['decimals']}f}", colour_of(verdict))
+def _mean(table: Table, cell: Cell) -> Entry:
+    number = cell.text if cell.value is not None else f"{cell.text}{note_mark(table.note(cell.reason))}"
+    beside = "" if cell.published is None else rf"\textcolor{{gray}}{{({cell.published.text})}}"
+    return Entry(number, colour_of(cell.verdict), f"{escape(cell.marks)}{beside}")
 
 
-def _difference(cell: CellSummary, column: ColumnSummary) -> Entry:
-    difference, decimals = cell["difference"], column["decimals"]
-    if difference is None:
-        return Entry()
-    width = half_width(difference)
-    behind = "" if width is None else rf"\scriptsize $\pm${width:.{decimals}f}"
-    return Entry(signed(difference["mean"], decimals), r"\scriptsize ", behind)
-
-
-def _caption(summary: Summary) -> str:
-    reference = [row_label(row) for row in summary["rows"] if row["key"] == summary["reference"]]
+def _caption(table: Table) -> str:
     differences = (
-        f" Below each value: paired difference to {reference[0]} and the half-width of its 95\\,\\% $t$ interval."
-        if reference
+        f" Below each value: paired difference to {row_label(table.reference)} and the half-width of its 95\\,\\% $t$"
+        " interval."
+        if table.reference
         else ""
     )
-    seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
-    published = (
-        f" In grey: published ({escape(summary['published_data'])})."
-        if any(
-            published_beside(summary, row["key"], each) is not None
-            for row in summary["rows"]
-            for each in summary["columns"]
-        )
-        else ""
-    )
-    return (
-        f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
-        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{unfinished(summary)}"
-        f"{differences}{published}"
-    )
+    published = f" In grey: published ({escape(table.published_data)})." if table.published_columns else ""
+    return f"{escape(table.caption)}{differences}{published}"
 
 
-def suite_markdown(summary: Summary) -> str:
-    """Measured values with their paired differences, then the published values in columns of their own."""
-    published = [column for column in summary["columns"] if _is_published(summary, column)]
-    heads = ["", *map(heading, summary["columns"]), *(f"paper: {heading(column)}" for column in published), "s"]
-    lines = [f"# {summary['title']}", "", *table_head(heads)]
-    for row in summary["rows"]:
-        values = [measured(summary, row["key"], column) for column in summary["columns"]]
-        beside = [
-            f"{value:.{c['decimals']}f}" if (value := published_beside(summary, row["key"], c)) else ""
-            for c in published
-        ]
-        seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
-        lines.append(table_line([row["text"], *values, *beside, seconds]))
-    below = [
-        f"{_brackets(summary)}{run_note(summary)}",
-        *suite_legend(summary, coloured=False),
-        *footnotes(summary),
-        *remarks(summary),
+def suite_markdown(table: Table, note: str) -> str:
+    """Measured values with their paired differences, then the published values in columns of their own.
+
+    ``note``: the conditions of the run (``tables.caption.run_note``).
+    """
+    published = table.published_columns
+    heads = [
+        "",
+        *(column.heading for column in table.columns),
+        *(f"paper: {table.columns[place].heading}" for place in published),
     ]
+    lines = [f"# {table.title}", "", *table_head(heads)]
+    for row in table.rows:
+        beside = [row.cells[place].published for place in published]
+        printed = ["" if each is None else each.text for each in beside]
+        lines.append(table_line([row.text, *map(_measured, row.cells), *printed]))
+    below = [f"{_brackets(table)}{note}", *table.legend_in_words, *table.footnotes, *table.remarks]
     return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
 
 
-def _is_published(summary: Summary, column: ColumnSummary) -> bool:
-    return any(published_beside(summary, row["key"], column) is not None for row in summary["rows"])
-
-
-def _brackets(summary: Summary) -> str:
-    """What the brackets hold, as a sentence; empty without a reference row."""
-    reference = summary["reference"]
-    if reference is None:
+def _brackets(table: Table) -> str:
+    """A sentence on the values in brackets; empty without a reference row."""
+    if table.reference is None:
         return ""
-    return f"In brackets: paired difference to '{row_texts(summary)[reference]}', with its 95 % t interval. "
+    return f"In brackets: paired difference to '{table.reference.text}', with its 95 % t interval. "
 
 
-def measured(summary: Summary, row: str, column: ColumnSummary) -> str:
+def _measured(cell: Cell) -> str:
     """The mean with the marks of its footnotes, and the paired difference with its interval and verdict."""
-    cell, decimals = summary["cells"][row][column["key"]], column["decimals"]
-    if cell["mean"] is None:
-        return f"n/a ({cell['reason']})"
-    text = f"{cell['mean']:.{decimals}f}{marks(summary, row, column['key'])}"
-    difference = cell["difference"]
+    if cell.value is None:
+        return f"{cell.text} ({cell.reason})"
+    difference = cell.difference
     if difference is None:
-        return text
-    if difference["low"] is None or difference["high"] is None:
-        return f"{text} ({signed(difference['mean'], decimals)})"
-    middle, low, high = (signed(end, decimals) for end in (difference["mean"], difference["low"], difference["high"]))
-    verdict = shown_verdict(summary, row, column["key"], difference)
-    return f"{text} ({middle}, {low} to {high}{'' if verdict is None else f': {verdict}'})"
+        return f"{cell.text}{cell.marks}"
+    interval = f", {difference.low} to {difference.high}" if difference.low else ""
+    verdict = f": {difference.verdict}" if difference.verdict else ""
+    return f"{cell.text}{cell.marks} ({difference.text}{interval}{verdict})"
 
 
 def suite_csv(summary: Summary) -> str:

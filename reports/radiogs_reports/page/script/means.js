@@ -23,14 +23,16 @@
     keep(cell);
     for (const name of ["value", "difference", "published"]) delete cell.dataset[name];
     cell.className = "number";
-    cell.replaceChildren(value === null ? "n/a" : value.toFixed(column.decimals));
+    cell.replaceChildren(value === null ? "n/a" : printed(value, column.decimals));
     if (value !== null) cell.dataset.value = column.direction === "zero" ? Math.abs(value) : value;
   }
 
-  const spent = (run) => {
-    const stages = Object.entries(run.seconds).filter(([stage]) => stage !== "evaluate");
-    return stages.length ? stages.reduce((sum, [, seconds]) => sum + seconds, 0) : null;
-  };
+  function printed(value, decimals) { // two significant digits where the decimals would all be 0
+    const text = value.toFixed(decimals);
+    return Number(text) === 0 && value !== 0 ? value.toPrecision(2) : text;
+  }
+
+  const valueOf = (run, column) => (column.key === "seconds" ? run.cost.seconds : run.metrics[column.key]);
 
   function follow() {
     const { whole, holds, rows } = shared.selection();
@@ -42,8 +44,7 @@
       line.hidden = !rows(row);
       if (whole) continue;
       const held = data.runs.filter((run) => run.row === row && holds(run));
-      data.table.forEach((column, place) => put(line.cells[place + 1], meanOf(held, (run) => run.metrics[column.key]), column));
-      put(line.cells[data.table.length + 1], meanOf(held, spent), { decimals: 1 });
+      data.table.forEach((column, place) => put(line.cells[place + 1], meanOf(held, (run) => valueOf(run, column)), column));
     }
   }
 

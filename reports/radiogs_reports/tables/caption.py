@@ -1,4 +1,4 @@
-"""What the values of a run are averages of, in plain text."""
+"""The conditions of a run in plain text: its scenes, seeds and protocol, and the source of published values."""
 
 from ..summary import Summary
 from ..wording import count_of
@@ -15,7 +15,7 @@ def run_note(summary: Summary) -> str:
 
 
 def published_note(summary: Summary) -> str:
-    """What published values are of, and which stand apart, as they are by other conventions; one or two sentences."""
+    """The data that published values are of, and the columns whose published values are by other conventions."""
     keys = {key for row in summary["published"].values() for key in row}
     of_columns = [column for column in summary["columns"] if column["key"] in keys]
     apart = [column for column in of_columns if "published_by" in column]
@@ -31,6 +31,6 @@ def published_note(summary: Summary) -> str:
 
 
 def unfinished(summary: Summary) -> str:
-    """How many cells are finished, as a sentence; empty if all are."""
+    """The number of finished cells, as a sentence; empty if all are finished."""
     finished = sum(run["state"] == "finished" for run in summary["runs"])
     return "" if finished == len(summary["runs"]) else f" {finished} of {len(summary['runs'])} cells are finished."

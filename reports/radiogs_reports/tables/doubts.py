@@ -1,6 +1,6 @@
-"""Marks beside values that are not to be taken at their word, and the footnotes that say why."""
+"""Marks beside uncertain values, and the footnotes with the reasons."""
 
-from .summary import Doubt, Summary
+from ..summary import Doubt, Interval, Summary, Verdict
 
 MARKS = "†‡§¶"
 """In the order of the footnotes; the fifth footnote has the first mark twice, and so on."""
@@ -12,13 +12,20 @@ def marks(summary: Summary, row: str, column: str) -> str:
     return "".join(_mark(place) for place, doubt in noted if doubt["column"] == column and row in doubt["rows"])
 
 
+def shown_verdict(summary: Summary, row: str, column: str, difference: Interval | None) -> Verdict | None:
+    """The verdict that a table shows; None where a footnote concerns the value or the reference row's value."""
+    reference = summary["reference"]
+    marked = any(marks(summary, each, column) for each in (row, reference) if each is not None)
+    return None if difference is None or marked else difference["verdict"]
+
+
 def footnotes(summary: Summary) -> list[str]:
     """Every footnote behind its mark."""
     return [f"{_mark(place)} {doubt['text']}" for place, doubt in enumerate(_of_columns(summary))]
 
 
 def remarks(summary: Summary) -> list[str]:
-    """What concerns no column, such as what a method differs in from the published one of its name."""
+    """Doubts that concern no column, such as differences between a method and the published one of its name."""
     return [doubt["text"] for doubt in summary.get("doubts", []) if not doubt["column"]]
 
 

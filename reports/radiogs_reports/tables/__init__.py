@@ -1,0 +1,1 @@
+"""The tables of a run, made once from its summary: values as printed, verdicts, marks and sentences."""
