@@ -24,7 +24,7 @@ class Claimed(Exception):
 
 @contextmanager
 def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
-    """Hold an exclusive claim on the lock file ``path``; raises Claimed if another process has it after ``wait`` seconds.
+    """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
 
     The claim is a kernel lock on the file, not the existence of the file. The kernel releases it when the process dies,
     by whatever signal, so a claim never goes stale and no process id has to be checked. A link is not followed.
