@@ -11,9 +11,10 @@ from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.scoring.evaluate import evaluate
+from radiogs_bench.scoring.metrics.measures import MEASURES
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.weights import FILES
-from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
+from radiogs_bench.suites.suite import TASKS, Metric
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
