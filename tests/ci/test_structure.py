@@ -105,6 +105,12 @@ def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: 
         "house.two.b": "house.one.a", "house.one.d": "house.one.a", "house.two.e": "house.two.b",
     }  # fmt: skip
     assert [*structure.counts(tree, modules).values()] == [5, 3, 1]
+    monkeypatch.setattr(structure, "TABLES", ("house.one.a",))
+    assert structure.with_one_user(tree, modules) == {"house.two.e": "house.two.b"}
+
+
+def test_every_table_is_a_file(structure: ModuleType) -> None:
+    assert [name for name in structure.TABLES if installed().file(name) is None] == []
 
 
 def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
