@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from bench.fake_method import CPU, model_at
-from bench.test_evaluate import EVERYTHING, scene_of, view_with
+from bench.perfect import EVERYTHING, scene_of, view_with
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.results.summary import column_summary

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from baselines.commands.bench import Bench, method_of, toml
-from bench.test_full_disk import UNSHARE, why_nothing_can_be_mounted
+from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 from public_outputs import Maps, write_svg_ir
 from radiogs_baselines.commands import process, task
 from radiogs_baselines.commands.errors import CommandFailed
