@@ -35,7 +35,7 @@ substitutes: dict[str, Method] = {}
 
 def method_names() -> tuple[str, ...]:
     """Names of all methods that are installed or given, sorted."""
-    return tuple(sorted({*_offered(), *recipes(), *substitutes}))
+    return tuple(sorted({*offered_methods(), *recipes(), *substitutes}))
 
 
 def recipes() -> Mapping[str, Path]:
@@ -53,7 +53,7 @@ def method(name: str) -> Method:
         return substitutes[name]
     if name.endswith(SUFFIX):
         return _from_file(Path(name))
-    offered = _offered()
+    offered = offered_methods()
     if name not in offered and name in recipes():
         return _from_file(recipes()[name])
     if name not in offered:
@@ -63,7 +63,7 @@ def method(name: str) -> Method:
 
 def origin(name: str) -> str:
     """The package that offers a method."""
-    point = _offered().get(name)
+    point = offered_methods().get(name)
     if name in recipes():
         return "a recipe for a published code"
     return "this program" if point is None or point.dist is None else f"{point.dist.name} {point.dist.version}"
@@ -198,7 +198,8 @@ def describe(of: Method) -> dict[str, Any]:
 
 
 @cache
-def _offered() -> Mapping[str, EntryPoint]:
+def offered_methods() -> Mapping[str, EntryPoint]:
+    """The entry points of installed methods by name. Raises UsageError for two of one name."""
     found: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
         if point.name in found and point.value != found[point.name].value:

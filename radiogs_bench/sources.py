@@ -30,8 +30,10 @@ class SourceTree:
     """
 
     roots: Mapping[str, Path]
-    _imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
-    _digests: dict[str, bytes] = field(default_factory=dict, repr=False, compare=False)
+    known_imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+    """What the modules import that were read so far."""
+    known_digests: dict[str, bytes] = field(default_factory=dict, repr=False, compare=False)
+    """Digests of the modules that were read so far."""
 
     def file(self, module: str) -> Path | None:
         """The file of a module or package; None for what is no module of these packages."""
@@ -72,14 +74,14 @@ class SourceTree:
 
     def imports(self, module: str) -> frozenset[str]:
         """Modules of the tree that a module imports, anywhere in its text."""
-        if module not in self._imports:
+        if module not in self.known_imports:
             path = self.file(module)
             assert path is not None
             package = module if path.name == "__init__.py" else module.rpartition(".")[0]
             named = (name for node in ast.walk(_parsed(path)) for name in _imported(node, package))
             found = (self._module_of(source, name) for source, name in named)
-            self._imports[module] = frozenset(each for each in found if each is not None)
-        return self._imports[module]
+            self.known_imports[module] = frozenset(each for each in found if each is not None)
+        return self.known_imports[module]
 
     def data_files(self, module: str) -> list[Path]:
         """Files other than Python's that a module names in literals; none for one that is in no package."""
@@ -97,9 +99,9 @@ class SourceTree:
         """
         digest = hashlib.sha256()
         for name, path in self.closure(*modules).items():
-            if name not in self._digests:
-                self._digests[name] = self._digest(name, path)
-            digest.update(f"{name}\0".encode() + self._digests[name])
+            if name not in self.known_digests:
+                self.known_digests[name] = self._digest(name, path)
+            digest.update(f"{name}\0".encode() + self.known_digests[name])
         return digest.hexdigest()[:20]
 
     def _digest(self, module: str, path: Path) -> bytes:

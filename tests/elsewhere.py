@@ -223,7 +223,7 @@ def elsewhere() -> Iterator[Account]:
     registered()
     account = Account()
     from_torch, launch, device_from_torch = wp.from_torch, wp.launch, wp.device_from_torch
-    described = arguments._described
+    described = arguments.described
 
     def array_of(tensor: torch.Tensor, *args: Any, **kwargs: Any) -> Any:
         made = from_torch(_held(tensor), *args, **kwargs)
@@ -246,7 +246,7 @@ def elsewhere() -> Iterator[Account]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, "from_torch", array_of)
-        patch.setattr(arguments, "_described", memory_of)
+        patch.setattr(arguments, "described", memory_of)
         patch.setattr(wp, "launch", launched)
         patch.setattr(wp, "device_from_torch", runs_on)
         patch.setattr(torch, "Generator", _Generator)

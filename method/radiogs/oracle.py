@@ -167,7 +167,7 @@ def known_radiance(known: KnownScene, seed: int) -> KnownRadiance:
     before = 0.0
     for _ in range(MOST_SWEEPS):
         every = torch.arange(len(surfels), device=normal.device)
-        sent = _sent(surfels, equation, every, towards, directions)
+        sent = sent_radiance(surfels, equation, every, towards, directions)
         surfels = replace(surfels, sh=fit @ (sent - 0.5))
         mean = float(sent.mean())
         if abs(mean - before) <= SETTLED * mean:
@@ -185,12 +185,12 @@ def residual_of(surfels: Surfels, equation: RenderingEquation, generator: torch.
     drawn = CHECKED_SAMPLES // 4
     light = LightSampler(equation.light)
     directions = relighting_directions(normal, light, CHECKED_SAMPLES - drawn, drawn, generator)
-    sent = _sent(surfels, equation, index, towards, directions)
+    sent = sent_radiance(surfels, equation, index, towards, directions)
     total = float(sent.mean())
     return float((surfel_radiance(surfels.sh[index], towards) - sent).abs().mean()) / total if total > 0 else 0.0
 
 
-def _sent(
+def sent_radiance(
     surfels: Surfels,
     equation: RenderingEquation,
     index: Tensor,

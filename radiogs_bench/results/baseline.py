@@ -16,10 +16,10 @@ from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, label
+from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
-from ..suites.suite import MEASURES
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/2"
 

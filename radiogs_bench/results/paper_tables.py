@@ -21,12 +21,13 @@ from ..methods import budget_of, mark, method, variant_of
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, plain_preset
 from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
-from ..suites.suite import MEASURES, TASKS, Row, Suite, with_numbers
+from ..suites.suite import TASKS, Row, Suite, with_numbers
 
 OURS = Row("ours", "Ours", "Ours")
 """The full method, for tables that no suite runs."""

@@ -29,10 +29,11 @@ from ..methods import method
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, relighting_of, state_of
 from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
-from ..suites.suite import MEASURES, Metric
+from ..suites.suite import Metric
 from .doubts import doubts, labels
 from .paper_tables import interval, paper_tables
 

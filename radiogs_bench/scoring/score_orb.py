@@ -75,7 +75,7 @@ def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value
 
 def _scores(pair: Pair, output: Path, target: Path, rules: Protocol) -> dict[str, Value]:
     if pair.task == "shape":
-        return {"chamfer": _shape_distance(output, target)}
+        return {"chamfer": shape_distance(output, target)}
     if pair.task == "normal":
         ours = _numbers(output)
         return rules.score_normal(ours, _resized(_numbers(target), ours), _mask(pair, ours))
@@ -131,7 +131,8 @@ def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channel
     return torch.from_numpy(np.atleast_3d(resized))
 
 
-def _shape_distance(output: Path, target: Path) -> Value:
+def shape_distance(output: Path, target: Path) -> Value:
+    """The chamfer distance of two mesh files, or the reason why there is none."""
     try:
         library = pyvista()
     except UsageError as lacking:

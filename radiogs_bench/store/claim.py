@@ -1,12 +1,12 @@
 """Claims: only one process at a time works on a key of a store."""
 
-import fcntl
 import os
 import socket
-import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from ..errors import StoreError
 from .atomic import explained
@@ -23,24 +23,25 @@ class Claimed(Exception):
 
 
 @contextmanager
-def claim(path: Path) -> Iterator[None]:
-    """Hold an exclusive claim on the lock file ``path``; raises Claimed at once if another process has it.
+def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
+    """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
 
     The claim is a kernel lock on the file, not the existence of the file. The kernel releases it when the process dies,
-    by whatever signal, so a claim never goes stale and no process id has to be checked.
+    by whatever signal, so a claim never goes stale and no process id has to be checked. A link is not followed.
     """
+    lock = FileLock(path, fallback_to_soft=False, on_acquired=_sign)
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = _open_current(path)
+        try:
+            lock.acquire(wait, poll_interval=POLL_SECONDS)
+        except Timeout:
+            raise Claimed(_holder(path)) from None
     try:
-        with explained(path):
-            os.ftruncate(descriptor, 0)
-            os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
         yield
     finally:
         # Unlinked while still held: whoever opened the old file in the meantime sees that it lost its name.
         path.unlink(missing_ok=True)
-        os.close(descriptor)
+        lock.release()
 
 
 @contextmanager
@@ -56,39 +57,20 @@ def saying_who_holds(what: str) -> Iterator[None]:
         ) from claimed
 
 
-@contextmanager
-def patient_claim(path: Path) -> Iterator[None]:
+def patient_claim(path: Path) -> AbstractContextManager[None]:
     """Hold an exclusive claim, waiting until it is free; for short work."""
-    with ExitStack() as held:
-        while True:
-            try:
-                held.enter_context(claim(path))
-                break
-            except Claimed:
-                time.sleep(POLL_SECONDS)
-        yield
+    return claim(path, wait=-1.0)
 
 
-def _open_current(path: Path) -> int:
-    """A locked descriptor of the file that currently has the name ``path``.
-
-    A link is not followed: the holder's name would be written over whatever it leads to.
-    """
-    while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.pread(descriptor, 200, 0).decode(errors="replace")
-            os.close(descriptor)
-            raise Claimed(holder or "another process") from None
-        if _bears_the_name(descriptor, path):
-            return descriptor
-        os.close(descriptor)  # the previous holder took the file away between open and lock
+def _sign(descriptor: int) -> None:
+    """Write into a locked file who holds it."""
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
 
 
-def _bears_the_name(descriptor: int, path: Path) -> bool:
+def _holder(path: Path) -> str:
+    """Who holds the claim; its file may be gone by now."""
     try:
-        return os.path.samestat(os.fstat(descriptor), path.stat())
+        return path.read_text(errors="replace") or "another process"
     except FileNotFoundError:
-        return False
+        return "another process"

@@ -19,6 +19,7 @@ from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
 from ..methods import SUFFIX, method
+from ..scoring.metrics.measures import MEASURES
 from ..store.names import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
 from .data_sets import DATA_SET_SUITES
@@ -38,7 +39,7 @@ from .paper import (
     STRATEGIES,
     VIEWS,
 )
-from .suite import MEASURES, TASKS, Metric, Row, Suite, with_numbers
+from .suite import TASKS, Metric, Row, Suite, with_numbers
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite

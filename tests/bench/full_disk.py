@@ -13,6 +13,7 @@ Every size is tried, from one at which nothing fits to one at which everything d
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,6 +26,20 @@ from bench.kill_at_random import kept, unreadable
 from bench.kill_everywhere import table
 from radiogs_bench.errors import StoreError
 from radiogs_bench.store.provenance import session
+
+UNSHARE = ("unshare", "--map-root-user", "--mount")
+"""A namespace of mounts: what is mounted goes with the process, also when it is killed."""
+
+
+def why_nothing_can_be_mounted(folder: Path) -> str | None:
+    """None where a small tmpfs can be mounted."""
+    missing = [name for name in ("unshare", "mount", "umount") if shutil.which(name) is None]
+    if missing:
+        return f"there is no program {', '.join(missing)}"
+    command = [*UNSHARE, "mount", "-t", "tmpfs", "-o", "size=4096", "none", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return None if done.returncode == 0 else f"no tmpfs can be mounted here: {done.stderr.strip()}"
+
 
 CELLS = [cell for _, cell in asked().cells()]
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)

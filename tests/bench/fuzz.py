@@ -26,7 +26,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from bench.test_suite_file import WHOLE
+from bench.own_suite import WHOLE
 from radiogs_bench.suites.registry import read_suite
 from radiogs_core.errors import ExplainedError
 from radiogs_core.scene.scene import Scene, View

@@ -65,7 +65,7 @@ def warm_up(*heights: int) -> None:
 
 def matrices(height: int) -> int:
     """Bytes of those that filter a light of so many rows."""
-    return light_filters._filters(min(height, splitsum.LARGEST_HEIGHT), torch.device("cpu")).nbytes
+    return light_filters.filter_matrices(min(height, splitsum.LARGEST_HEIGHT), torch.device("cpu")).nbytes
 
 
 def hits_a_ray(surfels: Surfels) -> float:

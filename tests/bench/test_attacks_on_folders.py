@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from bench.test_suite_file import WHOLE
+from bench.own_suite import WHOLE
 from radiogs_bench.cli import main
 from radiogs_bench.errors import StoreError
 from radiogs_bench.export.mesh import Mesh, write_mesh

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from bench import fake_method
+from bench.clusters import SHARING, cluster_of, run_all, seconds_of_initialisation
 from bench.fake_method import FakeSweep, asked
 from bench.kill_everywhere import table
-from bench.test_cluster_here import SHARING, cluster_of, run_all, seconds_of_initialisation
 from radiogs_bench.cli import main
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.runs.cell import Cell

@@ -12,10 +12,11 @@ import pytest
 
 from bench import fake_method
 from bench.chain_method import Chain, Steps, Turned
+from bench.clusters import SHARING, cluster_of, run_all, seconds_of_initialisation
 from bench.fake_method import SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
 from radiogs_bench.runs.cell import Cell, Work, cell_of
-from radiogs_bench.runs.engines.cluster import Cluster, run_on_cluster, unsent
+from radiogs_bench.runs.engines.cluster import run_on_cluster, unsent
 from radiogs_bench.runs.engines.delegate import Recipe
 from radiogs_bench.runs.engines.in_process import Task
 from radiogs_bench.runs.interruption import Interruption
@@ -23,18 +24,10 @@ from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
-from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
-from radiogs_bench.suites.own import COST_OF_ACCURACY, EFFECTS_SUITE
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
-
-SHARING = [
-    next(cell for place, cell in asked(1, suite).cells() if place["row"] == row)
-    for suite, row in ((COST_OF_ACCURACY, "reference"), (EFFECTS_SUITE, "everything"), (EFFECTS_SUITE, "no-rays"))
-]
-"""Cells of two suites and experiments; all begin alike, and each ends in a stage of its own."""
 
 
 class HereInsteadOfRay:
@@ -70,24 +63,6 @@ class HereInsteadOfRay:
 
     def nodes(self) -> list[dict[str, Any]]:
         return [{"Alive": True, "Resources": {"CPU": 1.0}}]
-
-
-def cluster_of(
-    ray: Any, folder: Path, experiment: Any = fake_method.experiment, method: Any = fake_method.method
-) -> Cluster:
-    recipe = Recipe(method, experiment, fake_method.load, "nowhere/fake")
-    return Cluster(ray, recipe, {"fake": "nowhere/fake"}, 1, "cpu", Store(folder))
-
-
-def run_all(cluster: Cluster, cells: Sequence[Cell]) -> list[Any]:
-    tasks = [Task(cell, cell.key) for cell in cells]
-    return list(run_on_cluster(tasks, cluster, cluster.store, LogProgress(), Interruption()))
-
-
-def seconds_of_initialisation(folder: Path, cells: Sequence[Cell]) -> set[float]:
-    """One figure if it was done once: no two runs take the same time."""
-    results = [Store(folder).result(cell.key) for cell in cells]
-    return {result["seconds"]["initialise"] for result in results if result is not None}
 
 
 def three_stages(name: str) -> Chain:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from bench.test_evaluate import EVERYTHING, Perfect, scene_of, view_with
+from bench.perfect import EVERYTHING, Perfect, scene_of, view_with
 from radiogs_bench.scoring.evaluate import evaluate
 from radiogs_bench.scoring.metrics.conventions import Environment
 from radiogs_bench.scoring.metrics.protocols import protocol

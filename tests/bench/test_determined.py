@@ -11,7 +11,7 @@ import torch
 from scipy import stats
 
 from bench.fake_method import CPU, FakeSweep, fake_cell
-from bench.test_evaluate import Perfect, scene_of, view_with
+from bench.perfect import Perfect, scene_of, view_with
 from radiogs_bench.errors import MethodFailed
 from radiogs_bench.scoring.determined import HALF_A_LEVEL, STEPS, VIEWS, determined, from_errors, spread_over
 from radiogs_bench.scoring.score_maps import truth

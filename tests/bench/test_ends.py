@@ -212,7 +212,7 @@ def by_pool(commands: Sequence[Sequence[str]], folder: Path, monkeypatch: pytest
     """A pool of these commands on cells of which none is finished."""
     bench = FakeSweep(folder).bench
     monkeypatch.setattr(engines, "worker_commands", lambda *given: commands)
-    return engines._by_pool(asked(1).cells(), bench, Engine("pool", workers=len(commands)), [])
+    return engines.run_by_pool(asked(1).cells(), bench, Engine("pool", workers=len(commands)), [])
 
 
 KILL = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"]

@@ -1,7 +1,6 @@
 """Where the disk is full a sweep stops and says so; with room again, it ends with the table of an undisturbed one."""
 
 import json
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -10,18 +9,7 @@ from typing import Any
 
 import pytest
 
-UNSHARE = ("unshare", "--map-root-user", "--mount")
-"""A namespace of mounts: what is mounted goes with the process, also when it is killed."""
-
-
-def why_nothing_can_be_mounted(folder: Path) -> str | None:
-    """None where a small tmpfs can be mounted."""
-    missing = [name for name in ("unshare", "mount", "umount") if shutil.which(name) is None]
-    if missing:
-        return f"there is no program {', '.join(missing)}"
-    command = [*UNSHARE, "mount", "-t", "tmpfs", "-o", "size=4096", "none", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return None if done.returncode == 0 else f"no tmpfs can be mounted here: {done.stderr.strip()}"
+from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 
 
 def tried(folder: Path, what: str, within: Sequence[str] = ()) -> list[dict[str, Any]]:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from bench.test_evaluate import EVERYTHING, SCALE, Perfect, scene_of, view_with
+from bench.perfect import EVERYTHING, SCALE, Perfect, scene_of, view_with
 from radiogs_bench.scoring import kept_views
 from radiogs_bench.scoring.evaluate import Scope, evaluate
 from radiogs_bench.scoring.kept_views import views_to_keep

@@ -10,7 +10,7 @@ import torch
 
 from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.bench import Row, measure
-from radiogs_bench.lab.kernels.cases import _camera, rasterize_case, shade_case, trace_case
+from radiogs_bench.lab.kernels.cases import rasterize_case, shade_case, square_camera, trace_case
 from radiogs_bench.lab.kernels.embree import missing_embree, support_quads
 from radiogs_bench.lab.kernels.plain import rasterize_densely, shade_plainly
 from radiogs_bench.lab.kernels.record import as_table
@@ -80,7 +80,7 @@ def test_the_dense_rasterizer_draws_what_the_kernel_draws() -> None:
     fields = (getattr(scene.geometry, name) for name in ("centre", "axis_u", "axis_v", "normal", "opacity"))
     geometry = SplatGeometry(*(value[some].double() for value in fields))
     features = torch.rand(300, 3, generator=generator, dtype=torch.float64)
-    camera = _camera(24)
+    camera = square_camera(24)
     ours = rasterize(camera, geometry, features, 1.0).features.view(-1, 3)
     # The kernel stops at pixels of which less than 1e-4 is left; the dense sum does not.
     torch.testing.assert_close(rasterize_densely(camera, geometry, features), ours, rtol=0, atol=2e-4)

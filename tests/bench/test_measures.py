@@ -6,14 +6,15 @@ import pytest
 import torch
 
 from bench.fake_method import CPU, model_at
-from bench.test_evaluate import EVERYTHING, scene_of, view_with
+from bench.perfect import EVERYTHING, scene_of, view_with
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.scoring.evaluate import evaluate
+from radiogs_bench.scoring.metrics.measures import MEASURES
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.weights import FILES
-from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
+from radiogs_bench.suites.suite import TASKS, Metric
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene

@@ -1,4 +1,4 @@
-"""The harness works without what only Linux has: files are read, cores counted, memory known."""
+"""The harness works without what only Linux has: files are read, cores counted, peaks known."""
 
 import ast
 import io
@@ -12,10 +12,8 @@ import pytest
 import torch
 from PIL import Image
 
-from radiogs_baselines.commands import family, process
 from radiogs_bench.cli.device import usable_cores
 from radiogs_bench.lab.kernels import clock
-from radiogs_bench.lab.rehearsal import limits
 from radiogs_bench.store import provenance
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets.image_files import decode_jpeg, read_exr, write_exr
@@ -31,30 +29,22 @@ OF_LINUX = {
 """Names of ``os`` and ``signal`` that macOS lacks."""
 
 HIDDEN = {
-    "memfd_create", "MFD_CLOEXEC", "pidfd_open", "pidfd_send_signal", "process_cpu_count", "sched_getaffinity",
-    "sched_setaffinity",
+    "memfd_create", "MFD_CLOEXEC", "process_cpu_count", "sched_getaffinity", "sched_setaffinity",
 }  # fmt: skip
 PLACES = {
     provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
-    limits: ("MEMORY_INFORMATION", "PROCESS_STATUS"),
     clock: ("STATUS", "CLEAR_PEAK"),
-    family: ("PROC",),
 }
 """Constants that name files of ``/proc``, by module."""
 
 
 @pytest.fixture(autouse=True)
 def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import signal
-
     for name in HIDDEN:
         monkeypatch.delattr(os, name, raising=False)
-        monkeypatch.delattr(signal, name, raising=False)
     for module, names in PLACES.items():
         for name in names:
             monkeypatch.setattr(module, name, tmp_path / "nowhere" / name)
-    for module in (family, process):
-        monkeypatch.setattr(module, "SUPPORTED", False)
 
 
 def test_nothing_else_of_linux_alone_is_used() -> None:
@@ -69,23 +59,6 @@ def test_nothing_else_of_linux_alone_is_used() -> None:
                     named |= {path for each in node.args if ast.unparse(each).startswith("'/proc")}
     assert used == HIDDEN - {"process_cpu_count"}
     assert named == {Path(str(module.__file__)) for module in PLACES}
-
-
-def test_a_command_is_killed_by_its_process_group_and_never_by_ours(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before it starts, what an earlier harness left is looked for: without ``/proc`` no group is known of that."""
-    signalled, killpg = [], os.killpg
-    monkeypatch.setattr(
-        os, "killpg", lambda group, number: signalled.append(group) or (group and killpg(group, number))
-    )
-    monkeypatch.setattr(family.time, "sleep", lambda seconds: None)
-    arguments = (sys.executable, "-c", "import time; time.sleep(60)")
-    running = process.Running(process.Order(arguments, tmp_path, {}, tmp_path / "log.txt", tmp_path), grace=0.1)
-    assert signalled == []
-    assert running.poll(0.05) is None
-    assert running.end().exit_code < 0
-    assert set(signalled) == {running._process.pid}
 
 
 def test_exr_files_are_read(tmp_path: Path) -> None:
@@ -114,12 +87,6 @@ def test_the_record_of_a_process_is_whole(monkeypatch: pytest.MonkeyPatch) -> No
     assert made["peak_memory_bytes"]["host"] > 50e6
     monkeypatch.setattr(sys, "platform", "darwin")  # counts bytes where Linux counts kibibytes
     assert provenance.resident_peak() == resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def test_rehearsals_know_what_memory_there_is() -> None:
-    installed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    assert limits.memory_there(CPU)["host"] == pytest.approx(installed, rel=0.01)
-    assert limits.in_use(CPU)["host"] > 50e6
 
 
 def test_peak_memory_is_refused_where_the_system_does_not_say_it() -> None:

@@ -193,9 +193,11 @@ def test_rounds_and_looks_for_hidden_surfels_come_when_the_short_run_says(monkey
 
     short = short_run(Variant(), PRESETS["smoke"], 80)
     happened: list[str] = []
-    changed, contribution = density.AdaptiveDensityControl._changed, fit_geometry.largest_contribution
+    changed, contribution = density.AdaptiveDensityControl.changed_surfels, fit_geometry.largest_contribution
     monkeypatch.setattr(
-        density.AdaptiveDensityControl, "_changed", lambda self, *rest: happened.append("round") or changed(self, *rest)
+        density.AdaptiveDensityControl,
+        "changed_surfels",
+        lambda self, *rest: happened.append("round") or changed(self, *rest),
     )
     monkeypatch.setattr(
         fit_geometry, "largest_contribution", lambda *given: happened.append("looks") or 0 * contribution(*given)
@@ -258,14 +260,14 @@ def test_the_uncertainty_of_an_extrapolation_grows_with_its_distance() -> None:
 
 def test_sizes_that_would_not_fit_or_take_too_long_are_not_tried() -> None:
     rungs = [rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)]
-    assert climbing._refusal(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 1e6) is None
+    assert climbing.refusal_of(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 1e6) is None
     # From one size alone nothing is concluded about memory: most of it may be that of the images.
-    assert climbing._refusal(rungs[:1], 400, Bounds({"host": 4 * GIB}, 1e6), 1e6) is None
-    tight = climbing._refusal(rungs, 400, Bounds({"host": 4 * GIB}, 1e6), 1e6)
+    assert climbing.refusal_of(rungs[:1], 400, Bounds({"host": 4 * GIB}, 1e6), 1e6) is None
+    tight = climbing.refusal_of(rungs, 400, Bounds({"host": 4 * GIB}, 1e6), 1e6)
     assert tight is not None
     assert not tight.fits
     assert "would take 4.5 GiB of the host's 4.0" in tight.why
-    late = climbing._refusal(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 9.0)
+    late = climbing.refusal_of(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 9.0)
     assert late is not None
     assert late.fits
 

@@ -105,8 +105,8 @@ def keys_with(copies: SourceTree, module: str, file: Path, content: bytes) -> di
     file.write_bytes(content)
     try:
         # What the other modules import and digest to is not read again: that takes most of the time.
-        digests = {name: digest for name, digest in copies._digests.items() if name != module}
-        return keys_from(SourceTree(copies.roots, dict(copies._imports), digests))
+        digests = {name: digest for name, digest in copies.known_digests.items() if name != module}
+        return keys_from(SourceTree(copies.roots, dict(copies.known_imports), digests))
     finally:
         file.write_bytes(whole)
 

@@ -9,6 +9,7 @@ import pytest
 
 from bench.chain_method import Chain, Turned
 from bench.fake_method import asked
+from bench.own_suite import WHOLE
 from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS
 from radiogs_bench.cli import main
@@ -22,27 +23,6 @@ from radiogs_core.errors import DataError, UsageError
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"
 GAIN = ROOT / "docs" / "examples" / "auto_beside_everything.toml"
-
-WHOLE = """
-name = "mine"
-title = "Mine & yours"
-published = "ablation"
-reference = "a"
-columns = ["nvs/psnr", "normal/mae"]
-scenes = ["corner", "elsewhere/scene"]
-
-[[rows]]
-key = "a"
-text = "50 % of #1"
-
-[[rows]]
-key = "b"
-text = "b"
-latex = "$b$"
-variant = { radiometric_weight = 1, detach = "pbr", view_share = 0.5 }
-budget = { incident_samples = 0.5 }
-settings = { spacing = 0.1 }
-"""
 
 
 @pytest.fixture

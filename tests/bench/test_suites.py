@@ -11,11 +11,12 @@ from radiogs.settings import PRESETS, Variant
 from radiogs_baselines.published import published, published_tables
 from radiogs_bench.methods import DEFAULT, method_names, substitutes
 from radiogs_bench.runs.sweep import Request
+from radiogs_bench.scoring.metrics.measures import MEASURES
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import MEASURES, NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field
+from radiogs_bench.suites.suite import NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap

@@ -31,7 +31,7 @@ def test_a_missing_library_is_explained_with_what_to_install(tmp_path: Path) -> 
 def test_a_mesh_is_exported_without_its_distance_and_a_capture_scored_without_its_shape(tmp_path: Path) -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     shape = shape_of(Mesh(corners, np.array([[0, 1, 2]])), load_scene("corner"))
-    value = score_orb._shape_distance(tmp_path / "ours.ply", tmp_path / "theirs.obj")
+    value = score_orb.shape_distance(tmp_path / "ours.ply", tmp_path / "theirs.obj")
     for reason in (shape["reason"], value.reason):
         assert "radiogs-bench[meshes]" in reason
     assert value.value is None

@@ -284,8 +284,8 @@ def test_a_package_that_is_broken_does_not_hide_the_others(
     (tmp_path / "broken_method.py").write_text("x = 1\n1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
     broken = EntryPoint("broken", "broken_method:METHOD", methods.GROUP)
-    offered = {**methods._offered(), "broken": broken}
-    monkeypatch.setattr(methods, "_offered", lambda: offered)
+    offered = {**methods.offered_methods(), "broken": broken}
+    monkeypatch.setattr(methods, "offered_methods", lambda: offered)
     assert main(["methods"]) == 2
     said = capsys.readouterr()
     assert "radiogs" in said.out
@@ -333,7 +333,7 @@ METHOD = Mine()
     (tmp_path / f"{module}.py").write_text(f"{text}{change}\n")
     monkeypatch.syspath_prepend(tmp_path)
     offered = {"mine": EntryPoint("mine", f"{module}:METHOD", methods.GROUP)}
-    monkeypatch.setattr(methods, "_offered", lambda: offered)
+    monkeypatch.setattr(methods, "offered_methods", lambda: offered)
     with pytest.raises(UsageError, match="the method 'mine' is not what a method is") as refused:
         methods.method("mine")
     assert told in refused.value.why

@@ -105,10 +105,47 @@ def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: 
         "house.two.b": "house.one.a", "house.one.d": "house.one.a", "house.two.e": "house.two.b",
     }  # fmt: skip
     assert [*structure.counts(tree, modules).values()] == [5, 3, 1]
+    monkeypatch.setattr(structure, "TABLES", ("house.one.a",))
+    assert structure.with_one_user(tree, modules) == {"house.two.e": "house.two.b"}
+
+
+def test_every_table_is_a_file(structure: ModuleType) -> None:
+    assert [name for name in structure.TABLES if installed().file(name) is None] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("from bench.test_cell import made\n", "imports test_cell"),
+        ("from . import test_cell\n", "imports test_cell"),
+        ("import bench.test_cell\n", "imports test_cell"),
+        ("from radiogs.method import _late\n", "imports _late"),
+        ("import house\nhouse._late()\n", "uses _late"),
+        ("def test(house):\n    house.method.kept._kept\n", "uses _kept"),
+        ("def test(patch, house):\n    patch.setattr(house, '_LIMIT', 1)\n", "uses _LIMIT"),
+        ("def test(patch, house):\n    with patch.object(house, '_Inner'):\n        pass\n", "uses _Inner"),
+        ("import os\nos._exit(0)\n", ""),
+        ("class Own:\n    def f(self):\n        self._kept = 1\n", ""),
+        ("from house.cell import made\nfrom scenes import sphere\n_late = made()\n", ""),
+    ],
+)
+def test_what_a_test_may_not_reach_for_is_found(structure: ModuleType, text: str, said: str, tmp_path: Path) -> None:
+    tree = house(
+        tmp_path,
+        cell="_LIMIT: int = 2\ndef _late(): ...\nclass _Inner:\n    def __init__(self):\n        self._kept = 1\n",
+    )
+    private = structure.private_names(tree, ["house.cell"])
+    assert private == {"_LIMIT", "_late", "_Inner", "_kept"}
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_it.py").write_text(text)
+    found = list(structure.reaching(tmp_path / "tests", private))
+    assert [each.partition(" ")[2] for each in found] == ([said] if said else [])
 
 
 def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
     tree = installed()
+    modules = list(tree.closure(*OURS))
     assert structure.findings(tree, *OURS) == []
-    counted = structure.counts(tree, list(tree.closure(*OURS)))
+    assert list(structure.reaching(structure.TESTS, structure.private_names(tree, modules))) == []
+    counted = structure.counts(tree, modules)
     assert {name: number for name, number in counted.items() if number > structure.LIMITS[name]} == {}

@@ -12,7 +12,7 @@ import pytest
 import torch
 from plyfile import PlyData, PlyElement
 
-from datasets.test_undistortion import LENSES, TOLERANCE, bent, dot_near, dots
+from datasets.lenses import LENSES, TOLERANCE, bent, dot_near, dots
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene

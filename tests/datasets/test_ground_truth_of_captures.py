@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from datasets.orb_captures import SIDE, write_captures
 from radiogs_bench.scoring.metrics.geometry import normal_mae
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
@@ -14,7 +15,10 @@ from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png, write_png
 from radiogs_datasets.registry import TINY
 
-from .test_stanford_orb import SIDE, capture  # noqa: F401 - the fixture
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return write_captures(tmp_path)
 
 
 def read_all(folder: Path) -> None:
@@ -31,7 +35,7 @@ def truth_of(folder: Path) -> Path:
 
 @pytest.mark.parametrize("shape", [(1, 1), (SIDE, 1), (SIDE // 2, SIDE // 2)])
 @pytest.mark.parametrize("kind", ["surface_normal", "z_depth"])
-def test_arrays_of_another_size_are_refused(capture: Path, kind: str, shape: tuple[int, int]) -> None:  # noqa: F811
+def test_arrays_of_another_size_are_refused(capture: Path, kind: str, shape: tuple[int, int]) -> None:
     """Audit M12: a normal map of 1 x 1 was spread over all pixels."""
     channels = (3,) if kind == "surface_normal" else ()
     np.save(truth_of(capture) / kind / "0001.npy", np.ones((*shape, *channels), np.float32))
@@ -39,7 +43,7 @@ def test_arrays_of_another_size_are_refused(capture: Path, kind: str, shape: tup
         read_all(capture)
 
 
-def test_albedo_and_masks_of_another_size_are_refused(capture: Path) -> None:  # noqa: F811
+def test_albedo_and_masks_of_another_size_are_refused(capture: Path) -> None:
     """Audit M20: they ended in a traceback after training."""
     albedo, mask = truth_of(capture) / "pseudo_gt_albedo/0000.png", capture / "test_mask/0000.png"
     for path, channels in ((albedo, 3), (mask, 1)):
@@ -51,7 +55,7 @@ def test_albedo_and_masks_of_another_size_are_refused(capture: Path) -> None:  #
     read_all(capture)
 
 
-def test_masks_of_the_levels_zero_and_one_are_refused(capture: Path) -> None:  # noqa: F811
+def test_masks_of_the_levels_zero_and_one_are_refused(capture: Path) -> None:
     """Audit M12: they gave an alpha of .004."""
     path = capture / "train_mask/0000.png"
     write_png(path, read_png(path) / 255)
@@ -59,7 +63,7 @@ def test_masks_of_the_levels_zero_and_one_are_refused(capture: Path) -> None:  #
         read_all(capture)
 
 
-def test_numbers_that_float32_does_not_hold_are_refused(capture: Path) -> None:  # noqa: F811
+def test_numbers_that_float32_does_not_hold_are_refused(capture: Path) -> None:
     """Audit M12: float64 1e300 became infinite after it had been tested."""
     np.save(truth_of(capture) / "z_depth/0000.npy", np.full((SIDE, SIDE), 1e300))
     with pytest.raises(DataError, match=r"beyond 3\.4e38"):

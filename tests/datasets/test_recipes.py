@@ -208,7 +208,7 @@ def test_an_unknown_recipe_is_an_error(tmp_path) -> None:
 def test_a_mitsuba_that_fails_or_aborts_is_an_error_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path, script: str
 ) -> None:
-    monkeypatch.setattr(probe, "_SCRIPT", script)
+    monkeypatch.setattr(probe, "SCRIPT", script)
     with pytest.raises(UsageError, match="libllvm19") as caught:
         generate_scene("corner", tmp_path / "a")
     assert "trial render failed" in caught.value.why

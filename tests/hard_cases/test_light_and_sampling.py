@@ -12,7 +12,7 @@ from radiogs_bench.lab.kernels import plain as dense
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
-from radiogs_core.transport.light_filters import LEVELS, _grid_solid_angles, filtered, turned_spectrum
+from radiogs_core.transport.light_filters import LEVELS, filtered, grid_solid_angles, turned_spectrum
 from radiogs_core.transport.sampling import LightSampler, relighting_directions, tangent_frame
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -155,7 +155,7 @@ def _kept(level: int) -> float:
     each_texel = torch.eye(512, dtype=torch.float64).view(16, 32, 512)
     spread = filtered(turned_spectrum(each_texel), 16, level, 1)[0].sum(1)
     area = texel_solid_angles(16, 32).expand(16, 32).reshape(-1)
-    return float(((_grid_solid_angles() @ spread) / area - 1).abs().max())
+    return float(((grid_solid_angles() @ spread) / area - 1).abs().max())
 
 
 @pytest.mark.case(35)

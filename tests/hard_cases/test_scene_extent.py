@@ -13,7 +13,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.kernels.rasterize.rasterize import tile_lists
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
-from radiogs_core.kernels.trace.hits import _begins, _entries
+from radiogs_core.kernels.trace.hits import begins_of, number_of_entries
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
@@ -65,9 +65,9 @@ def test_more_pairs_than_an_index_holds_are_counted_in_64_bits_and_refused() -> 
 def test_more_hits_than_an_index_holds_are_counted_in_64_bits_and_refused() -> None:
     most = torch.iinfo(torch.int32).max
     counts = torch.tensor([most - 5, 5], dtype=torch.int32)
-    assert (_begins(counts).tolist(), _entries(counts)) == ([0, most - 5, most], most)
+    assert (begins_of(counts).tolist(), number_of_entries(counts)) == ([0, most - 5, most], most)
     with pytest.raises(UsageError, match=f"{most + 1} hits"):
-        _entries(torch.tensor([most - 5, 6], dtype=torch.int32))
+        number_of_entries(torch.tensor([most - 5, 6], dtype=torch.int32))
 
 
 def shell(count: int, scale: float, offset: float) -> SplatGeometry:

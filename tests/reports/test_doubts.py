@@ -46,7 +46,7 @@ def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
 
 def test_the_terminal_marks_values() -> None:
     (table,) = parts_of(suite_table(doubted()), "", 160)
-    assert [str(cell).splitlines()[0] for cell in table.columns[2]._cells] == ["7.50†", "7.00†‡"]
+    assert [str(cell).splitlines()[0] for cell in table.columns[2].cells] == ["7.50†", "7.00†‡"]
 
 
 def test_markdown_marks_values_and_says_why_below() -> None:

@@ -5,16 +5,19 @@ The log holds the command's output, up to a maximum size, and is written while t
 
 import atexit
 import os
+import signal
 import subprocess
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import psutil
+
 from .errors import CommandFailed
-from .family import MARK, SUPPORTED, Family
 
 LIMIT = 64 * 2**20
 """Largest size of a log in bytes: its first and its last half of that size are kept. The progress bar of a long
@@ -35,6 +38,9 @@ FIRST_SAMPLE = 0.01
 FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
 """Environment variables of this interpreter that would make another one find the packages of this one."""
 
+MARK = "RADIOGS_BENCH_COMMAND_OF"
+"""Environment variable that marks a command and its children; its value is the workspace that they write to."""
+
 
 @dataclass(frozen=True)
 class Ended:
@@ -45,7 +51,7 @@ class Ended:
     seconds: float
     """Duration, seconds."""
     peak_bytes: int | None
-    """Largest sampled sum of resident memory over all processes; None if no sample was possible."""
+    """Largest sampled sum of resident memory over all processes; None if it ended before the first sample."""
     too_long: bool = False
     """Whether it was ended because of its time limit."""
     survivors: tuple[int, ...] = ()
@@ -128,9 +134,7 @@ class Running:
         """End the command if it runs, and all its children, also those that outlive it; returns how it ended."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
-            # Without /proc the group's number may belong to another process once the command has gone.
-            reachable = SUPPORTED or self._process.poll() is None
-            survivors = self._family.end(self.grace) if reachable else []
+            survivors = self._family.end(self.grace)
             try:
                 code = self._process.wait(1)
             except subprocess.TimeoutExpired:  # it waits in the kernel and cannot be ended
@@ -236,3 +240,77 @@ class BoundedLog:
         self._recent_size += len(data)
         while self._recent_size - len(self._recent[0]) >= RECENT:
             self._recent_size -= len(self._recent.popleft())
+
+
+@dataclass
+class Family:
+    """A process and its descendants.
+
+    Descendants are found in four ways, because a process can escape each of them: by the session and group of the first
+    process, by their parents, by a mark in their environment (kept by children that leave the session and lose their
+    parents), and because they were seen before. psutil identifies a process by its number and its start time, because
+    numbers are used again.
+    """
+
+    root: int
+    """Number of the first process, the leader of its own session; 0: only processes with the mark belong."""
+    mark: str
+    """Value of MARK in their environment."""
+    _members: set[psutil.Process] = field(default_factory=set)
+    """Processes that were found before."""
+    _strangers: set[psutil.Process] = field(default_factory=set)
+    """Processes whose environment was read and has another mark."""
+
+    def living(self) -> dict[psutil.Process, int]:
+        """Resident memory in bytes of each member that is alive."""
+        everyone = {process.pid: process for process in psutil.process_iter(["ppid"]) if process.is_running()}
+        inside = {pid for pid, process in everyone.items() if self._belongs(process)}
+        while grown := {pid for pid, each in everyone.items() if each.info["ppid"] in inside and pid not in inside}:
+            inside |= grown
+        inside.discard(os.getpid())
+        members = {everyone[pid] for pid in inside}
+        self._members |= members
+        resident = {member: _resident(member) for member in members}
+        return {member: size for member, size in resident.items() if size is not None}
+
+    def end(self, grace: float) -> list[int]:
+        """Terminate all members, and kill them after ``grace`` seconds; returns the numbers of those that survive."""
+        self._signal(signal.SIGTERM)
+        if self._gone_within(grace):
+            return []
+        for _ in range(20):  # a member that forks meanwhile has children that did not get the signal
+            self._signal(signal.SIGKILL)
+            if self._gone_within(0.25):
+                return []
+        return sorted(member.pid for member in self.living())
+
+    def _belongs(self, process: psutil.Process) -> bool:
+        if process in self._members:
+            return True
+        with suppress(psutil.Error, OSError):  # it has ended, or belongs to another user
+            if self.root and self.root in (process.pid, os.getsid(process.pid), os.getpgid(process.pid)):
+                return True
+            if process not in self._strangers and process.environ().get(MARK) == self.mark:
+                return True
+        self._strangers.add(process)
+        return False
+
+    def _signal(self, number: int) -> None:
+        for member in self.living():
+            with suppress(psutil.Error):
+                member.send_signal(number)
+
+    def _gone_within(self, seconds: float) -> bool:
+        end = time.monotonic() + seconds
+        while self.living():
+            if time.monotonic() >= end:
+                return False
+            time.sleep(0.02)
+        return True
+
+
+def _resident(process: psutil.Process) -> int | None:
+    """Resident memory in bytes; None for a process that has ended, also for a zombie."""
+    with suppress(psutil.Error):
+        return None if process.status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD) else process.memory_info().rss
+    return None

@@ -11,7 +11,6 @@ from pathlib import Path
 from radiogs_core.errors import ExplainedError
 
 from .errors import CommandFailed
-from .family import LIMITS
 from .place import Place
 from .process import Ended, Order, Running
 from .records import (
@@ -149,7 +148,7 @@ class Attempt:
         task, log = self.task, self._running.log
         last = log.last_lines(LAST_LINES)
         full = _full_disk(task.place.root, last + log.trouble + why)
-        parts = [why, full, log.trouble, f"Its last output:\n{last}" if last else "It printed nothing.", LIMITS]
+        parts = [why, full, log.trouble, f"Its last output:\n{last}" if last else "It printed nothing."]
         again = "it continues from its last state" if task.resumes else "it starts again, and earlier commands are kept"
         return CommandFailed(
             f"{task.place.file.title}: the command '{task.name}' {how}",

@@ -25,7 +25,6 @@ from ..outputs.files import Found
 from ..outputs.predictions import Predictions, relightable
 from ..outputs.reading import read_predictions
 from .errors import CommandFailed
-from .family import LIMITS
 from .place import Place
 from .placeholders import filled_list
 from .records import Listing, digest_of_order, listing_of, read_record
@@ -116,7 +115,7 @@ class TrainedCommand:
             "code": {"url": code.url, "commit": code.commit, "licence": code.licence, "found": found},
             "commands": commands,
             "logs": {name: str(self.place.root / record["log"]) for name, record in commands.items()},
-            "remarks": [*remarks, *([LIMITS] if LIMITS else [])],
+            "remarks": remarks,
             "absent": [] if predictions is None else list(predictions.absent),
             "ignored": [] if predictions is None else list(predictions.ignored),
         }

@@ -17,7 +17,7 @@ PYTHON_VARIABLE = "RADIOGS_BENCH_BLENDER_PYTHON"
 LAST_LINES = 3
 """Number of lines of Blender's output in the message when its process ends unexpectedly."""
 
-_SERVE = "import sys; sys.path.insert(0, sys.argv[1]); from in_blender.worker import serve; serve(int(sys.argv[2]))"
+SERVE = "import sys; sys.path.insert(0, sys.argv[1]); from in_blender.worker import serve; serve(int(sys.argv[2]))"
 
 
 def blender_python() -> str:
@@ -55,7 +55,7 @@ class Blender:
     def __init__(self, log: Path) -> None:
         self._log = log
         reading, writing = os.pipe()
-        command = [blender_python(), "-c", _SERVE, str(Path(__file__).parent), str(writing)]
+        command = [blender_python(), "-c", SERVE, str(Path(__file__).parent), str(writing)]
         with log.open("ab") as printed:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=printed, stderr=printed, pass_fds=[writing], text=True

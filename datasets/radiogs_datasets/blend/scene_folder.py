@@ -50,7 +50,7 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
     state = unfinished / ".rendering"
     _begin(request, folder, state)
     require_blender()
-    lights = _write_lights(request, unfinished / "envmaps", state)
+    lights = write_lights(request, unfinished / "envmaps", state)
     passes = folder.with_name(f"{folder.name}.passes") if request.keep_passes else None
     if passes is not None:
         passes.mkdir(exist_ok=True)
@@ -115,7 +115,7 @@ def _begin(request: Request, folder: Path, state: Path) -> None:
         ) from error
 
 
-def _write_lights(request: Request, folder: Path, state: Path) -> dict[str, Path]:
+def write_lights(request: Request, folder: Path, state: Path) -> dict[str, Path]:
     """Write the scene's lights; returns the file of each for Blender, which renders the stored 8-bit RGBE values."""
     folder.mkdir(exist_ok=True)
     lights = {}

@@ -74,7 +74,7 @@ def _write_all(
             view = folder / f"{split.name}_{place:03}"
             view.mkdir()
             camera = pinhole(recipe.rig, number, pictures.size)
-            energy += _write_view(lights, camera, split, pictures.depth, seed * total + number, view)
+            energy += write_view(lights, camera, split, pictures.depth, seed * total + number, view)
             frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
             if progress is not None:
                 progress(view.name, number + 1, total)
@@ -97,7 +97,7 @@ def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
     return lights
 
 
-def _write_view(
+def write_view(
     lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, depth: int, seed: int, folder: Path
 ) -> NDArray[np.float64]:
     """Write one view; returns the sums of its indirect and of its total radiance under the training light.

@@ -55,7 +55,7 @@ class Bootstrap:
         mean, count = values.mean(1), values.shape[1]
         if count < 2:
             return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
-        times = _drawn(count, self.resamples).double()
+        times = resample_counts(count, self.resamples).double()
         centred = values - mean[:, None]
         moved = centred @ times.T / count
         spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
@@ -71,7 +71,7 @@ class Bootstrap:
 
 
 @lru_cache(maxsize=8)
-def _drawn(count: int, resamples: int) -> Float[Tensor, "resamples sample"]:
+def resample_counts(count: int, resamples: int) -> Float[Tensor, "resamples sample"]:
     """How often each of ``count`` values is in each resample: the same for all samples of a size, as tables are."""
     drawn = torch.randint(count, (resamples, count), generator=torch.Generator().manual_seed(count))
     return torch.zeros(drawn.shape).scatter_add_(1, drawn, torch.ones(1).expand_as(drawn))

@@ -129,7 +129,7 @@ def decide_light_sampling(
 def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.Generator) -> Float[Tensor, "surfels 3"]:
     """Display colour along the normals under a light that nothing occludes, from REFERENCE_DIRECTIONS."""
     directions = relighting_directions(
-        surfels.frame[..., 2], LightSampler(_widened(light)), *REFERENCE_DIRECTIONS, generator
+        surfels.frame[..., 2], LightSampler(widened_light(light)), *REFERENCE_DIRECTIONS, generator
     )
     return _shaded(surfels, light, directions)
 
@@ -142,7 +142,7 @@ def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, T
     )
 
 
-def _widened(light: EnvironmentMap) -> EnvironmentMap:
+def widened_light(light: EnvironmentMap) -> EnvironmentMap:
     """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
 
     Drawn from the map itself, directions in those would be rare and have large weights

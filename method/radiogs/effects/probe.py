@@ -73,7 +73,7 @@ def probe(
         for effect in effects
     }
     chosen = {effect: found.plan for effect, found in decisions.items() if found.verdict != "on"}
-    plan, whole, left_out = _accepted(assessment, chosen, occasion.before, occasion.iteration)
+    plan, whole, left_out = accepted_plan(assessment, chosen, occasion.before, occasion.iteration)
     for effect in chosen.keys() - set(left_out):
         decisions[effect] = replace(
             decisions[effect], verdict="on", why="left out alone it would pass, with others it does not"
@@ -155,7 +155,7 @@ def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_
     return decision
 
 
-def _accepted(
+def accepted_plan(
     assessment: Assessment, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
 ) -> tuple[EffectPlan, Evidence, list[str]]:
     """All chosen plans combined, if that passes; else without the one that saves least, and so on.

@@ -41,12 +41,13 @@ def packed(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
     declared = _declared(kernel)
     names = declared[len(declared) - len(arguments) :]
     return [
-        _described(argument, kernel, *wanted) if isinstance(argument, torch.Tensor) else argument
+        described(argument, kernel, *wanted) if isinstance(argument, torch.Tensor) else argument
         for argument, wanted in zip(arguments, names, strict=True)
     ]
 
 
-def _described(tensor: torch.Tensor, kernel: wp.Kernel, name: str, array: _Array | None) -> Any:
+def described(tensor: torch.Tensor, kernel: wp.Kernel, name: str, array: _Array | None) -> Any:
+    """Warp's descriptor of a tensor's memory, as the array that a kernel declares. Raises as ``packed`` does."""
     if array is None or tensor.dtype != array.dtype or not tensor.is_contiguous():
         gaps = "" if tensor.is_contiguous() else " with gaps"
         raise TypeError(f"'{name}' of {kernel.key} takes {array or 'no tensor'}, not {tensor.dtype}{gaps}")

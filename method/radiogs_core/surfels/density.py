@@ -192,11 +192,11 @@ class AdaptiveDensityControl:
             stayers = torch.nonzero(shows)[:, 0]
             self.gradient = self.gradient.take(stayers)
             return surfels.take(stayers), stayers
-        changed, origin = self._changed(surfels, shows, generator)
+        changed, origin = self.changed_surfels(surfels, shows, generator)
         self.gradient = PositionalGradient.none(len(changed), changed.centre.device)
         return changed, origin
 
-    def _changed(
+    def changed_surfels(
         self, surfels: Surfels, shows: Bool[Tensor, " surfels"], generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " changed"]]:
         """Surfels after a round, and for each the old surfel whose optimiser moments it inherits (-1: none)."""

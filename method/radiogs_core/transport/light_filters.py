@@ -50,7 +50,7 @@ def filtered(
     turns = _turns(height)
     columns = GRID_WIDTH // turns
     size = GRID_HEIGHT * columns
-    filters = _filters(height, spectrum.device)[:, first * size : (first + count) * size]
+    filters = filter_matrices(height, spectrum.device)[:, first * size : (first + count) * size]
     turned = torch.fft.irfft(filters @ spectrum, n=turns, dim=0)
     return turned.unflatten(1, (count, GRID_HEIGHT, columns)).permute(1, 2, 0, 3, 4).flatten(2, 3)
 
@@ -67,13 +67,13 @@ def _turns(height: int) -> int:
 
 
 def _shape(height: int) -> tuple[int, int, int]:
-    """Shape of ``_filters``: frequencies, grid points of all filters, and texels within one rotation step."""
+    """Shape of ``filter_matrices``: frequencies, grid points of all filters, and texels within one rotation step."""
     turns = _turns(height)
     return turns // 2 + 1, (1 + len(LEVELS)) * GRID_HEIGHT * GRID_WIDTH // turns, 2 * height * height // turns
 
 
 @cache
-def _filters(height: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
+def filter_matrices(height: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
     """For each frequency, the matrix from texels of a light to points of the grid: first the diffuse filter's points,
     then those of each glossy filter.
 
@@ -84,7 +84,7 @@ def _filters(height: int, device: torch.device) -> Complex[Tensor, "frequencies 
     texels = texel_directions(height, 2 * height).view(height, turns, columns, 3).transpose(1, 2).flatten(0, 1)
     axes = texel_directions(GRID_HEIGHT, GRID_WIDTH)[:, : GRID_WIDTH // turns].flatten(0, 1)
     area = texel_solid_angles(height, 2 * height).expand(height, columns).flatten()
-    covered = _grid_solid_angles().repeat_interleave(GRID_WIDTH // turns)
+    covered = grid_solid_angles().repeat_interleave(GRID_WIDTH // turns)
     cosine = torch.einsum("ac,btc->abt", axes, texels).clamp(-1, 1)
     kernels = [cosine.clamp(min=0)]
     half_cosine_squared = (1 + cosine) / 2
@@ -120,7 +120,7 @@ def _balanced(
     return rows[:, None, None] * kernel * columns[:, None]
 
 
-def _grid_solid_angles() -> Float[Tensor, " rows"]:
+def grid_solid_angles() -> Float[Tensor, " rows"]:
     """Solid angle, in steradian, of a grid point of each row under bilinear lookup; all points sum to 4 pi."""
     fine = 64 * GRID_HEIGHT
     direction = texel_directions(fine, 4)[:, 0]

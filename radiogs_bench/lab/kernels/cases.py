@@ -73,7 +73,7 @@ def trace_case(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> 
 def rasterize_case(scene: KernelScene, size: int, dtype: torch.dtype, device: torch.device, dense: bool) -> Case:
     """An image of CHANNELS features from outside the scene, beside every pixel against every surfel."""
     geometry = _geometry(scene, dtype, device)
-    camera = _camera(size).to(device, dtype)
+    camera = square_camera(size).to(device, dtype)
     generator = torch.Generator().manual_seed(1)
     features = torch.rand(len(geometry), CHANNELS, generator=generator).to(device, dtype)
     leaves = [*(getattr(geometry, field.name) for field in fields(geometry)), features]
@@ -173,7 +173,7 @@ def _geometry(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> S
     return SplatGeometry(*(getattr(scene.geometry, field.name).to(device, dtype) for field in fields(SplatGeometry)))
 
 
-def _camera(size: int) -> Camera:
+def square_camera(size: int) -> Camera:
     """At (4, 0, 0), looking at the origin, Z up, 40 degrees across."""
     pose = torch.eye(4, dtype=torch.float64)
     pose[:3, :3] = torch.tensor([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64)

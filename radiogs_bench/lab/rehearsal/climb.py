@@ -96,7 +96,7 @@ def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: B
     rungs: list[SizeResult] = []
     started = time.perf_counter()
     for size in ladder:
-        refusal = _refusal(rungs, size, bounds, bounds.seconds - (time.perf_counter() - started))
+        refusal = refusal_of(rungs, size, bounds, bounds.seconds - (time.perf_counter() - started))
         if refusal is not None:
             return Rehearsal(rungs, largest, refusal)
         setting.progress.say(f"size {size:,}" if size is not None else "its own sizes")
@@ -139,7 +139,7 @@ def _measured(
     )
 
 
-def _refusal(rungs: Sequence[SizeResult], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
+def refusal_of(rungs: Sequence[SizeResult], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
     """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it."""
     if not rungs or size is None:
         return None

@@ -2,17 +2,12 @@
 
 import ctypes
 import gc
-import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
+import psutil
 import torch
-
-from ...store.provenance import PROCESS_STATUS, resident_peak
-
-MEMORY_INFORMATION = Path("/proc/meminfo")
 
 MATRIX = 1024
 """Side of the matrices whose product is timed: large enough to be bound by arithmetic."""
@@ -53,7 +48,7 @@ KNOWN_DEVICES: Mapping[str, KnownDevice] = {
 
 def memory_there(device: torch.device) -> dict[str, int]:
     """Bytes that this process can have by place: of the machine what is free beside what it has already."""
-    found = {"host": _free() + resident()}
+    found = {"host": int(psutil.virtual_memory().available) + resident()}
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         found["device"] = free + torch.cuda.memory_reserved(device)
@@ -62,14 +57,7 @@ def memory_there(device: torch.device) -> dict[str, int]:
 
 def resident() -> int:
     """Resident set of this process, bytes."""
-    return _of_file(PROCESS_STATUS, "VmRSS:") if PROCESS_STATUS.exists() else resident_peak()
-
-
-def _free() -> int:
-    """Bytes that are free; where the system does not say, all that the machine has."""
-    if MEMORY_INFORMATION.exists():
-        return _of_file(MEMORY_INFORMATION, "MemAvailable:")
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") - resident()
+    return int(psutil.Process().memory_info().rss)
 
 
 def give_memory_back() -> None:
@@ -110,11 +98,3 @@ def _fastest(device: torch.device, do: object) -> float:
             torch.cuda.synchronize(device)
         taken.append(time.perf_counter() - started)
     return min(taken)
-
-
-def _of_file(path: Path, name: str) -> int:
-    """An amount of /proc in bytes."""
-    for line in path.read_text().splitlines():
-        if line.startswith(name):
-            return int(line.split()[1]) * 1024
-    return 0

@@ -55,7 +55,7 @@ def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
     preflight(request, unfinished, bench)
     tasks = [Task(cell, label(ref)) for ref, cell in cells]
     if engine.name == "pool" and unfinished:
-        return _by_pool(cells, bench, engine, request.command)
+        return run_by_pool(cells, bench, engine, request.command)
     if engine.name == "ray" and unfinished:
         return _on_cluster(request, tasks, bench, engine)
     return Ended(run_tasks(request, tasks, bench))
@@ -86,7 +86,8 @@ def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[Exp
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
 
 
-def _by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, command: Sequence[str]) -> Ended:
+def run_by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, command: Sequence[str]) -> Ended:
+    """Run cells in processes of their own, and show how far they are until the last one has ended."""
     labels = {cell.key: label(ref) for ref, cell in cells}
     shown = OthersProgress(bench.progress, bench.store, labels)
 

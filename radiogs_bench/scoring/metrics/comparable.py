@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from .measures import COMPARED
 from .protocol import Protocol
 
 
@@ -17,9 +18,9 @@ def conventions(rules: Protocol, metric: str) -> tuple[Any, ...]:
     """Every convention that a metric's value depends on; empty for times, memory and counts."""
     task, measure, *_ = metric.split("/")
     measured_by = {"psnr": rules.psnr, "ssim": rules.ssim, "lpips": rules.lpips[0], "change": rules.psnr}
-    if measure in measured_by:
+    if measure in measured_by or measure in COMPARED:
         shown = {"nvs": rules.nvs, "relight": (rules.relight, rules.albedo), "indirect": rules.indirect}
-        return shown.get(task, rules.albedo), measured_by[measure]
+        return shown.get(task, rules.albedo), measured_by.get(measure)
     return {
         "normal": (rules.normal,),
         "roughness": (rules.roughness,),

@@ -27,6 +27,7 @@ from .conventions import (
 from .environment import environment_error
 from .geometry import IN_MASK, depth_errors, depth_offset, normal_mae
 from .lpips import ALEX, SMALLEST_SIDE, lpips
+from .measures import COMPARED
 from .pictures import AS_RENDERED, Image, Mask, needs_truth, predicted, times, true
 from .psnr import JOINT, decibel, error_of, masked_mse, mse, psnr
 from .ssim import WANG, smallest_side, ssim
@@ -181,7 +182,7 @@ class Protocol:
 
     def no_comparison(self, reason: str) -> Scores:
         """The measures of ``compare``, all n/a with the given reason."""
-        return {measure: Value(None, reason) for measure in ("psnr", "ssim", *self._perceptual())}
+        return {measure: Value(None, reason) for measure in ("psnr", "ssim", *self._perceptual(), *COMPARED)}
 
     def _picture(self, task: Task) -> Picture:
         if task == "indirect" and self.indirect is not None:
@@ -190,7 +191,8 @@ class Protocol:
 
     def _structure(self, ours: Image, theirs: Image) -> Scores:
         found = {"ssim": large_enough(ours, smallest_side(self.ssim), lambda: ssim(ours, theirs, self.ssim))}
-        return found | {name: perceptual(ours, theirs, rules) for name, rules in self._perceptual().items()}
+        found |= {name: perceptual(ours, theirs, rules) for name, rules in self._perceptual().items()}
+        return found | compared(ours, theirs)
 
     def _difference(self, compared: tuple[Image, Image, Mask] | None) -> Scores:
         """``delta_e`` if the rules ask for it; n/a where nothing is covered."""
@@ -204,6 +206,11 @@ class Protocol:
 
     def _not_compared(self, what: str) -> Value:
         return Value(None, f"protocol '{self.name}' does not compare {what}")
+
+
+def compared(ours: Image, theirs: Image) -> Scores:
+    """The measures that need nothing but two prepared images."""
+    return {name: inside(compare(ours, theirs)) for name, compare in COMPARED.items()}
 
 
 def perceptual(ours: Image, theirs: Image, rules: Lpips) -> Value:

@@ -17,8 +17,9 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 
 from .albedo import least_squares
 from .conventions import Albedo, Depth, Lpips, Normal, Ssim, Task
+from .measures import COMPARED
 from .pictures import Image, Mask
-from .protocol import EMPTY, Protocol, Scores, coverages, inside, perceptual
+from .protocol import EMPTY, Protocol, Scores, compared, coverages, inside, perceptual
 from .psnr import decibel, mse
 from .ssim import ssim
 from .values import Value
@@ -91,11 +92,12 @@ class StanfordOrb(Protocol):
             "psnr_l": Value(psnr_l(image, target, region)),
             "ssim": Value(ssim(ours, theirs, self.ssim)),
             "lpips": perceptual(srgb_encode(ours), srgb_encode(theirs), self.lpips[0]),
+            **compared(ours, theirs),
         }
 
     def no_comparison(self, reason: str) -> Scores:
         """The measures of ``score_image``, all n/a with the given reason."""
-        return {measure: Value(None, reason) for measure in ("psnr", "psnr_h", "psnr_l", "ssim", "lpips")}
+        return {measure: Value(None, reason) for measure in ("psnr", "psnr_h", "psnr_l", "ssim", "lpips", *COMPARED)}
 
     def albedo_scale(
         self,
@@ -119,13 +121,14 @@ class StanfordOrb(Protocol):
         mask, _ = coverages(target, mask, None)
         region = eroded(mask)
         if not region.any():
-            return {measure: Value(None, EMPTY) for measure in ("psnr", "ssim", "lpips")}
+            return {measure: Value(None, EMPTY) for measure in ("psnr", "ssim", "lpips", *COMPARED)}
         prediction = aligned(prediction, target, region)
         ours, theirs = (masked(side, region).clamp(0, 1) for side in (prediction, target))
         return {
             "psnr": Value(psnr_linear(prediction, target, region)),
             "ssim": Value(ssim(ours, theirs, self.ssim)),
             "lpips": perceptual(srgb_encode(ours), srgb_encode(theirs), self.lpips[0]),
+            **compared(ours, theirs),
         }
 
     def score_normal(self, normal: Image, target: Image, mask: Mask, alpha: Mask | None = None) -> Scores:

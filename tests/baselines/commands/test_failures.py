@@ -9,12 +9,13 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import psutil
 import pytest
 
 from baselines.commands.bench import Bench, method_of, toml
-from bench.test_full_disk import UNSHARE, why_nothing_can_be_mounted
+from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 from public_outputs import Maps, write_svg_ir
-from radiogs_baselines.commands import family, process, task
+from radiogs_baselines.commands import process, task
 from radiogs_baselines.commands.errors import CommandFailed
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
@@ -29,11 +30,7 @@ def _short_grace(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def lives(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state not in "ZX"
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
 
 
 def orphans(workspace: Path) -> list[int]:
@@ -98,7 +95,6 @@ def test_a_command_that_hangs_is_ended_at_its_time_limit(habit: str, convex: Sce
     assert (bench.workspace / "output" / "tidied").exists() == (habit == "hang tidily")
 
 
-@pytest.mark.skipif(not family.SUPPORTED, reason="needs /proc")
 def test_children_in_sessions_of_their_own_are_ended_with_the_command(convex: Scene, tmp_path: Path) -> None:
     bench = cell(tmp_path, convex, f"{SECOND}|--habit|crash with orphans")
     with pytest.raises(CommandFailed, match="exit code 3"):
@@ -108,14 +104,12 @@ def test_children_in_sessions_of_their_own_are_ended_with_the_command(convex: Sc
     assert not any(map(lives, numbers))
 
 
-@pytest.mark.skipif(not family.SUPPORTED, reason="needs /proc")
 def test_what_outlives_a_command_that_ended_well_is_ended(convex: Scene, tmp_path: Path) -> None:
     bench = cell(tmp_path, convex, f"{SECOND}|--habit|leave an orphan")
     bench.train()
     assert [lives(pid) for pid in orphans(bench.workspace)] == [False]
 
 
-@pytest.mark.skipif(not family.SUPPORTED, reason="needs /proc")
 def test_an_interruption_ends_the_command_with_its_children(convex: Scene, tmp_path: Path) -> None:
     bench = cell(tmp_path, convex, f"{SECOND}|--habit|hang with orphans")
     run = bench.run
@@ -136,12 +130,11 @@ def test_an_interruption_ends_the_command_with_its_children(convex: Scene, tmp_p
     assert not any(map(lives, orphans(bench.workspace)))
 
 
-@pytest.mark.skipif(not family.SUPPORTED, reason="needs /proc")
 def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
     convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mark = {**os.environ, family.MARK: str(tmp_path / "work")}
-    other = {**os.environ, family.MARK: str(tmp_path / "elsewhere")}
+    mark = {**os.environ, process.MARK: str(tmp_path / "work")}
+    other = {**os.environ, process.MARK: str(tmp_path / "elsewhere")}
     wait = [sys.executable, "-c", "import time; time.sleep(600)"]
     left = subprocess.Popen(wait, env=mark, start_new_session=True)
     stranger = subprocess.Popen(wait, env=other, start_new_session=True)
@@ -155,6 +148,12 @@ def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
         for each in (left, stranger):
             each.kill()
             each.wait()
+
+
+def test_without_a_first_process_only_the_mark_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Session 0 is that of the kernel's threads, and inside a container that of its first process."""
+    monkeypatch.setattr(os, "getsid", lambda pid: 0)
+    assert process.Family(0, str(tmp_path)).living() == {}
 
 
 @pytest.mark.parametrize("resumes", [False, True])

@@ -1,16 +1,15 @@
 """What the harness asks of every method: it is registered, its maps are as declared, and bad lights are refused."""
 
 import tomllib
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 import torch
 
-from baselines.methods import trained_models
 from baselines.methods.irgs.world import grey
 from baselines.methods.tensoir.world import looking_down
+from baselines.methods.trained_models import MODELS
 from known_ball import SCENE
 from radiogs_bench.methods import method
 from radiogs_bench.sources import installed
@@ -20,14 +19,6 @@ from radiogs_core.contract import Method, Prepared, Trained
 from radiogs_core.errors import DataError
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget
 
-MODELS: dict[str, Callable[[], Trained]] = {
-    "gs-ir": trained_models.gs_ir,
-    "gi-gs": trained_models.gi_gs,
-    "irgs": trained_models.irgs,
-    "r3dg": trained_models.r3dg,
-    "svg-ir": trained_models.svg_ir,
-    "tensoir": trained_models.tensoir,
-}
 WITH_INCIDENT = {"gi-gs", "irgs", "r3dg", "svg-ir"}
 """Methods that show the indirect light that arrives, under the recovered light."""
 

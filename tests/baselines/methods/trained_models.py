@@ -1,5 +1,6 @@
 """One model of each method, as if training had found it: a ball under a roof, in front of a small scene's cameras."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -38,6 +39,7 @@ from radiogs_baselines.methods.svg_ir.showing import TrainedSVGIR
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.settings import Variant as TensoIRVariant
 from radiogs_baselines.methods.tensoir.showing import TrainedTensoIR
+from radiogs_core.contract import Trained
 from radiogs_core.on_surfels.model import LitSurfels as IRGSModel
 
 WHITE = torch.zeros(8, 16, 3)
@@ -85,3 +87,14 @@ def gi_gs(turned: GIGSVariant | None = None, metallic: torch.Tensor | None = Non
 def tensoir(turned: TensoIRVariant | None = None) -> TrainedTensoIR:
     """TensoIR with a floor."""
     return TENSOIR_METHOD.restore(tensoir_world.run_of(turned), tensoir_world.model_of(FLOOR, 0.8).tensors())
+
+
+MODELS: dict[str, Callable[[], Trained]] = {
+    "gs-ir": gs_ir,
+    "gi-gs": gi_gs,
+    "irgs": irgs,
+    "r3dg": r3dg,
+    "svg-ir": svg_ir,
+    "tensoir": tensoir,
+}
+"""A trained model of each method, by name."""

@@ -26,7 +26,7 @@ for line in sys.stdin:
 @pytest.fixture
 def echo(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that answers with its task; it does not need Blender."""
-    monkeypatch.setattr(process, "_SERVE", ECHO)
+    monkeypatch.setattr(process, "SERVE", ECHO)
     monkeypatch.setenv(process.PYTHON_VARIABLE, sys.executable)
 
 

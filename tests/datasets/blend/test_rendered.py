@@ -15,7 +15,7 @@ from radiogs_datasets.blend.cameras import shots
 from radiogs_datasets.blend.passes import Maps
 from radiogs_datasets.blend.process import Blender
 from radiogs_datasets.blend.request import Request
-from radiogs_datasets.blend.scene_folder import _write_lights, write_scene
+from radiogs_datasets.blend.scene_folder import write_lights, write_scene
 from radiogs_datasets.blend.studio import Studio
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.probe import mitsuba_failure
@@ -37,7 +37,7 @@ def taken(
     request = Request(path, lights, **({"size": 48, "samples": 64, "bounces": 4} | given))  # type: ignore[arg-type]
     opened = blender.ask("open", file=str(path), device="cpu", threads=1)
     maps = folder / "envmaps"
-    studio = Studio(blender, request, _write_lights(request, maps, folder), folder / "picture.exr")
+    studio = Studio(blender, request, write_lights(request, maps, folder), folder / "picture.exr")
     shot = shots(request, opened["low"], opened["high"])[0]
     if light != "training":
         studio.take(shot)  # the light before must leave nothing behind

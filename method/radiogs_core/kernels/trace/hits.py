@@ -139,7 +139,7 @@ def find_hits(
     read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
     count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
     _require_countable(len(surfel))
-    return HitLists(order, _begins(counts), surfel, depth, alpha)
+    return HitLists(order, begins_of(counts), surfel, depth, alpha)
 
 
 def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
@@ -155,7 +155,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
     counts = rounds[0].found.clone()
     for later in rounds[1:]:
         counts[later.slot] += later.found
-    entries = _entries(counts)
+    entries = number_of_entries(counts)
     if len(rounds) == 1 and not as_on_cuda(order.device):
         surfel, depth, alpha = (hits[:entries].clone() for hits in (rounds[0].surfel, rounds[0].depth, rounds[0].alpha))
     else:
@@ -183,7 +183,7 @@ def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tens
     if as_on_cuda(device):
         source = BUFFER * torch.arange(len(rays), dtype=torch.int32, device=device)
     else:
-        source = _begins(found)[:-1]
+        source = begins_of(found)[:-1]
     return _Round(slot, found, source, rest, hits_id, hits_t, hits_alpha, (nodes.sum(), leaves.sum()), start)
 
 
@@ -193,7 +193,7 @@ def _joined(
     """Surfels, depths and alphas of all rounds, packed ray by ray."""
     depth, alpha = (rounds[0].depth.new_empty(entries) for _ in range(2))
     surfel = torch.empty(entries, dtype=torch.int32, device=counts.device)
-    target = _begins(counts)[:-1].clone()
+    target = begins_of(counts)[:-1].clone()
     for each in rounds:
         where = [each.found, each.source, target[each.slot]]
         buffers = [each.depth, each.surfel, each.alpha]
@@ -206,14 +206,14 @@ def _together(parts: list[Tensor]) -> Tensor:
     return torch.cat(parts) if len(parts) > 1 else parts[0]
 
 
-def _begins(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
+def begins_of(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
     """The first entry of each ray's list, and the end of the last list."""
     begin = counts.new_zeros(len(counts) + 1)
     begin[1:] = counts.cumsum(0, dtype=torch.int64)
     return begin
 
 
-def _entries(counts: Int[Tensor, " rays"]) -> int:
+def number_of_entries(counts: Int[Tensor, " rays"]) -> int:
     """The number of hits, summed in 64 bits. Raises UsageError if a list cannot hold them."""
     entries = int(counts.sum(dtype=torch.int64))
     _require_countable(entries)

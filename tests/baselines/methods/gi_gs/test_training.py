@@ -9,24 +9,18 @@ from baselines.methods.gi_gs.training import (
     BUDGET,
     CONSTANT,
     GEOMETRY,
-    STANDING,
     only,
-    product_of,
-    run_of,
     stage_of,
     tensors_of,
     variant,
 )
 from known_ball import BALL, COLOUR, SCENE, noise
 from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
-from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.settings import README_START, Budget, Variant
 from radiogs_baselines.methods.gi_gs.training import InverseRendering
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
-from short_training import through_a_file
 
 
 def turned_to(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
@@ -167,52 +161,6 @@ def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for(
     assert float(shared.surfels.albedo.detach().std()) > 1e-3
 
 
-@pytest.mark.parametrize("metallic", [False, True])
-def test_it_resumes_bit_for_bit(metallic: bool) -> None:
-    turned = Variant(metallic=metallic, thick=0.1)
-    whole = InverseRendering(run_of(turned), product_of(STANDING))
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(turned), product_of(STANDING))
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert mine.keys() == yours.keys()
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-
-
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
-    geometry, invert = GI_GS_METHOD.stages(Variant(), BUDGET)
-    assert geometry.owner == "radiogs_core"
-    shown = Variant(relight_indirect=False, frame="as_shipped")
-    less = replace(BUDGET, render_azimuths=4, render_heights=3)
-    assert GI_GS_METHOD.stages(shown, less)[1].reads == invert.reads
-    one = InverseRendering(run_of(), product_of(STANDING))
-    other = InverseRendering(run_of(variant(relight_indirect=False, frame="as_shipped"), less), product_of(STANDING))
-    for _ in range(2):
-        assert one.step() == other.step()
-    for field, value in {"indirect": False, "readme_bug": True, "start": 4, "metallic": True, "far": 9.0}.items():
-        changed = Variant(**{field: value})  # type: ignore[arg-type]
-        assert GI_GS_METHOD.stages(changed, BUDGET)[1].reads != invert.reads, field
-    finer = replace(BUDGET, azimuths=16)
-    assert GI_GS_METHOD.stages(Variant(), finer)[1].reads != invert.reads
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"lr_scale": -1.0}, {"start": -1}, {"radius": 0.0}, {"far": 0.0}, {"bias": -0.1}, {"thick": -1.0},
-        {"view_share": 0.0}, {"view_share": 1.5},
-    ],
-)  # fmt: skip
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(wrong))):
-        Variant(**wrong)  # type: ignore[arg-type]
-
-
 def test_a_grid_without_a_direction_that_counts_is_refused() -> None:
     for name in ("heights", "render_heights"):
         with pytest.raises(UsageError, match=f"^{name}"):
@@ -223,13 +171,3 @@ def test_a_grid_without_a_direction_that_counts_is_refused() -> None:
 def test_the_readme_s_march_begins_beyond_its_end() -> None:
     assert Variant(readme_bug=True).training_start == README_START == 64
     assert Variant().training_start == 8
-
-
-def test_a_step_that_sees_no_surfel_moves_no_material() -> None:
-    away = Surfels.of(BALL.parameters() | {"centre": BALL.centre + torch.tensor([0.0, 0.0, 500.0])})
-    stage = stage_of(surfels=away)
-    before = tensors_of(stage)
-    losses = stage.step()
-    assert losses["variation"] == losses["plainness"] == 0.0
-    after = tensors_of(stage)
-    assert all(torch.equal(after[name], before[name]) for name in after if name != "log_environment")

@@ -11,21 +11,16 @@ from baselines.methods.gs_ir.training import (
     CONSTANT,
     GEOMETRY,
     only,
-    product_of,
-    run_of,
     stage_of,
     tensors_of,
     variant,
 )
 from baselines.methods.irgs.world import DOWN, sheet, together
 from known_ball import BALL, COLOUR, LOBE, SCENE, noise
-from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
 from radiogs_baselines.methods.gs_ir.settings import Variant
 from radiogs_baselines.methods.gs_ir.shading import View
 from radiogs_baselines.methods.gs_ir.training import InverseRendering
-from radiogs_core.errors import UsageError
 from radiogs_core.surfels.surfels import Surfels
-from short_training import through_a_file
 
 MATERIALS = {"albedo_logit", "roughness_logit", "metallic_logit"}
 MOVING = {"centre", "rotation", "log_scale", "opacity_logit"}
@@ -189,56 +184,11 @@ def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
     assert 0.5 < arriving() < 1.2
 
 
-@pytest.mark.parametrize("turned", [{}, {"metallic": True, "lr_scale": 0.0}, {"occlusion": False}])
-def test_it_resumes_bit_for_bit(turned: dict[str, object]) -> None:
-    """With the search for the light, as it is by default."""
-    chosen = Variant(**turned)  # type: ignore[arg-type]
-    whole = InverseRendering(run_of(chosen), product_of(CAPPED))
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(chosen), product_of(CAPPED))
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-    if chosen.occlusion:
-        assert torch.equal(whole.product()["occlusion"]["coefficients"], resumed.product()["occlusion"]["coefficients"])
-
-
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
-    geometry, invert = GS_IR_METHOD.stages(Variant(), BUDGET)
-    assert geometry.owner == "radiogs_core"
-    assert GS_IR_METHOD.stages(Variant(frame="as_shipped"), BUDGET)[1].reads == invert.reads
-    one = InverseRendering(run_of(), product_of(BALL))
-    other = InverseRendering(run_of(variant(frame="as_shipped")), product_of(BALL))
-    for _ in range(3):
-        assert one.step() == other.step()
-    for changed in (
-        Variant(occlusion=False), Variant(indirect=False), Variant(tau=None), Variant(nearest=0.01),
-        Variant(metallic=True), Variant(texel_areas="approximate"), Variant(lr_scale=0.1),
-    ):  # fmt: skip
-        assert GS_IR_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
-    for name in ("occlusion_corners", "occlusion_directions", "occlusion_samples", "irradiance_corners"):
-        more = replace(BUDGET, **{name: 2 * getattr(BUDGET, name)})
-        assert GS_IR_METHOD.stages(Variant(), more)[1].reads != invert.reads
-
-
 @pytest.mark.parametrize("areas", ["exact", "approximate"])
 def test_training_filters_the_light_as_the_variant_says(areas: str) -> None:
     """With approximate areas the same light makes the image brighter, and the loss another one."""
     shown = stage_of(variant(texel_areas=areas)).step()["shaded"]
     assert (shown == stage_of().step()["shaded"]) == (areas == "exact")
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"lr_scale": -1.0}, {"tau": 0.0}, {"nearest": -0.1}, {"view_share": 0.0}, {"view_share": 1.5}]
-)
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(wrong))):
-        Variant(**wrong)  # type: ignore[arg-type]
 
 
 def test_the_lengths_of_a_variant_are_in_extents() -> None:

@@ -10,21 +10,15 @@ from baselines.methods.irgs.training import (
     CONSTANT,
     GEOMETRY,
     only,
-    product_of,
-    run_of,
     stage_of,
     tensors_of,
     variant,
 )
 from baselines.methods.irgs.world import DOWN, sheet, together
 from known_ball import BALL, COLOUR, SCENE, noise
-from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.settings import Indirect, Variant
-from radiogs_baselines.methods.irgs.training import InverseRendering
-from radiogs_core.errors import UsageError
 from radiogs_core.learning.views import load
 from radiogs_core.transport.splatting import splat
-from short_training import through_a_file
 
 UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
 """The ball, and above it a sheet that shines down on it; the last of the surfels."""
@@ -154,41 +148,3 @@ def test_materials_are_found_where_light_and_shape_are_known() -> None:
     seen = (surfels.albedo - 0.3).abs().sum(-1) > 1e-3
     found = surfels.albedo[seen].median(0).values
     torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.02)
-
-
-@pytest.mark.parametrize("scale", [0.0, 0.5])
-def test_it_resumes_bit_for_bit(scale: float) -> None:
-    turned = Variant(lr_scale=scale)
-    whole = InverseRendering(run_of(turned), product_of(UNSEEN))
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(turned), product_of(UNSEEN))
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
-
-
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
-    (geometry, invert) = IRGS_METHOD.stages(Variant(), BUDGET)
-    assert geometry.owner == "radiogs_core"
-    shown = Variant(relight_indirect=False, secondary_albedo="scaled")
-    less = replace(BUDGET, render_samples=1, relight_hemisphere_samples=1, relight_light_samples=1)
-    assert IRGS_METHOD.stages(shown, less)[1].reads == invert.reads
-    one = InverseRendering(run_of(), product_of(BALL))
-    turned = replace(variant(), relight_indirect=False, secondary_albedo="scaled")
-    other = InverseRendering(run_of(turned, less), product_of(BALL))
-    for _ in range(3):
-        assert one.step() == other.step()
-    for changed in (Variant(indirect="none"), Variant(lr_scale=0.1), Variant(ray_start=0.01), Variant(two_sided=False)):
-        assert IRGS_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
-
-
-@pytest.mark.parametrize("wrong", [{"lr_scale": -1.0}, {"ray_start": -0.1}, {"view_share": 0.0}, {"view_share": 1.5}])
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(wrong))):
-        Variant(**wrong)  # type: ignore[arg-type]

@@ -11,19 +11,13 @@ from baselines.methods.r3dg.training import (
     CONSTANT,
     only,
     placed,
-    product_of,
-    run_of,
     stage_of,
     tensors_of,
     variant,
 )
 from known_ball import BALL, COLOUR, noise
-from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import before_softplus
-from radiogs_baselines.methods.r3dg.settings import Variant
 from radiogs_baselines.methods.r3dg.training import InverseRendering
-from radiogs_core.errors import UsageError
-from short_training import through_a_file
 
 LEARNT = {"albedo_logit", "roughness_logit", "raw_environment", "local", "local_rest"}
 ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5))
@@ -148,43 +142,3 @@ def test_materials_are_found_where_light_and_shape_are_known() -> None:
     seen = (surfels.albedo - 0.415).abs().sum(-1) > 1e-3
     found = surfels.albedo[seen].median(0).values
     torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.02)
-
-
-@pytest.mark.parametrize("visibility", ["table", "retraced"])
-def test_it_resumes_bit_for_bit(visibility: str) -> None:
-    turned = Variant(visibility=visibility)  # type: ignore[arg-type]
-    whole = InverseRendering(run_of(turned), product_of(ROOFED))
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(turned), product_of(ROOFED))
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
-    assert torch.equal(whole.table.direction, resumed.table.direction)
-    assert torch.equal(whole.table.visibility, resumed.table.visibility)
-
-
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
-    (geometry, invert) = R3DG_METHOD.stages(Variant(), BUDGET)
-    assert geometry.owner == "radiogs_core"
-    less = replace(BUDGET, relight_samples=1)
-    assert R3DG_METHOD.stages(Variant(relight_local_light=False), less)[1].reads == invert.reads
-    one = stage_of()
-    other = InverseRendering(run_of(variant(relight_local_light=False), less), product_of(BALL))
-    for _ in range(3):
-        assert one.step() == other.step()
-    for changes in ({"local_light": "gated"}, {"hidden_below": 0.5}, {"visibility": "retraced"}, {"floor": True}):
-        assert R3DG_METHOD.stages(Variant(**changes), BUDGET)[1].reads != invert.reads  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"hidden_below": -0.1}, {"hidden_below": 1.1}, {"ray_start": -0.1}, {"view_share": 0.0}]
-)
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(wrong))):
-        Variant(**wrong)  # type: ignore[arg-type]

@@ -5,16 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.methods.irgs.training import product_of
-from baselines.methods.svg_ir.training import BUDGET, UNSEEN, only, run_of, stage_of, tensors_of, variant
+from baselines.methods.svg_ir.training import BUDGET, UNSEEN, only, stage_of, tensors_of, variant
 from known_ball import COLOUR, SCENE
-from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
-from radiogs_baselines.methods.svg_ir.settings import Variant
-from radiogs_baselines.methods.svg_ir.training import FROZEN, InverseRendering
-from radiogs_core.errors import UsageError
+from radiogs_baselines.methods.svg_ir.training import FROZEN
 from radiogs_core.learning.views import load
 from radiogs_core.transport.splatting import splat
-from short_training import through_a_file
 
 MATERIALS = {"vertex_albedo_logit", "vertex_roughness_logit"}
 LIGHT = {"log_environment", "ratio"}
@@ -156,41 +151,3 @@ def test_materials_are_found_where_light_and_shape_are_known() -> None:
     seen = (albedo - 0.5).abs().sum(-1) > 0.3
     assert int(seen.sum()) > 50
     torch.testing.assert_close(albedo[seen].median(0).values, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.03)
-
-
-def test_it_resumes_bit_for_bit() -> None:
-    turned = variant(materials=Variant().materials)
-    budget = replace(BUDGET, consistency_surfels=100)
-    whole = InverseRendering(run_of(turned, budget), product_of(UNSEEN))
-    for step in range(7):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(turned, budget), product_of(UNSEEN))
-    resumed.restore(saved)
-    while resumed.iteration < 7:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
-
-
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
-    (geometry, invert) = SVG_IR_METHOD.stages(Variant(), BUDGET)
-    assert geometry.owner == "radiogs_core"
-    shown, less = Variant(relight_indirect=False, relight_rows=4), replace(BUDGET, relight_samples=1)
-    assert SVG_IR_METHOD.stages(shown, less)[1].reads == invert.reads
-    one, other = stage_of(), stage_of(variant(relight_indirect=False, relight_rows=4), budget=less)
-    for _ in range(2):
-        assert one.step() == other.step()
-    for changed in (Variant(hop=None), Variant(attributes="constant"), Variant(ray_start=0.01), Variant(opaque=0.1)):
-        assert SVG_IR_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"hop": 0.0}, {"gap": -1.0}, {"ray_start": -0.1}, {"view_share": 0.0}, {"opaque": 1.0}, {"relight_rows": 0}],
-)
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(wrong))):
-        Variant(**wrong)  # type: ignore[arg-type]

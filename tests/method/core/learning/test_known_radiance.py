@@ -61,7 +61,7 @@ def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float
 
 def test_sweeps_end_where_the_radiance_has_settled() -> None:
     dim = replace(furnace("furnace-0.5"), surfaces=partial(walls, 0.2))
-    with patch.object(module, "_sent", side_effect=module._sent) as sweeps:
+    with patch.object(module, "sent_radiance", side_effect=module.sent_radiance) as sweeps:
         known_radiance(known_scene(dim, 0.5 * HALF_SIDE), seed=0)
     assert sweeps.call_count < 2 + math.log(module.SETTLED) / math.log(0.2) + 2
 

@@ -7,8 +7,8 @@ import torch
 
 from radiogs.effects.bounds import (
     RESAMPLES_PER_TAIL,
-    _drawn,
     bootstrap_t,
+    resample_counts,
     sidak,
     zero_events_upper,
 )
@@ -69,7 +69,7 @@ def test_bounds_are_those_of_resamples_that_are_written_out() -> None:
     mean, error = float(values.mean()), float(values.std()) / math.sqrt(count)
     resamples = math.ceil(RESAMPLES_PER_TAIL / level)
     ratios = []
-    for times in _drawn(count, resamples).int():
+    for times in resample_counts(count, resamples).int():
         resample = values.repeat_interleave(times)
         ratios.append((float(resample.mean()) - mean) / (float(resample.std()) / math.sqrt(count)))
     ratios.sort()

@@ -4,6 +4,7 @@ part."""
 import dataclasses
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import torch
@@ -18,6 +19,7 @@ from radiogs.showing import Renderer
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
+from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EFFECTS, EffectPlan, plan_of
@@ -52,11 +54,14 @@ def work_of(initialised: dict[str, Any], *off: str, steps: int = 12) -> tuple[di
 
 
 def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_built(
-    initialised: dict[str, Any],
+    initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     counted, stage = work_of(initialised, "visibility", "indirect")
     assert not any(counted.get(name) for name in ("rays", "node_visits", "leaf_visits", "hits"))
-    assert stage.shader.cache.tracer._bvh is None
+    with monkeypatch.context() as patch:
+        patch.setattr(SurfelBVH, "build", Mock(side_effect=RuntimeError("the first tree")))
+        with pytest.raises(RuntimeError, match="the first tree"):
+            _ = stage.shader.cache.tracer.bvh
     with recording() as instruments:
         Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
     assert not instruments.work["rays"]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from probed_scenes import CLAY, FLOOR, SAMPLES, found, grey, seen, sky
 from radiogs.effects.assessment import Assessment, image_gradient
 from radiogs.effects.plan_radiance import PlanRadiance
-from radiogs.effects.probe import _accepted
+from radiogs.effects.probe import accepted_plan
 from radiogs.effects.probe_scene import SHARP_ROUGHNESS, ProbeView
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
@@ -169,7 +169,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
             }
             return ("on" if refused <= left_out else "off", "", None)
 
-    plan, record, left = _accepted(TogetherTooMuch(), chosen, EffectPlan(), 7)
+    plan, record, left = accepted_plan(TogetherTooMuch(), chosen, EffectPlan(), 7)
     assert set(left) == {"visibility", "samples"}
     assert plan.indirect
     assert plan.traced is local.traced

@@ -7,12 +7,12 @@ import torch
 
 from probed_scenes import CLAY, seen, sky
 from radiogs.effects.new_light import (
-    _widened,
     concentration,
     model_error,
     plan_for_light,
     reference_colour,
     scene_under,
+    widened_light,
 )
 from radiogs.effects.probe_scene import Viewpoints
 from radiogs.rays import RaySettings
@@ -70,7 +70,7 @@ def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree()
 def test_a_texel_shines_as_far_as_light_is_interpolated_and_no_further() -> None:
     light = torch.zeros(5, 8, 3)
     light[2, 7], light[0, 3] = 9.0, 4.0
-    widened = _widened(EnvironmentMap(light)).radiance
+    widened = widened_light(EnvironmentMap(light)).radiance
     expected = torch.zeros(5, 8, 3)
     expected[1:4, [6, 7, 0]] = 9.0
     expected[:2, 2:5] = 4.0

@@ -1,0 +1,50 @@
+"""The layout of a folder whose ``cameras.json`` lists its views.
+
+<scene>/cameras.json   {"train": [...], "test": [...]}; each view has "image", "focal", in pixels, and
+                       "camera_to_world", 4x4 with OpenCV's axes
+<scene>/*.png          display sRGB with straight alpha
+"""
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import Scene, View
+
+from ..bounded_reading import read_json
+from ..view_maps import read_alpha, read_colour
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files
+
+TABLE = "cameras.json"
+
+
+def looks_like(folder: Path) -> bool:
+    """Whether there is the list of views."""
+    return (folder / TABLE).is_file()
+
+
+def load_listed(folder: Path) -> Scene:
+    """Read a scene; its maps are read when asked for. Raises DataError that names what is wrong."""
+    folder = Path(os.path.normpath(folder.absolute()))
+    listed = read_json(folder / TABLE)
+    images = {split: [inside(folder, folder / TABLE, view["image"]) for view in listed[split]] for split in listed}
+    every = [path for paths in images.values() for path in paths]
+    require_files(folder, every)
+    require_distinct(folder, every)
+    sizes, checksum = inspect({path.relative_to(folder).as_posix(): path for path in every}, [folder / TABLE])
+    train, test = (
+        tuple(_view(view, path, *sizes[path]) for view, path in zip(listed[split], images[split], strict=True))
+        for split in ("train", "test")
+    )
+    decode_if_small([*train, *test], sizes)
+    return Scene(folder.name, "listed", train, test, {}, None, checksum)
+
+
+def _view(listed: dict[str, Any], image: Path, height: int, width: int) -> View:
+    pose, focal = torch.tensor(listed["camera_to_world"]), listed["focal"]
+    camera = Camera(pose, focal, focal, width / 2, height / 2, width, height)
+    return View(image.stem, camera, {"image": partial(read_colour, image), "alpha": partial(read_alpha, image)})

@@ -1,0 +1,276 @@
+"""What the methods share: hard cases of ``hard_cases.catalogue``, resuming, keys of stages, and wrong variants.
+
+Cases that are a method's own are in its folder; ``test_contract`` has what the harness asks of every method.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+
+from baselines.methods.gi_gs.training import STANDING
+from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
+from baselines.methods.r3dg import training as r3dg_training
+from baselines.methods.tensoir.world import looking_down as down_upon_a_field
+from baselines.methods.trained_models import MODELS, r3dg
+from baselines.methods.tried import RESUMED, TRIED, Maps
+from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
+from known_ball import BALL
+from radiogs_bench.methods import method
+from radiogs_core.errors import UsageError
+from radiogs_core.kernels.runtime import use_threads
+from short_training import through_a_file
+
+METHODS = pytest.mark.parametrize("name", TRIED)
+FAR = torch.tensor([0.0, 0.0, 500.0])
+
+
+def assert_finite(maps: Maps) -> None:
+    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two states are equal, bit for bit."""
+    if isinstance(one, torch.Tensor):
+        return isinstance(other, torch.Tensor) and torch.equal(one, other)
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
+
+
+@METHODS
+@pytest.mark.parametrize("kind", ["none", "all behind", "one"])
+def test_case_21_empty_and_nearly_empty_scenes_are_shown(name: str, kind: str) -> None:
+    surfels = raw_surfels(0 if kind == "none" else 5)
+    if kind == "all behind":
+        surfels.centre = surfels.centre - torch.tensor([0.0, 0.0, 20.0])
+    if kind == "one":
+        surfels = surfels.take(torch.tensor([0]))
+    for maps in TRIED[name].shown(surfels, looking_along_z(), 1.0):
+        if kind == "one":
+            assert_finite(maps)
+            assert float(maps["image"].max()) > 0
+            assert TRIED[name].lights_itself or bool((maps["indirect"] == 0).all()), "a surfel does not see itself"
+        else:
+            assert all(bool((value == 0).all()) for value in maps.values())
+
+
+@METHODS
+def test_case_21_a_step_that_sees_no_surfel_moves_no_material(name: str) -> None:
+    tried = TRIED[name]
+    still = dict(tried.learnt) | {"lr_scale": 0.0} if "lr_scale" in tried.learnt else tried.learnt
+    away = replace(BALL, centre=BALL.centre + FAR)
+    stage = tried.training.stage_of(tried.training.variant(**still, **tried.seen_alone), away)
+    before = tried.training.tensors_of(stage)
+    losses = stage.step()
+    assert [losses[each] for each in tried.silent] == [0.0] * len(tried.silent)
+    after = tried.training.tensors_of(stage)
+    assert_finite(after)
+    lit = ("environment", "local") if name == "r3dg" else ("environment",)
+    assert all(torch.equal(after[each], before[each]) for each in after if not any(word in each for word in lit))
+
+
+@METHODS
+@pytest.mark.parametrize("shape", [(1, 1), (17, 1), (1, 17), (33, 15)])
+def test_case_22_images_of_any_shape(name: str, shape: tuple[int, int]) -> None:
+    camera = looking_along_z(*shape)
+    maps = TRIED[name].shown(raw_surfels(30), camera, 1.0)[0]
+    assert all(value.shape[:2] == (camera.height, camera.width) for value in maps.values())
+    assert_finite(maps)
+
+
+@METHODS
+@pytest.mark.parametrize("exponent", [-10, 10])
+def test_case_19_the_world_may_have_any_scale(name: str, exponent: int) -> None:
+    """Lengths of the method grow with it. Powers of two round alike; the tolerance is for logarithms of scales, which
+    do not, and for rays that graze an edge."""
+    surfels, camera = two_balls(), looking_along_z(16, 12, 14.0)
+    surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
+    large, its = moved(surfels, camera, 2.0**exponent)
+    one, other = TRIED[name].shown(surfels, camera, 1.0)[0], TRIED[name].shown(large, its, 2.0**exponent)[0]
+    most, share = TRIED[name].tolerance
+    for map_ in ("image", "albedo", "direct", "indirect"):
+        off = (one[map_] - other[map_]).abs().amax(-1)
+        assert float((off > most).double().mean()) < share, map_
+    assert float(one["direct"].max()) > 0
+    assert float(one["indirect"].max()) > 0
+
+
+@METHODS
+@pytest.mark.parametrize("cosine", [1e-1, 1e-2, 1e-4, 1e-6])
+def test_case_26_a_floor_seen_at_grazing_angles(name: str, cosine: float) -> None:
+    sine = (1 - cosine**2) ** 0.5
+    floor = sheet(0.0, (sine, 0.0, cosine), scale=0.5, opacity=OPAQUE)
+    for maps in TRIED[name].shown(floor, looking_down(1.0, 9), 1.0):
+        assert_finite(maps)
+    training = TRIED[name].training
+    stage = training.stage_of(training.variant(**TRIED[name].learnt), together(BALL, floor))
+    for _ in range(3):
+        stage.step()  # raises where a gradient is not finite
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_case_33_a_black_light_is_black_and_a_sun_is_finite(name: str) -> None:
+    """``test_contract`` has the broken texel."""
+    camera = down_upon_a_field() if name == "tensoir" else looking_down(4.0, 9)
+    model = r3dg(r3dg_training.variant(relight_local_light=False)) if name == "r3dg" else MODELS[name]()
+    black = model.prepare(grey(0.0)).render(camera)
+    assert bool(black["alpha"].any())
+    assert not any(bool(black[each].any()) for each in ("image", "direct", "indirect"))
+    sun = grey(0.0)
+    sun.radiance[1, 3] = 1e5
+    assert_finite(model.prepare(sun).render(camera))
+
+
+@METHODS
+def test_case_40_blended_normals_that_cancel_leave_finite_maps(name: str) -> None:
+    """Two sheets at right angles to the view, half and half, leaning to either side by nearly 90 degrees."""
+    lean = (1 - 1e-12) ** 0.5
+    left = sheet(0.0, (lean, 0.0, 1e-6), scale=1.0, opacity=0.5)
+    right = sheet(0.0, (-lean, 0.0, 1e-6), scale=1.0, opacity=OPAQUE)
+    for maps in TRIED[name].shown(together(left, right), looking_down(1.0, 5), 1.0):
+        assert_finite(maps)
+
+
+@METHODS
+def test_case_44_the_same_seed_gives_the_same_on_any_number_of_threads(name: str) -> None:
+    training = TRIED[name].training
+    surfels = together(BALL, ball_of_surfels())
+
+    def learnt() -> Maps:
+        stage = training.stage_of(training.variant(**TRIED[name].learnt), surfels)
+        for _ in range(3):
+            stage.step()
+        return training.tensors_of(stage)
+
+    use_threads(1)
+    alone, again = learnt(), learnt()
+    assert same(alone, again)
+    try:
+        use_threads(3)
+        first, second = learnt(), learnt()
+    finally:
+        use_threads(1)
+    assert same(first, second)
+
+
+@pytest.mark.parametrize(
+    ("name", "turned"),
+    [
+        ("gs-ir", {}), ("gs-ir", {"metallic": True, "lr_scale": 0.0}), ("gs-ir", {"occlusion": False}),
+        ("gi-gs", {"thick": 0.1}), ("gi-gs", {"thick": 0.1, "metallic": True}),
+        ("irgs", {"lr_scale": 0.0}), ("irgs", {"lr_scale": 0.5}),
+        ("r3dg", {"visibility": "table"}), ("r3dg", {"visibility": "retraced"}), ("svg-ir", {"hop": None}),
+    ],
+)  # fmt: skip
+def test_stage_two_resumes_bit_for_bit(name: str, turned: dict[str, Any]) -> None:
+    """With the search for the light, as it is by default."""
+    training = TRIED[name].training
+    surfels = STANDING if name == "gi-gs" else RESUMED
+    budget = training.BUDGET
+    if name == "svg-ir":
+        budget = replace(budget, consistency_surfels=100)
+
+    def begun() -> Any:
+        run = training.run_of(method(name).variant(**turned), budget)
+        return training.InverseRendering(run, training.product_of(surfels))
+
+    whole, resumed = begun(), begun()
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    assert same(whole.state(), resumed.state())
+    assert same(whole.product(), resumed.product())
+
+
+SHOWN: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "gs-ir": ({"frame": "as_shipped"}, {}),
+    "gi-gs": ({"relight_indirect": False, "frame": "as_shipped"}, {"render_azimuths": 4, "render_heights": 3}),
+    "irgs": (
+        {"relight_indirect": False, "secondary_albedo": "scaled"},
+        {"render_samples": 1, "relight_hemisphere_samples": 1, "relight_light_samples": 1},
+    ),
+    "r3dg": ({"relight_local_light": False}, {"relight_samples": 1}),
+    "svg-ir": ({"relight_indirect": False, "relight_rows": 4}, {"relight_samples": 1}),
+}
+"""Fields of variant and budget that matter for showing a model alone, turned."""
+
+TRAINED: Mapping[str, list[dict[str, Any]]] = {
+    "gs-ir": [
+        {"occlusion": False}, {"indirect": False}, {"tau": None}, {"nearest": 0.01}, {"metallic": True},
+        {"texel_areas": "approximate"}, {"lr_scale": 0.1},
+    ],
+    "gi-gs": [{"indirect": False}, {"readme_bug": True}, {"start": 4}, {"metallic": True}, {"far": 9.0}],
+    "irgs": [{"indirect": "none"}, {"lr_scale": 0.1}, {"ray_start": 0.01}, {"two_sided": False}],
+    "r3dg": [{"local_light": "gated"}, {"hidden_below": 0.5}, {"visibility": "retraced"}, {"floor": True}],
+    "svg-ir": [{"hop": None}, {"attributes": "constant"}, {"ray_start": 0.01}, {"opaque": 0.1}],
+}  # fmt: skip
+"""Fields of the variant that training depends on, turned one by one."""
+
+MORE: Mapping[str, tuple[str, ...]] = {
+    "gs-ir": ("occlusion_corners", "occlusion_directions", "occlusion_samples", "irradiance_corners"),
+    "gi-gs": ("azimuths",),
+    "irgs": ("incident_samples", "pixels"),
+    "r3dg": ("incident_samples",),
+    "svg-ir": ("incident_samples", "consistency_surfels"),
+}
+"""Numbers of the budget that training depends on."""
+
+
+@METHODS
+def test_training_reads_nothing_that_its_key_leaves_out(name: str) -> None:
+    """Fields of showing change neither key nor losses; those of training change the key."""
+    ours, training = method(name), TRIED[name].training
+    geometry, invert = ours.stages(ours.variant(), training.BUDGET)
+    assert geometry.owner == "radiogs_core"
+    turned, less = SHOWN[name]
+    smaller = replace(training.BUDGET, **less)
+    assert ours.stages(ours.variant(**turned), smaller)[1].reads == invert.reads
+    one = training.stage_of()
+    other = training.stage_of(training.variant(**turned), budget=smaller)
+    for _ in range(2):
+        assert one.step() == other.step()
+    for changes in TRAINED[name]:
+        assert ours.stages(ours.variant(**changes), training.BUDGET)[1].reads != invert.reads, changes
+    for number in MORE[name]:
+        more = replace(training.BUDGET, **{number: 2 * getattr(training.BUDGET, number)})
+        assert ours.stages(ours.variant(), more)[1].reads != invert.reads, number
+
+
+WRONG: Mapping[str, dict[str, list[Any]]] = {
+    "gs-ir": {"lr_scale": [-1.0], "tau": [0.0], "nearest": [-0.1], "view_share": [0.0, 1.5]},
+    "gi-gs": {
+        "lr_scale": [-1.0], "start": [-1], "radius": [0.0], "far": [0.0], "bias": [-0.1], "thick": [-1.0],
+        "view_share": [0.0, 1.5],
+    },
+    "irgs": {"lr_scale": [-1.0], "ray_start": [-0.1], "view_share": [0.0, 1.5]},
+    "r3dg": {"hidden_below": [-0.1, 1.1], "ray_start": [-0.1], "view_share": [0.0, 1.5]},
+    "svg-ir": {
+        "hop": [0.0], "gap": [-1.0], "ray_start": [-0.1], "view_share": [0.0, 1.5], "opaque": [1.0],
+        "relight_rows": [0],
+    },
+    "tensoir": {"view_share": [0.0, 1.5]},
+    "radiogs": {"view_share": [0.0, 1.5], "radiometric_weight": [-1.0]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "value"),
+    [(name, field, value) for name, fields in WRONG.items() for field, values in fields.items() for value in values],
+)
+def test_a_variant_that_means_nothing_is_refused(name: str, field: str, value: Any) -> None:
+    with pytest.raises(UsageError, match=field):
+        method(name).variant(**{field: value})
+
+
+def test_every_surfel_method_is_tried() -> None:
+    assert set(TRIED) == set(MODELS) - {"tensoir"}
+    assert set(WRONG) == {*MODELS, "radiogs"}

@@ -1,0 +1,133 @@
+"""What tests of all surfel methods need of each: stage 2 on a known ball, and maps of any surfels."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from baselines.methods.gi_gs import training as gi_gs_training
+from baselines.methods.gi_gs import world as gi_gs
+from baselines.methods.gs_ir import training as gs_ir_training
+from baselines.methods.gs_ir import world as gs_ir
+from baselines.methods.irgs import training as irgs_training
+from baselines.methods.irgs import world as irgs
+from baselines.methods.r3dg import training as r3dg_training
+from baselines.methods.r3dg import world as r3dg
+from baselines.methods.svg_ir import training as svg_ir_training
+from baselines.methods.svg_ir import world as svg_ir
+from known_ball import BALL
+from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
+from radiogs_baselines.methods.gs_ir.lattice import Lattice
+from radiogs_baselines.methods.gs_ir.training import Reach, bake
+from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+
+Maps = Mapping[str, Tensor]
+
+RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95, radiance=0.4))
+"""The ball under a lid, 0.4 above its top, that shines down on it."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A surfel method as the tests of all methods drive it."""
+
+    training: ModuleType
+    """Its helpers: ``run_of``, ``product_of``, ``stage_of``, ``variant`` and ``tensors_of``."""
+    shown: Callable[[Surfels, Camera, float], list[Maps]]
+    """Maps under a recovered light of random texels and, for some, relit by a grey light. All lengths of the method are
+    multiplied by the last argument."""
+    lights_itself: bool
+    """Whether a surfel that is alone may receive indirect light."""
+    tolerance: tuple[float, float] = (1e-3, 0.01)
+    """How far pixels of a scaled world may be off, and the share of pixels that may be off by more."""
+    learnt: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the variant in tests of single steps: with all parameters that the method may learn."""
+    seen_alone: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the variant with which nothing but the images and the light have losses."""
+    silent: tuple[str, ...] = ()
+    """Losses that are zero where no surfel is seen."""
+
+
+def random_light() -> EnvironmentMap:
+    """Independent texels, the same at each call."""
+    return EnvironmentMap(torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(4)).exp())
+
+
+def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
+    """The rays start at a share of each surfel's size."""
+    model = irgs.Model(surfels, random_light().radiance.log())
+    new = NewLight(surfels, surfels.albedo, irgs.grey(), Rays(), (16, 8), True)
+    lights = (RecoveredLight(model, Rays(), 16, "traced"), new)
+    return [Renderer(surfels, surfels.albedo, light, 0).render(camera) for light in lights]
+
+
+def by_r3dg(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
+    """With random local light."""
+    noise = torch.randn(len(surfels), 16, 3, generator=torch.Generator().manual_seed(5))
+    local = r3dg.around(surfels, 0.1) + 0.1 * noise
+    model = r3dg.trained(surfels, random_light(), local, 16, ray_start=None, two_sided=True)
+    return [dict(model.prepare(light).render(camera)) for light in (None, irgs.grey())]
+
+
+def by_gi_gs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
+    """Marches through the frame."""
+    marches = gi_gs.march(thick=1.0)
+    lengths = (scale * value for value in (marches.radius, marches.bias, marches.thick, marches.far))
+    how = gi_gs.shader(marches=type(marches)(marches.grid, marches.places, *lengths))
+    return [gi_gs.shown(surfels, camera, gi_gs.light_of(random_light().radiance), how)]
+
+
+def by_svg_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
+    """With what one bounce sends."""
+    light = random_light()
+    table = svg_ir.table_of(surfels, svg_ir.Walk(None, 0.01 * scale, 3.0 * scale, 0.2, 10.0), 16, 0)
+    model = svg_ir.model_of(surfels, light)
+    materials = svg_ir.materials_of(model, model.albedo)
+    lit = table.with_radiance(svg_ir.bounced(materials, table, light.radiance, svg_ir.DISTANCE))
+    return [svg_ir.Renderer(model, materials, svg_ir.Lit(light.radiance, lit, 1.0), svg_ir.DISTANCE).render(camera)]
+
+
+def by_gs_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
+    """Occluded, with random irradiance; of no surfels, in the volumes of a ball."""
+    over = surfels if len(surfels) else BALL
+    lattice = Lattice.over(over, 12)
+    occlusion = bake(over, lattice, Reach(tau=scale), 64)
+    coefficients = torch.randn(125, 9, generator=torch.Generator().manual_seed(5))
+    model = gs_ir.model_of(
+        surfels, random_light(), occlusion=occlusion, irradiance=IrradianceVolume(lattice.of(5), coefficients)
+    )
+    own = gs_ir.trained(model).prepare()
+    return [dict(shown.render(camera)) for shown in (own, gs_ir.trained(gs_ir.model_of(surfels)).prepare(irgs.grey()))]
+
+
+def images_alone() -> Any:
+    """SVG-IR's losses of images and light alone: consistency and offsets move what no camera sees."""
+    learning = svg_ir_training.variant().materials
+    return replace(learning, weights=replace(learning.weights, consistency=0.0, offset=0.0))
+
+
+TRIED: Mapping[str, Tried] = {
+    "gs-ir": Tried(
+        gs_ir_training,
+        by_gs_ir,
+        lights_itself=True,
+        tolerance=(2e-3, 0.02),
+        learnt={"metallic": True},
+        silent=("smoothness", "prior"),
+    ),
+    "gi-gs": Tried(
+        gi_gs_training, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
+    ),
+    "irgs": Tried(
+        irgs_training, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
+    ),
+    "r3dg": Tried(r3dg_training, by_r3dg, lights_itself=True),
+    "svg-ir": Tried(svg_ir_training, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
+}
