@@ -1,10 +1,10 @@
 """Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9).
 
-    L_rad = mean over surfels x of  sum over w_o of |L_G(x, w_o) - L_PBR(x, w_o)|_1
-    L_PBR(x, w_o) = sum_i w_i f_r(w_i, w_o) (V_i L_env(w_i) + L_ind,i) (n . w_i)
+    L_rad = mean over surfels x and channels of  sum over w_o of |L_G(x, w_o) - L_PBR(x, w_o)|
+    L_PBR(x, w_o) = sum over w_i of  dw_i f_r(w_i, w_o) (V(w_i) L_env(w_i) + L_ind(w_i)) (n . w_i)
 
 w_o is the direction towards the camera, and one that is drawn uniformly over the hemisphere; w_i are the incident
-directions, weighted by their solid angles; V_i and L_ind,i are traced through the surfels.
+directions, dw_i their solid angles; V and L_ind are traced through the surfels.
 """
 
 from collections.abc import Callable, Mapping
