@@ -1,8 +1,24 @@
-"""Says which files of a store were found damaged and moved aside."""
+"""Files of a run's folder that are set aside: damaged ones, and the reports of another run in the same folder."""
 
+import hashlib
+import os
+import re
+from pathlib import Path
+
+from radiogs_core.errors import DataError
+from radiogs_reports.record import RECORD, recorded
+from radiogs_reports.summary import PLAIN
+
+from ..runs.sweep import Sweep, read_sweep
 from ..store.aside import FOLDER, kept_aside
 from ..store.folder import Store
 from .reporter import say
+
+EARLIER = "earlier"
+"""Folder of earlier reports below that of the results; each run has a folder in it (``name_of``)."""
+
+SAME_RUN = ("suite", "preset", "protocol", "device")
+"""Entries of the manifest that a continued run shares with the one that it continues."""
 
 
 def say_aside(store: Store) -> None:
@@ -12,3 +28,42 @@ def say_aside(store: Store) -> None:
         shown = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
         files = "1 file was" if len(names) == 1 else f"{len(names)} files were"
         say(f"{files} found damaged and not used: {store.folder / FOLDER} has {shown}")
+
+
+def keep_reports(store: Store, coming: Sweep) -> Path | None:
+    """Move the reports of the folder's last run aside if ``coming`` is another run; returns where they are.
+
+    Results stay where they are: they are named by their keys, and the same command shows them again.
+    """
+    try:
+        last = read_sweep(store.folder)
+    except DataError:
+        return None
+    reports = [*recorded(store.folder), RECORD, "summary.json"]
+    found = [name for name in reports if _is_own_file(store.folder, name)]
+    if all(last[name] == coming[name] for name in SAME_RUN) or not found:  # type: ignore[literal-required]
+        return None
+    kept = store.folder / EARLIER / name_of(last)
+    for name in found:
+        (kept / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(store.folder / name, kept / name)
+    return kept
+
+
+def name_of(run: Sweep) -> str:
+    """Suite, preset, protocol and device, as the name of a folder.
+
+    A preset with fields that were set has characters that no name may have: its name ends with a digest.
+    """
+    name = "-".join(run[each] for each in SAME_RUN)  # type: ignore[literal-required]
+    if PLAIN.fullmatch(name):
+        return name
+    return f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:80]}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+
+
+def _is_own_file(folder: Path, name: str) -> bool:
+    """Whether a name in the record is a file of the folder, or of one of its folders of reports, and not a link."""
+    *within, last = name.split("/")
+    plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
+    places = [folder.joinpath(*within), folder / name]
+    return plain and (folder / name).is_file() and not any(path.is_symlink() for path in places)

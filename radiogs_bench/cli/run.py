@@ -286,7 +286,7 @@ def write_manifest(request: "Request", store: "Store") -> "Sweep":
     """Write the run's manifest, with the folder's rows that were scored from files and can be compared with it."""
     from ..runs.rows_from_files import with_rows_from_files
     from ..runs.sweep import changing_sweep
-    from .earlier import keep_reports
+    from .aside import keep_reports
 
     with changing_sweep(store) as write_it:
         manifest = request.manifest([ref for ref, _ in request.cells()])
