@@ -12,7 +12,7 @@ from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables, value_of, why_not
 from radiogs_bench.runs.sweep import Request, Sweep
 from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
-from radiogs_bench.suites.suite import Suite
+from radiogs_bench.suites.suite import Suite, with_settings
 from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
@@ -106,6 +106,14 @@ def test_a_row_has_the_papers_label_only_under_all_of_its_conditions(
     assert {row["ran"] for row in whole["ablation"]["rows"]} == {""}
     assert all(row["ran"] for row in other["ablation"]["rows"])
     assert whole.keys() > other.keys() == {"ablation"}
+
+
+def test_a_set_field_takes_the_papers_label_from_the_rows_that_it_changes(tmp_path: Path) -> None:
+    scenes, (suite, _) = tensoir(), with_settings(ABLATIONS, {"radiometric_weight": 0.1}, "paper")
+    asked = FakeRequest(suite, {scene.name: scene for scene in scenes}, 1, "paper", "radiogs", "cpu")
+    ran = {row["key"]: row["ran"] for row in run(FakeSweep(tmp_path, *scenes), asked)["ablation"]["rows"]}
+    assert ran.pop("no-rad") == "", "it sets the field itself"
+    assert all("radiometric_weight = 0.1; preset paper, N_g" in label for label in ran.values())
 
 
 def test_values_by_other_conventions_are_marked(tmp_path: Path) -> None:
