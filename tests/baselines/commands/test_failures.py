@@ -336,8 +336,8 @@ def test_memory_is_that_of_all_processes(convex: Scene, tmp_path: Path) -> None:
 def test_a_long_log_keeps_its_beginning_and_its_end(
     convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    order = task.Order
-    monkeypatch.setattr(task, "Order", lambda *arguments: order(*arguments, log_limit=10_000))
+    command = task.Command
+    monkeypatch.setattr(task, "Command", lambda *arguments: command(*arguments, log_limit=10_000))
     bench = cell(tmp_path, convex, f"{SECOND}|--habit|talk")
     bench.train()
     text = (bench.workspace / "logs" / "stage-2.log").read_text()
