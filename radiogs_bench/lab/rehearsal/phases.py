@@ -45,7 +45,7 @@ class Phase:
         return statistics.stdev(self.seconds) / math.sqrt(count) if count > 1 else 0.0
 
     def plain(self) -> dict[str, Any]:
-        """As stored."""
+        """The phase as plain values, for storage."""
         return {
             "title": self.title,
             "key": self.key,

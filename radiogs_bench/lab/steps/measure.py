@@ -262,7 +262,7 @@ class Times:
             self.parts[title][f"{part}, {way}"] += share
 
     def plain(self) -> dict[str, Any]:
-        """As plain values that a process can hand to another."""
+        """The times as plain values, for another process."""
         return {
             "seconds": dict(self.seconds),
             "counted seconds": self.counted_seconds,

@@ -43,7 +43,7 @@ OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
 """Those with as many surfels as a preset's largest model: any method can be measured at them."""
 
 DEFAULT = ("tiny", "20k")
-"""Those that take seconds."""
+"""Sizes that take seconds."""
 
 
 def size_of(name: str) -> Size:
