@@ -22,17 +22,18 @@ LARGEST_BYTES = 10_000
 
 @dataclass(frozen=True)
 class Pace:
-    """Where a cell stands. ``task``: what is being done, such as a stage's title; ``done`` of ``total`` steps of it.
-
-    steps_a_second: since this process began the task; None before a second step.
-    written: seconds since 1970, by the clock of the machine that works on the cell.
-    """
+    """The progress of a cell."""
 
     task: str
+    """Current task, such as a stage's title."""
     done: int
+    """Steps of the task that are done."""
     total: int
+    """Steps of the task."""
     steps_a_second: float | None
+    """Speed since this process began the task; None before its second step."""
     written: float
+    """Seconds since 1970, by the clock of the machine that works on the cell."""
 
     @property
     def seconds_left(self) -> float | None:
