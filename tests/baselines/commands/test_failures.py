@@ -199,7 +199,7 @@ def test_an_image_that_is_cut_off_is_an_error(convex: Scene, pantry: Callable[[s
     text = toml([FIRST], f"--pantry|{pantry('gs-ir')}|--habit|cut", reader="gs-ir")
     trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
     for _ in range(2):
-        with pytest.raises(CommandFailed, match="'render' ended well, but") as failure:
+        with pytest.raises(CommandFailed, match="'render' ended without an error, but") as failure:
             trained.prepare()
         assert "is damaged" in failure.value.why
 
@@ -242,7 +242,7 @@ def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_the
         with pytest.raises(DataError, match="'stage-1' of Stand-in has written are missing or changed") as failure:
             bench.method.restore(bench.run, trained.product)
         assert str(bench.workspace) in failure.value.remedy
-        with pytest.raises(DataError, match="gone or changed"):
+        with pytest.raises(DataError, match="missing or changed"):
             bench.train()
 
 
