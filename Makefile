@@ -22,13 +22,14 @@ $(READY): pyproject.toml constraints.txt
 ablations: $(READY) ## the paper's ablation table on the committed miniature scenes
 	$(BIN)/radiogs-bench run ablations --seeds 3 --workers 2
 
-lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code
+lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code, plain words
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/structure.py
 	$(BIN)/python .ci/code_links.py
+	$(BIN)/python .ci/plain_words.py
 
 test: lint ## lint, then every test that is fast, in two processes (those for a GPU skip themselves)
 	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile

@@ -111,7 +111,7 @@ def losses_of(method: str, given: Any, stage: str) -> dict[str, float]:
 
 
 def not_finite(losses: Mapping[str, float]) -> list[str]:
-    """Those losses that are NaN or infinite, in words."""
+    """Names and values of losses that are NaN or infinite, as text."""
     return [f"'{name}' is {value}" for name, value in losses.items() if not math.isfinite(value)]
 
 

@@ -31,7 +31,7 @@ class SourceTree:
 
     roots: Mapping[str, Path]
     known_imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
-    """What the modules import that were read so far."""
+    """Imports of the modules that were read so far."""
     known_digests: dict[str, bytes] = field(default_factory=dict, repr=False, compare=False)
     """Digests of the modules that were read so far."""
 

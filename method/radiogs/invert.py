@@ -66,7 +66,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     def visible_model(self) -> Model:
         """The model as a step's losses see it, with gradient to all that is learnt."""
-        return Model(self.optimiser.surfels.framed(), self.optimiser.tensors["log_environment"])
+        return Model(self.optimiser.surfels.with_cached_frames(), self.optimiser.tensors["log_environment"])
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view`` (paper, Eq. 11)."""
@@ -145,7 +145,7 @@ def _materials_and_light(
     """The surfels with starting materials, and the light that they start under."""
     variant, start, rows = run.variant, run.variant.materials.start, run.budget.light_height
     if "start-light" in variant.deviations:
-        surfels = learnt.made_of(start.albedo, start.roughness)
+        surfels = learnt.with_material(start.albedo, start.roughness)
         return LitSurfels(surfels, constant_light(rows, START_RADIANCE, run.device))
     two_sided = RaySettings.of(variant).back_offset is not None
     return starting_model(learnt, views, rows, start, generator, two_sided)

@@ -42,7 +42,7 @@ def surfels_in(folder: Path, row: str | None) -> Surfels:
 
 
 def initial_viewpoint_in(folder: Path, row: str | None) -> InitialViewpoint | None:
-    """From where the scene of that model is looked at first; None where no finished cell says so."""
+    """The initial viewpoint of the model's scene; None if no finished cell stores one."""
     kept: dict[str, Any] = {}
     if (folder / "trained.json").exists():
         kept = read_about(folder).get("standpoint", {})

@@ -69,7 +69,7 @@ def _turns(frames: int, arc: Tensor | None) -> list[float]:
 
 
 def _distance(surfels: Surfels, middle: Tensor) -> float:
-    """From where nearly all surfels are seen."""
+    """Distance of the camera, world units, at which nearly all surfels are in view."""
     distances = (surfels.centre - middle).norm(dim=-1)
     radius = quantile(lambda: [distances], WITHIN)
     return max(radius or 0.0, 1e-6) / math.sin(math.radians(FIELD / 2))

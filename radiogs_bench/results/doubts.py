@@ -183,7 +183,7 @@ Scenes = dict[str, None]
 
 
 def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
-    """A remark of no column for each set of ``labels`` among the facts of a row's cells, with the rows that have it.
+    """One remark on the whole table for each set of ``labels`` among the facts of cells, with the rows that have it.
 
     A label that differs between scenes, or that some lack, has the scenes of each value behind it.
     """

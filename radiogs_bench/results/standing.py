@@ -14,7 +14,7 @@ from ..store.schema import Result
 
 RUNNING = "running"
 UNFINISHED = ("to do", "begun")
-"""How the states of ``sweep.state_of`` begin that say that nothing is wrong and not everything done."""
+"""Beginnings of those states of ``sweep.state_of`` that mean: nothing is wrong, and work remains."""
 
 SILENT_AFTER_SECONDS = 60.0
 """A process that has written nothing for as long is said to be silent: it takes a long step, or has died."""
@@ -125,7 +125,7 @@ def _plain(cell: CellStanding) -> dict[str, object]:
 
 
 AFTERWARDS = -1
-"""In the place of a stage's position: all that is done after training."""
+"""Stands for the position of a stage: everything after training."""
 
 
 @dataclass(frozen=True)

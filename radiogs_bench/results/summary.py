@@ -226,7 +226,7 @@ COMPARED = {
 """Maps that are compared, in words."""
 
 FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "indirect": "indirect light"}
-"""Maps that files may lack, in words, where these are not their names."""
+"""Display names of maps that score folders may lack."""
 
 
 def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | None:

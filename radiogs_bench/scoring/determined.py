@@ -23,8 +23,8 @@ STEPS = {
     "brightness": math.log(1.25),
     "brightness, albedo free": math.log(1.25),
 }
-"""By how much each quantity is changed, which is also how well it has to be known: a tenth of roughness's range, all of
-the variation that was found, a quarter of the brightness."""
+"""Amount by which each quantity is changed, and the accuracy that is required of it: a tenth of roughness's range, all
+of the variation that was found, a quarter of the brightness."""
 
 VIEWS = 8
 """Training views that are compared, at most."""

@@ -52,13 +52,12 @@ Advance = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Scope:
-    """Work besides scoring. timed: measure milliseconds and memory per frame.
-
-    kept_views: of how many views codes of 8 bits are kept (``KeptViews``); None: of as many as fit its limit.
-    """
+    """Work besides scoring."""
 
     timed: bool = True
+    """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
+    """Number of views whose maps are kept as 8-bit codes (``KeptViews``); None: as many as fit its limit."""
 
 
 TIMED = Scope()

@@ -90,7 +90,7 @@ def score_depth(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps
 
 
 def lit_views(scene: Scene, views: Sequence[View]) -> dict[str, list[View]]:
-    """By light of the scene: the views that have a relit ground-truth image under it."""
+    """For each light of the scene, the views that have a relit ground-truth image under it."""
     lit = {light: [view for view in views if view.has(f"relit/{light}")] for light in scene.lights}
     return {light: views for light, views in lit.items() if views}
 

@@ -50,7 +50,7 @@ def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue
 
 
 def files_of(pairs: Sequence[Pair]) -> dict[str, dict[str, str]]:
-    """By ``capture/task``: each existing target and the output that is compared with it."""
+    """Existing targets and the outputs that are compared with them, by ``capture/task``."""
     found: dict[str, dict[str, str]] = defaultdict(dict)
     for pair in pairs:
         if not pair.lacking:

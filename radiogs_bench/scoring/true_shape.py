@@ -31,7 +31,7 @@ COVERED = 0.5
 """Coverage above which a pixel's true depth is that of one surface."""
 
 TOLERANCE = 2.0
-"""How far in depth, in widths of a pixel there, a point may be from what a view sees and still be seen."""
+"""Largest distance in depth, in widths of a pixel there, of a visible point from the surface that a view sees."""
 
 
 @dataclass(frozen=True)

@@ -147,11 +147,11 @@ class Store:
         self.drop_failure(key)
 
     def arrays_path(self, key: str) -> Path:
-        """Where the arrays of a finished cell are."""
+        """Path of the arrays of a finished cell."""
         return self._cell_path(key).with_suffix(".npz")
 
     def failure(self, key: str) -> Failure | None:
-        """Why the cell failed when it was last tried, or None."""
+        """The failure of the cell in its last attempt, or None."""
         try:
             return self.sealed_failure(key)
         except FileNotFoundError:

@@ -10,7 +10,7 @@ KEY_LENGTH = 20
 
 
 def canonical(content: Mapping[str, Any]) -> bytes:
-    """The same bytes for the same plain content: JSON with sorted keys, no spaces, ASCII; ValueError for NaN."""
+    """Canonical bytes of plain content: ASCII JSON with sorted keys and no spaces. Raises ValueError for NaN."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return text.encode()
 

@@ -1,9 +1,9 @@
-"""How far the process that works on a cell has come: a small file that it writes anew as it goes.
+"""The progress of the process that works on a cell: a small file that it overwrites as it runs.
 
-    OUT/locks/<key>.pace    what it does, the step it is at, and its speed
+    OUT/locks/<key>.pace    its task, its step and its speed
 
-It is there for those who look on. Nothing is computed from it, it lives as long as the cell is worked on, and one that
-cannot be written or read is as good as none.
+Only displays of progress, such as `status`, read it. It is deleted when the cell ends, and errors of reading or writing
+it are ignored.
 """
 
 import json
@@ -22,17 +22,18 @@ LARGEST_BYTES = 10_000
 
 @dataclass(frozen=True)
 class Pace:
-    """Where a cell stands. ``task``: what is being done, such as a stage's title; ``done`` of ``total`` steps of it.
-
-    steps_a_second: since this process began the task; None before a second step.
-    written: seconds since 1970, by the clock of the machine that works on the cell.
-    """
+    """The progress of a cell."""
 
     task: str
+    """Current task, such as a stage's title."""
     done: int
+    """Steps of the task that are done."""
     total: int
+    """Steps of the task."""
     steps_a_second: float | None
+    """Speed since this process began the task; None before its second step."""
     written: float
+    """Seconds since 1970, by the clock of the machine that works on the cell."""
 
     @property
     def seconds_left(self) -> float | None:
@@ -64,7 +65,7 @@ def drop_pace(store: Store, key: str) -> None:
 
 
 def pace_of(store: Store, key: str) -> Pace | None:
-    """How far the cell has come, or None where nobody says so."""
+    """Progress of the cell; None if no process reports it."""
     try:
         with _path(store, key).open("rb") as file:
             stored = json.loads(file.read(LARGEST_BYTES))

@@ -30,7 +30,7 @@ class TrailPoint(TypedDict):
     losses: dict[str, float]
     """Weighted losses by name, each the mean over the steps since the previous point."""
     metrics: dict[str, float]
-    """By ``task/measure`` over a few test views; empty where the model was not scored."""
+    """Metrics by ``task/measure`` over a few test views; empty if the model was not scored."""
 
 
 class Session(TypedDict):
@@ -52,7 +52,7 @@ class Determined(TypedDict):
     """How well the training images determine a recovered quantity (see ``scoring.determined``)."""
 
     value: float
-    """As it was recovered (``radiogs_core.capabilities.Varying.values``)."""
+    """Recovered value (``radiogs_core.capabilities.Varying.values``)."""
     step: float
     """The amount by which it was changed, upwards and downwards."""
     views: int
@@ -60,9 +60,9 @@ class Determined(TypedDict):
     error: float
     """Squared error of their images, display sRGB, per covered pixel."""
     rise: float
-    """By how much a step raises that error: half the second difference over the three amounts."""
+    """Increase of that error by a step: half the second difference over the three amounts."""
     decibels: float
-    """The same in decibels."""
+    """The same increase in decibels."""
     offset: float | None
     """The change at which the error is lowest, by the parabola; None where ``rise`` is below half a level of 8 bits."""
     half_width: float | None
@@ -86,7 +86,7 @@ class Data(TypedDict):
     """Size of the first test view, pixels."""
     height: int
     training_views: int
-    """As the scene has them; a variant may use a share of them."""
+    """Number of the scene's training views; a variant may use a share of them."""
     test_views: int
 
 
@@ -104,7 +104,7 @@ class Result(TypedDict):
     metrics: dict[str, MetricValue]
     """Metrics by ``task/measure``."""
     timings: dict[str, MetricValue]
-    """By ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); apart from the
+    """Costs by ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); apart from the
     metrics, because no two runs agree in them."""
     data: NotRequired[Data]
     """Absent in results of earlier versions, and where the test views are not compared."""
@@ -134,7 +134,7 @@ class Result(TypedDict):
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
-    """How the losses fell, by stage, at geometrically spaced steps (see ``runs.trail``)."""
+    """The losses, by stage, at geometrically spaced steps (see ``runs.trail``)."""
     seconds: dict[str, float]
     """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
     share counts in every one of them."""

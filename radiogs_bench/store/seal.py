@@ -95,7 +95,7 @@ def parsed(content: bytes) -> dict[str, Any]:
 
 
 def complaint_of(stored: Mapping[str, Any]) -> str | None:
-    """Why parsed content is not what was sealed; None if it is."""
+    """The reason why parsed content differs from the sealed one; None if it does not."""
     if SEAL not in stored:
         return "it carries no seal"
     try:

@@ -148,7 +148,7 @@ ORACLES = Suite(
         Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
     ),
 )  # fmt: skip
-"""Besides each part alone, and all but each: what shape and light leave to the materials, with and without indirect
+"""Sets of given parts, besides each part alone and all but each: shape and light, with and without indirect
 light; shape and indirect light, which go together; light and albedo, which images cannot tell apart by themselves.
 
 All but two: giving albedo settles the metric of albedo, so what another part is worth to it last out is seen only

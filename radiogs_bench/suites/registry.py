@@ -126,7 +126,7 @@ def _check(suite: Suite, reader: PlainReader) -> None:
 
 
 def _check_text(where: str, text: str, reader: PlainReader) -> None:
-    """Control characters would command the terminal, and marks of direction show a table that is not the stored one."""
+    """Refuse control and bidirectional characters in texts, because they could falsify the output of a terminal."""
     reader.expect(text.isprintable(), where, text, "text of printable characters, on one line")
 
 

@@ -63,48 +63,57 @@ class Metric:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table: a key, its label in LaTeX and in plain text, and the method and variant that it runs.
+    """A row of a table.
 
-    ``latex`` may be empty: reports then escape ``text``. Both may name numbers of the budget as ``<incident_samples>``,
-    for which a run puts those of its preset (``with_numbers``): a label says what was run.
-    ``variant`` holds the fields that differ from the full method, as plain values.
-    ``budget`` holds factors for fields of the preset, so that a row is the same share of the work in each preset.
-    ``settings`` are those of the experiment, if it has any.
-    ``given`` are the parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``); empty for
-    the row of a ladder that is given nothing, None for a row of no ladder.
+    Its labels may contain numbers of the budget as ``<incident_samples>``, which a run replaces by those of its preset
+    (``with_numbers``).
     """
 
     key: str
+    """Key of the row, unique in its suite."""
     latex: str
+    """Label in LaTeX; if it is empty, reports escape ``text``."""
     text: str
+    """Label in plain text."""
     variant: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the variant that differ from the full method, as plain values."""
     budget: Mapping[str, float] = field(default_factory=dict)
+    """Factors for fields of the preset, so that a row is the same share of the work in each preset."""
     settings: Mapping[str, float] = field(default_factory=dict)
+    """Settings of the experiment, if it has any."""
     method: str = DEFAULT
+    """Name of the method."""
     given: tuple[Part, ...] | None = None
+    """Parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``): empty for the row of a
+    ladder that is given nothing, None for a row outside a ladder."""
 
 
 @dataclass(frozen=True)
 class Suite:
-    """A table: rows by columns over scenes and seeds.
-
-    ``published`` names the published table that is shown beside it, if any. Differences and their intervals are paired
-    against the row ``reference`` (None if rows are not variants of one method). ``scenes`` and ``protocol`` are the
-    defaults of ``run``. ``experiment`` is what is done for every cell (see ``experiment``). ``download`` says where to
-    find scenes that do not come with the package, ``data_set`` the folder that they are in below the root of data.
-    """
+    """A table: rows by columns over scenes and seeds."""
 
     name: str
+    """Name of the suite."""
     title: str
+    """Title of the table."""
     published: str | None
+    """Published table that is shown beside it; None for none."""
     reference: str | None
+    """Row against which differences and their intervals are paired; None if rows are not variants of one method."""
     rows: tuple[Row, ...]
+    """Rows of the table."""
     columns: tuple[Metric, ...]
+    """Columns of the table."""
     scenes: tuple[str, ...] = field(default=("corner",))
+    """Scenes that ``run`` uses by default."""
     experiment: str = TRAINING
+    """Experiment of every cell (see ``experiment``)."""
     protocol: str = "default"
+    """Metric protocol that ``run`` uses by default."""
     download: str = ""
+    """Where to find scenes that do not come with the package."""
     data_set: str = ""
+    """Folder of these scenes below the root of data."""
 
     def __post_init__(self) -> None:
         keys = [row.key for row in self.rows]

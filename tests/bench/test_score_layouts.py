@@ -216,7 +216,7 @@ def test_a_recovered_light_is_scored_against_the_true_one(scene: Scene, tmp_path
     assert turned is not None
     assert turned > 0.01
     np.save(tmp_path / "environment.npy", -true_light)
-    with pytest.raises(DataError, match="no map of light"):
+    with pytest.raises(DataError, match="is not a light map"):
         values(tmp_path, scene, "plain")
 
 

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from radiogs_core.errors import UsageError
-from radiogs_core.learning.views import Levels, held
+from radiogs_core.learning.views import Levels, in_memory
 from radiogs_datasets import load_scene
 from radiogs_datasets.enlargement import enlarged
 
@@ -30,7 +30,7 @@ def test_without_masks_images_stand_on_black_and_are_all_there_is() -> None:
     assert set(view.sources) == {"image"}
     expected = scene.train[0].read("image") * scene.train[0].read("alpha")
     torch.testing.assert_close(view.read("image"), expected, rtol=0, atol=0.5001 / 255)
-    assert isinstance(held(view.read("image"), torch.device("cpu")), Levels)  # one byte a value, like a photograph
+    assert isinstance(in_memory(view.read("image"), torch.device("cpu")), Levels)  # one byte a value, like a photograph
 
 
 def test_no_scene_of_no_size() -> None:

@@ -11,11 +11,11 @@ from radiogs_core.errors import DataError, UsageError
 
 from .errors import CommandFailed
 from .file import PRESETS, MethodFile, TrainCommand, read_file
-from .place import Place
 from .placeholders import filled, filled_list
 from .records import Listing, Record, digest_of, digest_of_order, listing_of
 from .task import Attempt, Task
 from .trained import TrainedCommand
+from .workspace import Workspace
 
 WAIT = 0.5
 """Seconds that a step waits for a command; an interruption is noticed after this time at the latest."""
@@ -90,40 +90,40 @@ class CommandMethod:
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedCommand:
         """The model from the product of the last stage. Raises DataError if its files are gone or changed."""
-        place = Place.of(self.file, self.home, run)
-        self._require_whole(place, tensors)
+        workspace = Workspace.of(self.file, self.home, run)
+        self._require_whole(workspace, tensors)
         made_by = digest_of_order(*self._decides(run), [Record.of(each).files for each in tensors.values()])
-        return TrainedCommand(place, tensors, made_by)
+        return TrainedCommand(workspace, tensors, made_by)
 
     def _begin(self, number: int, run: Run, product: Mapping[str, Any]) -> "CommandStage":
-        place = Place.of(self.file, self.home, run)
-        self._require_whole(place, product)
-        return CommandStage(self._task(place, number), product, partial(self._forget_after, place, number))
+        workspace = Workspace.of(self.file, self.home, run)
+        self._require_whole(workspace, product)
+        return CommandStage(self._task(workspace, number), product, partial(self._forget_after, workspace, number))
 
-    def _task(self, place: Place, number: int) -> Task:
+    def _task(self, workspace: Workspace, number: int) -> Task:
         command = self.file.train[number]
         return Task(
-            place=place,
+            workspace=workspace,
             name=command.name,
-            order=digest_of_order(*self._decides(place.run), [command.name]),
-            arguments=partial(self._arguments, place, number),
-            wrote=partial(written, place, command),
+            order=digest_of_order(*self._decides(workspace.run), [command.name]),
+            arguments=partial(self._arguments, workspace, number),
+            wrote=partial(written, workspace, command),
             time_limit=command.time_limit,
             resumes=self.file.resumes,
-            before=place.write_lights,
+            before=workspace.write_lights,
         )
 
-    def _arguments(self, place: Place, number: int, resuming: bool) -> Sequence[str]:
+    def _arguments(self, workspace: Workspace, number: int, resuming: bool) -> Sequence[str]:
         train = self.file.train
         taken = any("{arguments}" in each.arguments for each in train)
-        command, further = train[number], place.run.variant.arguments
+        command, further = train[number], workspace.run.variant.arguments
         texts = list(command.arguments)
         if not taken and number == len(train) - 1:
             texts.append("{arguments}")
         if "{resume}" not in texts:
             texts.append("{resume}")
-        values = place.values()
-        lists = place.settings
+        values = workspace.values()
+        lists = workspace.settings
         resume = filled_list(command.resume, values, lists) if resuming else ()
         return filled_list(texts, values, {**lists, "arguments": further, "resume": resume})
 
@@ -133,20 +133,20 @@ class CommandMethod:
         scene = [run.scene.checksum, str(run.seed), run.device.type]
         return [[repr(sorted(decisive(self.file).items()))], list(run.variant.arguments), budget, scene]
 
-    def _forget_after(self, place: Place, number: int) -> None:
+    def _forget_after(self, workspace: Workspace, number: int) -> None:
         """Delete the records of all later commands, because this command runs again."""
         later = [each.name for each in self.file.train[number + 1 :]]
-        for folder in (place.done("").parent, place.begun("").parent):
+        for folder in (workspace.done("").parent, workspace.begun("").parent):
             for path in folder.glob("*.json"):
                 if path.stem in later or path.stem == "render" or path.stem.startswith("relight"):
                     path.unlink(missing_ok=True)
 
-    def _require_whole(self, place: Place, product: Mapping[str, Any]) -> None:
+    def _require_whole(self, workspace: Workspace, product: Mapping[str, Any]) -> None:
         """Raise DataError unless the files of all earlier commands are there and unchanged."""
         for command in self.file.train:
             record = product.get(command.name)
             if record is not None:
-                _require_same(place, command, Record.of(record))
+                _require_same(workspace, command, Record.of(record))
 
 
 class CommandStage:
@@ -190,14 +190,14 @@ class CommandStage:
             self._record = Record.of(state["done"])
             listing = _listing(self._task.wrote)
             if listing is None or digest_of(listing) != self._record.files:
-                raise _gone(self._task.place, self._record)
+                raise _gone(self._task.workspace, self._record)
             self.iteration = 1
 
     def product(self) -> dict[str, Any]:
         """Records of this and all earlier commands, by name. Raises UsageError before the command has succeeded."""
         if self._record is None:
             raise UsageError(
-                f"{self._task.place.file.title} cannot be scored before the command '{self._task.name}' has ended",
+                f"{self._task.workspace.file.title} cannot be scored before the command '{self._task.name}' has ended",
                 "A command writes its results when it ends.",
                 "Leave this method out of scores that are taken during training.",
             )
@@ -223,15 +223,15 @@ def decisive(file: MethodFile) -> dict[str, Any]:
     return plain
 
 
-def written(place: Place, command: TrainCommand) -> Listing:
+def written(workspace: Workspace, command: TrainCommand) -> Listing:
     """The files that a command of training has written. Raises CommandFailed for a pattern that matches no file."""
     found: dict[str, int] = {}
     for pattern in command.writes:
-        path = Path(filled(pattern, place.named())).relative_to(place.output)
-        files = [place.output] if path == Path() else sorted(place.output.glob(str(path)))
-        listing = listing_of(place.root, files)
+        path = Path(filled(pattern, workspace.named())).relative_to(workspace.output)
+        files = [workspace.output] if path == Path() else sorted(workspace.output.glob(str(path)))
+        listing = listing_of(workspace.root, files)
         if not listing:
-            raise CommandFailed(f"there is no {pattern}", f"{{output}} is {place.output}.")
+            raise CommandFailed(f"there is no {pattern}", f"{{output}} is {workspace.output}.")
         found |= listing
     return found
 
@@ -243,15 +243,15 @@ def _listing(wrote: Callable[[], Listing]) -> Listing | None:
         return None
 
 
-def _require_same(place: Place, command: TrainCommand, record: Record) -> None:
-    listing = _listing(partial(written, place, command))
+def _require_same(workspace: Workspace, command: TrainCommand, record: Record) -> None:
+    listing = _listing(partial(written, workspace, command))
     if listing is None or digest_of(listing) != record.files:
-        raise _gone(place, record)
+        raise _gone(workspace, record)
 
 
-def _gone(place: Place, record: Record) -> DataError:
+def _gone(workspace: Workspace, record: Record) -> DataError:
     return DataError(
-        f"files that the command '{record.command}' of {place.file.title} has written are missing or changed",
-        f"{place.output} should hold {record.file_count} files of it with {record.file_bytes} bytes.",
-        f"Restore the folder; or remove {place.root} and the stored stages of this cell, to train it again.",
+        f"files that the command '{record.command}' of {workspace.file.title} has written are missing or changed",
+        f"{workspace.output} should hold {record.file_count} files of it with {record.file_bytes} bytes.",
+        f"Restore the folder; or remove {workspace.root} and the stored stages of this cell, to train it again.",
     )

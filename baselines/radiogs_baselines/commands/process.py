@@ -43,7 +43,7 @@ MARK = "RADIOGS_BENCH_COMMAND_OF"
 
 
 @dataclass(frozen=True)
-class Ended:
+class ExitStatus:
     """How a command ended."""
 
     exit_code: int
@@ -59,7 +59,7 @@ class Ended:
 
 
 @dataclass(frozen=True)
-class Order:
+class Command:
     """A command to run."""
 
     arguments: Sequence[str]
@@ -81,22 +81,22 @@ class Order:
 class Running:
     """A command that has been started. Raises CommandFailed if it cannot be started."""
 
-    def __init__(self, order: Order, grace: float = GRACE) -> None:
-        self.order, self.grace = order, grace
+    def __init__(self, command: Command, grace: float = GRACE) -> None:
+        self.command, self.grace = command, grace
         self._peak, self._sample = 0, FIRST_SAMPLE
-        mark = str(order.works_for.absolute())
+        mark = str(command.works_for.absolute())
         # The command of a harness that was killed may still run and write into the same folder.
         Family(0, mark).end(grace)
         try:
-            self.log = BoundedLog(order.log, order.log_limit)
+            self.log = BoundedLog(command.log, command.log_limit)
         except OSError as error:
-            raise _cannot_start(order, f"its log {order.log} cannot be written: {error.strerror}") from error
+            raise _cannot_start(command, f"its log {command.log} cannot be written: {error.strerror}") from error
         self._begun = time.monotonic()
         try:
             self._process = subprocess.Popen(
-                list(order.arguments),
-                cwd=order.folder,
-                env=_environment(order) | {MARK: mark},
+                list(command.arguments),
+                cwd=command.folder,
+                env=_environment(command) | {MARK: mark},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
@@ -104,19 +104,19 @@ class Running:
             )
         except (OSError, ValueError) as error:
             self.log.close()
-            raise _cannot_start(order, f"{error}") from error
+            raise _cannot_start(command, f"{error}") from error
         self._family = Family(self._process.pid, mark)
-        self._ended: Ended | None = None
+        self._ended: ExitStatus | None = None
         self._reader = threading.Thread(target=self._read, name="log of a command", daemon=True)
         self._reader.start()
         atexit.register(self.end)
 
-    def poll(self, seconds: float) -> Ended | None:
+    def poll(self, seconds: float) -> ExitStatus | None:
         """Wait at most ``seconds``; returns how the command ended, or None while it runs."""
         until = time.monotonic() + seconds
         while self._ended is None:
             self._peak = max(self._peak, sum(self._family.living().values()))
-            now, limit = time.monotonic(), self.order.time_limit
+            now, limit = time.monotonic(), self.command.time_limit
             if limit is not None and now - self._begun >= limit:
                 return self.end(too_long=True)
             wait = min(self._sample, max(until - now, 0), self._begun + limit - now if limit is not None else SAMPLE)
@@ -130,7 +130,7 @@ class Running:
                 self.end()
         return self._ended
 
-    def end(self, too_long: bool = False) -> Ended:
+    def end(self, too_long: bool = False) -> ExitStatus:
         """End the command if it runs, and all its children, also those that outlive it; returns how it ended."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
@@ -141,7 +141,7 @@ class Running:
                 code = -9
             self._reader.join(5)
             self.log.close()
-            self._ended = Ended(code, seconds, self._peak or None, too_long, tuple(survivors))
+            self._ended = ExitStatus(code, seconds, self._peak or None, too_long, tuple(survivors))
             atexit.unregister(self.end)
         return self._ended
 
@@ -151,16 +151,16 @@ class Running:
                 self.log.write(data)
 
 
-def _environment(order: Order) -> dict[str, str]:
+def _environment(command: Command) -> dict[str, str]:
     ours = {name: value for name, value in os.environ.items() if name not in FOREIGN}
     # Python buffers its output: without this the log of a process that is killed would be empty.
-    return {**ours, "PYTHONUNBUFFERED": "1", **order.environment}
+    return {**ours, "PYTHONUNBUFFERED": "1", **command.environment}
 
 
-def _cannot_start(order: Order, why: str) -> CommandFailed:
+def _cannot_start(command: Command, why: str) -> CommandFailed:
     return CommandFailed(
-        f"cannot start {order.arguments[0]}",
-        f"{why} (in {order.folder}).",
+        f"cannot start {command.arguments[0]}",
+        f"{why} (in {command.folder}).",
         "Set the environment variables of the method's file to the code's checkout and its interpreter.",
     )
 

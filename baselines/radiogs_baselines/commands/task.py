@@ -11,8 +11,7 @@ from pathlib import Path
 from radiogs_core.errors import ExplainedError
 
 from .errors import CommandFailed
-from .place import Place
-from .process import Ended, Order, Running
+from .process import Command, ExitStatus, Running
 from .records import (
     Listing,
     Record,
@@ -21,6 +20,7 @@ from .records import (
     read_record,
     write_json,
 )
+from .workspace import Workspace
 
 LAST_LINES = 12
 """Number of lines of the log in the message of a failure."""
@@ -36,7 +36,7 @@ LITTLE_SPACE = 2**20
 class Task:
     """One command and the files that it has to write."""
 
-    place: Place
+    workspace: Workspace
     """Workspace."""
     name: str
     """Name of the command."""
@@ -59,7 +59,7 @@ class Task:
 
     def done(self) -> Record | None:
         """The record of its success, if its files are still there and unchanged."""
-        record = read_record(self.place.done(self.name))
+        record = read_record(self.workspace.done(self.name))
         if record is None or record.order != self.order:
             return None
         try:
@@ -69,32 +69,34 @@ class Task:
 
     def begin(self) -> "Attempt":
         """Start the command: in a clean folder, or, if it resumes, in the folder of the interrupted run."""
-        place = self.place
-        place.make(place.output)
-        values = place.values(self.light)
-        folder = place.working_folder(values)
+        workspace = self.workspace
+        workspace.make(workspace.output)
+        values = workspace.values(self.light)
+        folder = workspace.working_folder(values)
         resuming = self._prepare_folder()
         self.before()
-        order = Order(
+        command = Command(
             self.arguments(resuming),
             folder,
-            place.environment(values),
-            place.log(self.name),
-            place.root,
+            workspace.environment(values),
+            workspace.log(self.name),
+            workspace.root,
             self.time_limit,
         )
-        return Attempt(self, Running(order))
+        return Attempt(self, Running(command))
 
     def _prepare_folder(self) -> bool:
         """Remove the files of an interrupted run, unless the code can continue it; returns whether it continues."""
-        place = self.place
-        place.done(self.name).unlink(missing_ok=True)
-        there = files_in(place.output)
-        before = read_json(place.begun(self.name))
+        workspace = self.workspace
+        workspace.done(self.name).unlink(missing_ok=True)
+        there = files_in(workspace.output)
+        before = read_json(workspace.begun(self.name))
         if not isinstance(before, list):
-            write_json(place.begun(self.name), sorted(file.relative_to(place.output).as_posix() for file in there))
+            write_json(
+                workspace.begun(self.name), sorted(file.relative_to(workspace.output).as_posix() for file in there)
+            )
             return False
-        known = {place.output / name for name in before}
+        known = {workspace.output / name for name in before}
         left = [file for file in there if file not in known]
         if self.resumes and left:
             return True
@@ -127,13 +129,13 @@ class Attempt:
         """End the command and all its children, if it is running."""
         self._running.end()
 
-    def _recorded(self, ended: Ended, listing: Listing) -> Record:
-        task, place = self.task, self.task.place
+    def _recorded(self, ended: ExitStatus, listing: Listing) -> Record:
+        task, workspace = self.task, self.task.workspace
         record = Record(
             command=task.name,
             order=task.order,
-            output=place.output.relative_to(place.root).as_posix(),
-            log=place.log(task.name).relative_to(place.root).as_posix(),
+            output=workspace.output.relative_to(workspace.root).as_posix(),
+            log=workspace.log(task.name).relative_to(workspace.root).as_posix(),
             files=digest_of(listing),
             file_count=len(listing),
             file_bytes=sum(listing.values()),
@@ -141,17 +143,17 @@ class Attempt:
             seconds=ended.seconds,
             peak_bytes=ended.peak_bytes,
         )
-        write_json(place.done(task.name), record.plain())
+        write_json(workspace.done(task.name), record.plain())
         return record
 
     def _failed(self, how: str, why: str = "") -> CommandFailed:
         task, log = self.task, self._running.log
         last = log.last_lines(LAST_LINES)
-        full = _full_disk(task.place.root, last + log.trouble + why)
+        full = _full_disk(task.workspace.root, last + log.trouble + why)
         parts = [why, full, log.trouble, f"Its last output:\n{last}" if last else "It printed nothing."]
         again = "it continues from its last state" if task.resumes else "it starts again, and earlier commands are kept"
         return CommandFailed(
-            f"{task.place.file.title}: the command '{task.name}' {how}",
+            f"{task.workspace.file.title}: the command '{task.name}' {how}",
             "\n".join(part for part in parts if part),
             f"Its log: {log.path}\n" + ("Free disk space and run" if full else "Run") + f" the same again: {again}.",
         )
@@ -162,7 +164,7 @@ def files_in(folder: Path) -> list[Path]:
     return [Path(parent) / name for parent, _, names in os.walk(folder) for name in names]
 
 
-def _how(ended: Ended, limit: float | None) -> tuple[str, str]:
+def _how(ended: ExitStatus, limit: float | None) -> tuple[str, str]:
     if ended.survivors:
         numbers = ", ".join(map(str, ended.survivors))
         return "left processes that cannot be ended", f"They wait in the kernel: {numbers}. End them first."

@@ -25,10 +25,10 @@ from ..outputs.files import Found
 from ..outputs.predictions import Predictions, relightable
 from ..outputs.reading import read_predictions
 from .errors import CommandFailed
-from .place import Place
 from .placeholders import filled_list
 from .records import Listing, digest_of_order, listing_of, read_record
 from .task import Task
+from .workspace import Workspace
 
 WAIT = 0.5
 """Seconds between two calls of ``after_step``."""
@@ -84,7 +84,7 @@ class PreparedCommand:
 class TrainedCommand:
     """A trained model in the workspace of a run. A ``contract.Trained``."""
 
-    place: Place
+    workspace: Workspace
     """Workspace."""
     product: Mapping[str, Any]
     """Records of the commands of training, by name."""
@@ -99,22 +99,22 @@ class TrainedCommand:
 
     def facts(self) -> dict[str, Any]:
         """The code and its commands with their cost, remarks on the code, and files of its output that are not read."""
-        code, found = self.place.file.code, self.place.found_commit()
+        code, found = self.workspace.file.code, self.workspace.found_commit()
         commands = dict(self.product)
-        for path in sorted(self.place.done("").parent.glob("*.json")):
+        for path in sorted(self.workspace.done("").parent.glob("*.json")):
             record = read_record(path)
             if record is not None and record.command not in commands and record.order.startswith(self.order):
                 commands[record.command] = record.plain()
         predictions = self._found()
-        remarks = [*self.place.file.traps, *CODES[self.place.file.reader].remarks]
+        remarks = [*self.workspace.file.traps, *CODES[self.workspace.file.reader].remarks]
         if found is not None and not found.startswith(code.commit):
             remarks.append(f"The commands are for commit {code.commit}; the checkout is at {found}.")
-        if self.place.file.relight is None:
+        if self.workspace.file.relight is None:
             remarks.append("It is not relit, because its file has no command that relights.")
         return {
             "code": {"url": code.url, "commit": code.commit, "licence": code.licence, "found": found},
             "commands": commands,
-            "logs": {name: str(self.place.root / record["log"]) for name, record in commands.items()},
+            "logs": {name: str(self.workspace.root / record["log"]) for name, record in commands.items()},
             "remarks": remarks,
             "absent": [] if predictions is None else list(predictions.absent),
             "ignored": [] if predictions is None else list(predictions.ignored),
@@ -125,11 +125,11 @@ class TrainedCommand:
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / "where.json"
         where = {
-            "method": self.place.file.name,
-            "workspace": str(self.place.root),
-            "output": str(self.place.output),
-            "results": str(self.place.results),
-            "logs": str(self.place.log("").parent),
+            "method": self.workspace.file.name,
+            "workspace": str(self.workspace.root),
+            "output": str(self.workspace.output),
+            "results": str(self.workspace.results),
+            "logs": str(self.workspace.log("").parent),
             "facts": self.facts(),
         }
         path.write_text(json.dumps(where, indent=1), encoding="utf-8")
@@ -147,14 +147,14 @@ class TrainedCommand:
         for a light that is not one of the scene's; NotOffered if the method has no command that relights.
         """
         if light is None:
-            if self.place.file.render is not None:
+            if self.workspace.file.render is not None:
                 self._bring_about(self._rendering(), after_step)
             else:
                 self._views_written()
             return self._prepared()
         name = self._name_of(light)
-        if self.place.file.relight is None:
-            raise NotOffered(f"{self.place.file.title} has no command that relights")
+        if self.workspace.file.relight is None:
+            raise NotOffered(f"{self.workspace.file.title} has no command that relights")
         self._bring_about(self._relighting(name), after_step)
         return self._prepared_under(name)
 
@@ -169,41 +169,43 @@ class TrainedCommand:
             attempt.end()
 
     def _rendering(self) -> Task:
-        command = self.place.file.render
+        command = self.workspace.file.render
         assert command is not None
         return Task(
-            place=self.place,
+            workspace=self.workspace,
             name="render",
             order=self.order + digest_of_order(["render"]),
-            arguments=lambda resuming: filled_list(command.arguments, self.place.values(), self.place.settings),
+            arguments=lambda resuming: filled_list(command.arguments, self.workspace.values(), self.workspace.settings),
             wrote=self._views_written,
             time_limit=command.time_limit,
-            before=self.place.write_lights,
+            before=self.workspace.write_lights,
             inspect=lambda: _inspect(found for maps in self._read().maps.values() for found in maps.values()),
         )
 
     def _relighting(self, light: str) -> Task:
-        command = self.place.file.relight
+        command = self.workspace.file.relight
         assert command is not None
         lights = sorted(self._lit_views()) if command.all_lights else [light]
         one = "" if command.all_lights else light
         return Task(
-            place=self.place,
+            workspace=self.workspace,
             name=f"relight-{light}" if one else "relight",
             order=self.order + digest_of_order(["relight", one]),
-            arguments=lambda resuming: filled_list(command.arguments, self.place.values(one), self.place.settings),
+            arguments=lambda resuming: filled_list(
+                command.arguments, self.workspace.values(one), self.workspace.settings
+            ),
             wrote=partial(self._relit_written, lights),
             light=one,
             time_limit=command.time_limit,
-            before=self.place.write_lights,
+            before=self.workspace.write_lights,
             inspect=lambda: _inspect(found for each in lights for found in self._relit(each).values()),
         )
 
     def _prepared(self) -> PreparedCommand:
         found = self._read()
         offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
-        views = [(view, partial(_maps_of, found, view)) for view in self.place.run.scene.test]
-        return PreparedCommand(self.place.file.title, offered, views)
+        views = [(view, partial(_maps_of, found, view)) for view in self.workspace.run.scene.test]
+        return PreparedCommand(self.workspace.file.title, offered, views)
 
     def _prepared_under(self, light: str) -> PreparedCommand:
         readings = [
@@ -212,11 +214,11 @@ class TrainedCommand:
             for view in scene.test
             if view.has(f"relit/{light}")
         ]
-        return PreparedCommand(self.place.file.title, {"image": KINDS["image"]}, readings)
+        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, readings)
 
     def _views_written(self) -> Listing:
         """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""
-        found, command = self._read(), self.place.file.render
+        found, command = self._read(), self.workspace.file.render
         missing = [each for each in found.missing if not each.startswith("relit ")]
         there = {name for maps in found.maps.values() for name in maps}
         missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
@@ -248,9 +250,9 @@ class TrainedCommand:
         If a test view exists under the light, all test views are kept, because files are numbered by them. Views of the
         object in other surroundings (``Scene.relight``) have one light each, and their files are named by the view.
         """
-        scene = self.place.run.scene
+        scene = self.workspace.run.scene
         lit: dict[str, list[Scene]] = {light: [scene] for light in relightable(scene)}
-        by_name = all("{name}" in rule.path for rule in CODES[self.place.file.reader].relit)
+        by_name = all("{name}" in rule.path for rule in CODES[self.workspace.file.reader].relit)
         for light in scene.lights if by_name else ():
             elsewhere = tuple(view for view in scene.relight if view.has(f"relit/{light}"))
             if elsewhere:
@@ -258,7 +260,7 @@ class TrainedCommand:
         return lit
 
     def _read(self, scene: Scene | None = None) -> Predictions:
-        return read_predictions(self.place.results, scene or self.place.run.scene, self.place.file.reader)
+        return read_predictions(self.workspace.results, scene or self.workspace.run.scene, self.workspace.file.reader)
 
     def _found(self) -> Predictions | None:
         """The predictions that can be read; None before the test views are rendered."""
@@ -268,10 +270,10 @@ class TrainedCommand:
             return None
 
     def _listed(self, files: Any) -> Listing:
-        return listing_of(self.place.root, (found.path for found in files))
+        return listing_of(self.workspace.root, (found.path for found in files))
 
     def _name_of(self, light: EnvironmentMap) -> str:
-        lights = self.place.run.scene.lights
+        lights = self.workspace.run.scene.lights
         for name, each in lights.items():
             if each is light:
                 return name
@@ -279,7 +281,7 @@ class TrainedCommand:
             if torch.equal(each.radiance.cpu(), light.radiance.cpu()):
                 return name
         raise DataError(
-            f"{self.place.file.title} cannot be relit by a light that is not one of the scene's",
+            f"{self.workspace.file.title} cannot be relit by a light that is not one of the scene's",
             f"Its command reads the scene's lights: {', '.join(lights) or 'it has none'}.",
             "Relight it by one of them.",
         )

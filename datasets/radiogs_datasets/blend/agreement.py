@@ -144,17 +144,18 @@ def _db(error: float) -> float:
 
 @dataclass(frozen=True)
 class Part:
-    """A box or sphere, and how Blender copies it; at most one of the three.
-
-    array: count and step of an array modifier. mirror: axis of a mirror modifier, in a plane through the origin.
-    instances: places and scales of instances of a collection, in which a sphere is at the origin.
-    """
+    """A box or sphere, and how Blender copies it: by at most one of an array, a mirror and instances."""
 
     name: str
+    """Name of the object."""
     solid: Box | Sphere
+    """The solid; a sphere at the origin if it has instances."""
     array: tuple[int, Point] | None = None
+    """Count and step of an array modifier."""
     mirror: int | None = None
+    """Axis of a mirror modifier, whose plane passes through the origin."""
     instances: tuple[tuple[Point, float], ...] = ()
+    """Positions and scales of instances of a collection."""
 
     def solids(self) -> tuple[Solid, ...]:
         """The solids of the scene."""

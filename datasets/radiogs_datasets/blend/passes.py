@@ -29,26 +29,34 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Maps:
-    """The maps of one picture, [height, width, channels]; light is linear and multiplied by alpha, the others are
-    straight.
+    """The maps of one picture, [height, width, channels].
 
-    direct: light that met one surface, with what surfaces emit; indirect: all other. incident_indirect: the
-    cosine-weighted mean of the indirect radiance that arrives at the surface (its irradiance / pi), zero where nothing
-    is diffuse. roughness is None where materials were not understood. features: how much of a pixel each has.
-    closure: the largest difference of image from direct + indirect.
+    Light is linear RGB and multiplied by alpha; the other maps are straight.
     """
 
     image: Map
+    """Outgoing radiance."""
     alpha: Map
+    """Coverage in [0, 1]."""
     direct: Map
+    """Radiance after one surface, and emitted radiance."""
     indirect: Map
+    """Radiance after two or more surfaces."""
     incident_indirect: Map
+    """Indirect irradiance over pi at the surface: the cosine-weighted mean of the incident indirect radiance; zero
+    where nothing is diffuse."""
     albedo: Map
+    """Diffuse albedo, linear RGB."""
     normal: Map
+    """Unit normals in the world."""
     roughness: Map | None
+    """Perceptual roughness; None if a material could not be evaluated."""
     depth: Map
+    """z-depth, world units."""
     features: Mapping[str, Map]
+    """Share of each pixel that has a feature of materials, by feature."""
     closure: float
+    """Largest difference of ``image`` from ``direct`` + ``indirect``."""
 
 
 def read_passes(path: Path) -> dict[str, Map]:

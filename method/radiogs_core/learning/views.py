@@ -46,7 +46,7 @@ class Whole:
         return self.pixels
 
 
-def held(pixels: Float[Tensor, "*shape"], device: torch.device) -> Levels | Whole:
+def in_memory(pixels: Float[Tensor, "*shape"], device: torch.device) -> Levels | Whole:
     """Pixels on a device: one or two bytes a value if all are levels of 8 or 16 bits, otherwise four."""
     for most, dtype in DEPTHS:
         levels = (pixels * most).round().clamp(0, most).int()
@@ -149,8 +149,8 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
     loaded = []
     for view in views:
         camera = view.camera.to(device, torch.float32)
-        pixels = held(view.read("image"), device)
-        covered = held(view.read("alpha")[..., 0], device) if view.has("alpha") else None
+        pixels = in_memory(view.read("image"), device)
+        covered = in_memory(view.read("alpha")[..., 0], device) if view.has("alpha") else None
         needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
         kept = (pixels, covered) if needed <= most else (None, None)
         most -= needed if needed <= most else 0

@@ -169,7 +169,7 @@ class FitGeometry(SurfelStage[Any, Any]):
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name; ``touched`` then says which surfels the view shows."""
-        surfels = self.optimiser.surfels.framed()
+        surfels = self.optimiser.surfels.with_cached_frames()
         surfels.sh = surfels.sh[:, : self._coefficients()]
         weights, camera = self.learning.weights, view.camera
         radiance, own = own_radiance_twice(camera, surfels)

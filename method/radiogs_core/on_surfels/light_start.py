@@ -102,7 +102,7 @@ def starting_model(
 ) -> LitSurfels:
     """The surfels that stage 1 has learnt with starting materials, and a light; see ``starting_light_and_albedo``."""
     light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided)
-    surfels = learnt.made_of(start.albedo, start.roughness)
+    surfels = learnt.with_material(start.albedo, start.roughness)
     return LitSurfels(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
 
 

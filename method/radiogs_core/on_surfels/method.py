@@ -1,4 +1,4 @@
-"""What the methods on shared surfels are to the harness: the shared stage of geometry, then one of their own."""
+"""The contract of a method on shared surfels: the shared stage of geometry, then a stage of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

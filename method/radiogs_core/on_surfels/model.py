@@ -1,4 +1,4 @@
-"""What a method on surfels recovers: surfels with their materials, and the light that they were seen under."""
+"""The model that a method on surfels recovers: surfels with their materials, and the light of the training views."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

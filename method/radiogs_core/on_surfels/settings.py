@@ -90,7 +90,7 @@ def by_name(*budgets: BudgetT) -> dict[str, BudgetT]:
 
 @dataclass(frozen=True)
 class SurfelVariant:
-    """What an ablation of a method on surfels may change; the defaults are the full method."""
+    """The settings that an ablation of a method on surfels may change; the defaults are the full method."""
 
     shown_only: ClassVar[tuple[str, ...]] = ()
     """Fields that training does not read: cells that differ in these alone share the trained model."""

@@ -54,7 +54,7 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
 
     @abstractmethod
     def product(self) -> dict[str, Any]:
-        """What the next stage begins from, or what ``Method.restore`` takes, as plain tensors."""
+        """The input of the next stage, or of ``Method.restore``, as plain tensors."""
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

@@ -73,7 +73,7 @@ class Surfels:
         """
         return frames(self.rotation)
 
-    def framed(self) -> "Surfels":
+    def with_cached_frames(self) -> "Surfels":
         """A copy that computes its frames once and keeps them, for one step; gradients flow to these surfels."""
         return _Framed(**self.parameters())
 
@@ -106,7 +106,7 @@ class Surfels:
         """Names of the raw tensors."""
         return tuple(field.name for field in fields(cls))
 
-    def made_of(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
+    def with_material(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
         """A copy of the surfels with a single material; ``opacity`` None keeps their opacity."""
         changes = {
             "albedo_logit": torch.full_like(self.albedo_logit, inverse_sigmoid(albedo)),
@@ -116,7 +116,7 @@ class Surfels:
             changes["opacity_logit"] = torch.full_like(self.opacity_logit, inverse_sigmoid(opacity))
         return replace(self, **changes)
 
-    def held(self, *names: str) -> "Surfels":
+    def detached(self, *names: str) -> "Surfels":
         """A copy without gradient to the named raw tensors: their gradients are not computed, and no step changes
         them."""
         return replace(self, **{name: getattr(self, name).detach() for name in names})

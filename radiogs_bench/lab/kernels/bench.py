@@ -23,26 +23,33 @@ Announce = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Row:
-    """One pass of one kernel on one input.
-
-    direction: forward (without gradient), backward, or both. seconds: median; of one core on the CPU, of the whole
-    device on CUDA. ratio: median of the yardstick's seconds over the kernel's, pass against pass; for a yardstick
-    without a backward pass its forward seconds are used. peak_bytes: of both passes together. Counters are per
-    item.
-    """
+    """One pass of one kernel on one input."""
 
     kernel: str
+    """Name of the kernel."""
     scene: str
+    """Name of the input."""
     dtype: str
+    """Scalar type."""
     direction: str
+    """Forward (without gradient), backward, or both."""
     items: int
+    """Number of items."""
     item: str
+    """Name of an item."""
     seconds: float
+    """Median seconds; of one core on the CPU, of the whole device on CUDA."""
     peak_bytes: int
+    """Peak memory of both passes together."""
     counters: dict[str, float]
+    """Work counters for each item."""
     yardstick: str | None
+    """Name of the yardstick; None if there is none."""
     ratio: float | None
+    """Median ratio of the yardstick's seconds to the kernel's, pass by pass; a yardstick without a backward pass is
+    compared by its forward seconds."""
     yardstick_peak_bytes: int | None
+    """Peak memory of the yardstick."""
 
     @property
     def millions_per_second(self) -> float:

@@ -38,20 +38,24 @@ class Yardstick:
 
 @dataclass(frozen=True)
 class Case:
-    """One kernel on one input.
-
-    forward: without gradient. backward: runs the forward pass and returns the backward pass, ready to run. items: what
-    rates are per.
-    """
+    """One kernel on one input."""
 
     kernel: str
+    """Name of the kernel."""
     scene: str
+    """Name of the input."""
     dtype: torch.dtype
+    """Scalar type."""
     items: int
+    """Number of items, in which rates are counted."""
     item: str
+    """Name of an item."""
     forward: Callable[[], object]
+    """Runs the forward pass, without gradient."""
     backward: Callable[[], Callable[[], object]]
+    """Runs the forward pass, and returns a function that runs the backward pass."""
     yardstick: Yardstick | None
+    """The same work by another library; None if there is none."""
 
 
 def trace_case(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> Case:

@@ -38,15 +38,22 @@ FEATURES = 8
 
 @dataclass(frozen=True)
 class KernelScene:
-    """Surfels with radiance and features, and rays that start on them: origin, unit direction, nearest hit."""
+    """Surfels, and rays that start on them."""
 
     name: str
+    """Name of the scene."""
     geometry: SplatGeometry
+    """Geometry of the surfels."""
     sh: Float[Tensor, "surfels 16 3"]
+    """Harmonics of the surfels' radiance."""
     features: Float[Tensor, "surfels channels"]
+    """Features of the surfels."""
     origin: Float[Tensor, "rays 3"]
+    """Origins of the rays in the world."""
     direction: Float[Tensor, "rays 3"]
+    """Unit directions of travel in the world."""
     t_min: Float[Tensor, " rays"]
+    """Distance beyond which rays hit surfels, world units."""
 
 
 def sphere_and_plane() -> KernelScene:

@@ -37,7 +37,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Setting:
-    """How a rehearsal is run: where, who is told, which sizes (none: ``sizes_of``), and by which clock."""
+    """Settings of a rehearsal: device, listener, sizes (none: ``sizes_of``), and clock."""
 
     device: torch.device
     progress: Progress

@@ -9,23 +9,26 @@ from .phases import Phase
 
 @dataclass(frozen=True)
 class SizeResult:
-    """One size of the model, None where a method does not say, and the phases measured at it.
-
-    base: bytes by place before anything was done. seconds: that it took in all. rows: keys of each row's phases.
-    facts: counts of each row's model. busy: share of the time that the process had a core, on average; below 1 where
-    others share the machine, above it with several threads. Phases may end early: ``broke_at`` is the title of the one
-    that memory did not suffice for.
-    """
+    """The phases that were measured at one size of the model."""
 
     size: int | None
+    """Size of the model; None if the method does not report one."""
     base: Mapping[str, int]
+    """Bytes by kind of memory before the first phase."""
     phases: Sequence[Phase]
+    """Measured phases."""
     rows: Mapping[str, Sequence[str]]
+    """Keys of the phases of each row."""
     facts: Mapping[str, Mapping[str, int]]
+    """Counts of each row's model."""
     seconds: float
+    """Total seconds."""
     busy: float
+    """Mean number of cores that the process had: below 1 if others share the machine, above 1 with several threads."""
     broke_at: str | None = None
+    """Title of the phase that memory was too small for; None if memory sufficed."""
     stopped: bool = False
+    """Whether the measurement was stopped."""
 
     @property
     def whole(self) -> bool:

@@ -19,17 +19,20 @@ MEMORY_MESSAGES = ("out of memory", "can't allocate memory", "not enough memory"
 
 @dataclass(frozen=True)
 class Phase:
-    """A kind of work. seconds: of each time that it was done. whole: how often the whole run does it. peaks: bytes by
-    place ("host": resident set of the process, "device": CUDA allocator). key: the stage or model that it belongs to;
-    rows that share one do this work once. extended_error: of seconds that were not measured, but extended from others;
-    None for what was measured."""
+    """A kind of work of a run."""
 
     title: str
+    """Title of the phase."""
     key: str
+    """Stage or model that it belongs to; rows that share it do this work once."""
     seconds: tuple[float, ...]
+    """Seconds of each repetition."""
     whole: int
+    """Number of repetitions in the whole run."""
     peaks: Mapping[str, int]
+    """Peak bytes by kind of memory ("host": resident set of the process, "device": CUDA allocator)."""
     extended_error: float | None = None
+    """Error of seconds that are extrapolated from other sizes; None for measured seconds."""
 
     @property
     def mean(self) -> float:
@@ -45,7 +48,7 @@ class Phase:
         return statistics.stdev(self.seconds) / math.sqrt(count) if count > 1 else 0.0
 
     def plain(self) -> dict[str, Any]:
-        """As stored."""
+        """The phase as plain values, for storage."""
         return {
             "title": self.title,
             "key": self.key,

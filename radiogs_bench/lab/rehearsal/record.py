@@ -26,12 +26,17 @@ class Asked:
     name: str
     """The name of the suite or scene."""
     preset: str
+    """Name of the preset."""
     scene: Scene
+    """Scene of the rehearsal."""
     cells: int
     """The number of scenes that the whole run has for each row."""
     bounds: Bounds
+    """Limits of the rehearsal."""
     device: torch.device
+    """Device of the rehearsal."""
     other_device: str | None = None
+    """Device that the forecast is for, if it is another one."""
     clock: str = "wall"
     """The seconds that are counted, "wall" or "core"."""
 

@@ -30,7 +30,7 @@ class Worker:
     def __init__(self, process: "subprocess.Popen[str]", name: str) -> None:
         self.process, self.name = process, name
         self.origin = self._answer()
-        """Where its sources lie, and their commit."""
+        """Folder of its sources, and their commit."""
 
     def passed(self, size: str, counts: bool) -> Plain:
         """One pass at a size (see ``measure.Here.passed``)."""

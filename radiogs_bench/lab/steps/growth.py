@@ -1,4 +1,5 @@
-"""How seconds and bytes grow with surfels, pixels, rays and views: each alone, and its exponent (``bench growth``)."""
+"""Growth of seconds and bytes with surfels, pixels, rays and views, each varied alone, as exponents (``bench
+growth``)."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -53,7 +53,7 @@ def append(path: Path, line: Mapping[str, Any]) -> None:
 
 
 def read_history(path: Path) -> list[Plain]:
-    """All lines, oldest first. Raises DataError with the number of a line that is none."""
+    """All lines, oldest first. Raises DataError that names the first malformed line."""
     found = []
     try:
         text = path.read_text(encoding="utf-8")

@@ -208,11 +208,14 @@ SHOWN_WORK = ("rays", "hits", "blended_pairs", "shaded_samples")
 
 @dataclass(frozen=True)
 class Counted:
-    """Counts of one piece of work: PyTorch's operations, launches of own kernels, and work counters."""
+    """Counts of one piece of work."""
 
     operations: int
+    """Operations of PyTorch."""
     launches: int
+    """Launches of this project's kernels."""
     work: Mapping[str, int]
+    """Work counters (``Instruments.work``)."""
 
 
 class Times:
@@ -262,7 +265,7 @@ class Times:
             self.parts[title][f"{part}, {way}"] += share
 
     def plain(self) -> dict[str, Any]:
-        """As plain values that a process can hand to another."""
+        """The times as plain values, for another process."""
         return {
             "seconds": dict(self.seconds),
             "counted seconds": self.counted_seconds,
@@ -273,11 +276,12 @@ class Times:
 
 @dataclass
 class Counts:
-    """operations: what PyTorch's dispatcher was asked for, backward passes and views included. launches: of Warp's
-    kernels."""
+    """Counts that a ``with`` block adds to."""
 
     operations: int = 0
+    """Operations of PyTorch's dispatcher, including backward passes and views."""
     launches: int = 0
+    """Launches of Warp kernels."""
 
 
 class _Operations(TorchDispatchMode):

@@ -11,18 +11,20 @@ from radiogs_core.plain_values import leaf_names, value_at
 
 @dataclass(frozen=True)
 class Size:
-    """A model and images of one size.
-
-    preset: whose samples, surfels a step and light are taken. side: pixels of a square image. surfels: None for as many
-    as the preset's largest model may have. views: training views. passes: how often all is done by default.
-    """
+    """A model and images of one size."""
 
     name: str
+    """Name of the size."""
     preset: str
+    """Preset whose samples, surfels of a step and light are used."""
     side: int
+    """Side of the square images, pixels."""
     surfels: int | None
+    """Surfels of the model; None: as many as the preset allows."""
     views: int
+    """Training views."""
     passes: int
+    """Default number of passes."""
 
 
 SIZES = {
@@ -43,7 +45,7 @@ OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
 """Those with as many surfels as a preset's largest model: any method can be measured at them."""
 
 DEFAULT = ("tiny", "20k")
-"""Those that take seconds."""
+"""Sizes that take seconds."""
 
 
 def size_of(name: str) -> Size:

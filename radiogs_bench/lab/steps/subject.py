@@ -34,14 +34,20 @@ ON_SURFACES, OWN_START = "on the true surfaces", "as the method starts"
 
 @dataclass(frozen=True)
 class Subject:
-    """A method, the few steps that are taken of it, and the scene. surfels: None for a method's own number."""
+    """A method, the few steps of it that are measured, and the scene."""
 
     method: Method
+    """The method."""
     size: Size
+    """Size of the model and of the images."""
     surfels: int | None
+    """Surfels of the model; None: the method decides."""
     scene: Scene
+    """The scene."""
     short: ShortRun
+    """The steps."""
     device: torch.device
+    """Device of the model."""
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:

@@ -12,7 +12,7 @@ from .conventions import Bits, Depth, DepthOffset, Normal
 from .pictures import in_bits
 
 IN_MASK = Normal()
-"""Over the pixels that the truth covers by more than half."""
+"""Normal errors over the pixels that the truth covers by more than half."""
 
 HOLE = 90.0
 """Error in degrees of a missing (zero) prediction inside the mask: the mean error of a random direction."""

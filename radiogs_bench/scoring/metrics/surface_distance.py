@@ -27,16 +27,16 @@ edges of flat faces are an eighth of the spacing wide, so a face grows by 1/40 o
 
 @dataclass(frozen=True)
 class SurfaceDistance:
-    """Mean distances in units of the scene's extent.
-
-    accuracy: of points on the recovered surface from the true one. completeness: of points on the true surface from the
-    recovered one. samples: how many points were drawn on the recovered surface, and how many on the true one.
-    """
+    """Mean distances between two surfaces, in units of the scene's extent."""
 
     accuracy: float
+    """Mean distance of points on the recovered surface from the true one."""
     completeness: float
+    """Mean distance of points on the true surface from the recovered one."""
     samples: tuple[int, int]
+    """Numbers of points that were drawn on the recovered and on the true surface."""
     seed: int
+    """Seed of the points."""
 
     @property
     def chamfer(self) -> float:

@@ -199,7 +199,7 @@ def test_an_image_that_is_cut_off_is_an_error(convex: Scene, pantry: Callable[[s
     text = toml([FIRST], f"--pantry|{pantry('gs-ir')}|--habit|cut", reader="gs-ir")
     trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
     for _ in range(2):
-        with pytest.raises(CommandFailed, match="'render' ended well, but") as failure:
+        with pytest.raises(CommandFailed, match="'render' ended without an error, but") as failure:
             trained.prepare()
         assert "is damaged" in failure.value.why
 
@@ -242,7 +242,7 @@ def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_the
         with pytest.raises(DataError, match="'stage-1' of Stand-in has written are missing or changed") as failure:
             bench.method.restore(bench.run, trained.product)
         assert str(bench.workspace) in failure.value.remedy
-        with pytest.raises(DataError, match="gone or changed"):
+        with pytest.raises(DataError, match="missing or changed"):
             bench.train()
 
 
@@ -336,8 +336,8 @@ def test_memory_is_that_of_all_processes(convex: Scene, tmp_path: Path) -> None:
 def test_a_long_log_keeps_its_beginning_and_its_end(
     convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    order = task.Order
-    monkeypatch.setattr(task, "Order", lambda *arguments: order(*arguments, log_limit=10_000))
+    command = task.Command
+    monkeypatch.setattr(task, "Command", lambda *arguments: command(*arguments, log_limit=10_000))
     bench = cell(tmp_path, convex, f"{SECOND}|--habit|talk")
     bench.train()
     text = (bench.workspace / "logs" / "stage-2.log").read_text()

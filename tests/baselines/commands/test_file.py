@@ -104,7 +104,7 @@ def test_a_run_that_a_code_cannot_read_is_refused_before_anything_starts(
     with pytest.raises(UsageError, match="there is no folder"):
         stage.begin(run, {}).step()
     monkeypatch.delenv("STAND_IN_HOME")
-    with pytest.raises(UsageError, match="variable STAND_IN_HOME is not set") as error:
+    with pytest.raises(UsageError, match="STAND_IN_HOME, which holds the folder of a checkout, is not set") as error:
         stage.begin(run, {}).step()
     assert "git checkout 0123456" in error.value.remedy
     assert not (tmp_path / "work").exists() or not any((tmp_path / "work").rglob("*.log"))

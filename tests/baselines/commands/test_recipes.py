@@ -12,8 +12,8 @@ from baselines.commands.bench import Bench
 from baselines.commands.stand_in import entries, is_relit
 from public_outputs import WRITERS, noisy
 from radiogs_baselines.commands.method import CommandMethod, read_method
-from radiogs_baselines.commands.place import Place
 from radiogs_baselines.commands.placeholders import filled
+from radiogs_baselines.commands.workspace import Workspace
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_bench.methods import recipes
 from radiogs_core.scene.scene import Scene
@@ -41,16 +41,16 @@ def test_recipes_are_part_of_the_package() -> None:
 @pytest.fixture(scope="module")
 def scene(convex: Scene) -> Scene:
     """Views with names of their own, which every layout can tell."""
-    test = tuple(replace(view, name=f"views/{place:03}") for place, view in enumerate(convex.test[:2]))
+    test = tuple(replace(view, name=f"views/{index:03}") for index, view in enumerate(convex.test[:2]))
     return replace(convex, test=test, name="lego")
 
 
-def steps(method: CommandMethod, place: Place, pantry: Path) -> list[Mapping[str, object]]:
+def steps(method: CommandMethod, workspace: Workspace, pantry: Path) -> list[Mapping[str, object]]:
     """The files that each command of the recipe writes, in order."""
-    shelf, results, file = entries(pantry), place.results, method.file
+    shelf, results, file = entries(pantry), workspace.results, method.file
     shown = [(str(pantry / path), str(results / path)) for path in shelf if not is_relit(path)]
     plan: list[dict[str, object]] = [
-        {"write": [filled(text, place.named()) for text in each.writes], "copy": []} for each in file.train
+        {"write": [filled(text, workspace.named()) for text in each.writes], "copy": []} for each in file.train
     ]
     plan += [{"write": [], "copy": shown}] if file.render else []
     if not file.render:
@@ -60,7 +60,7 @@ def steps(method: CommandMethod, place: Place, pantry: Path) -> list[Mapping[str
     assert file.relight is not None
     if file.relight.all_lights:
         return [*plan, {"write": [], "copy": every}]
-    by_light = [[pair for pair in every if light in pair[0]] for light in place.run.scene.lights]
+    by_light = [[pair for pair in every if light in pair[0]] for light in workspace.run.scene.lights]
     return plan + [{"write": [], "copy": pairs} for pairs in by_light]
 
 
@@ -78,7 +78,7 @@ def test_a_recipe_runs_to_its_end(name: str, scene: Scene, tmp_path: Path, monke
     monkeypatch.setenv("STAND_IN_PLAN", str(plan))
     WRITERS[method.file.reader](tmp_path / "pantry", noisy(here))
     bench = Bench(method, here, tmp_path / "work")
-    plan.write_text(json.dumps(steps(method, Place.of(method.file, method.home, bench.run), tmp_path / "pantry")))
+    plan.write_text(json.dumps(steps(method, Workspace.of(method.file, method.home, bench.run), tmp_path / "pantry")))
     trained = bench.train()
     prepared = trained.prepare()
     assert {"image", "albedo", "roughness", "normal"} <= prepared.render(here.test[0].camera).keys()

@@ -54,7 +54,7 @@ def inverse(initialised: dict[str, Any], *given: Part) -> InverseRendering:
 def learnt(*places: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
     centre = torch.tensor(places)
     surfels = surfels_facing(centre, torch.nn.functional.normalize(centre, dim=-1))
-    return surfels.made_of(albedo, 0.6)
+    return surfels.with_material(albedo, 0.6)
 
 
 def start_of(surfels: Surfels) -> Start:

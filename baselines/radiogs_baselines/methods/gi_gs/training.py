@@ -137,4 +137,4 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 def frozen(surfels: Surfels, moves: bool) -> Surfels:
     """The surfels whose radiance has no gradient, nor, unless it ``moves``, their geometry."""
-    return surfels.held("sh") if moves else surfels.held("sh", *GEOMETRY)
+    return surfels.detached("sh") if moves else surfels.detached("sh", *GEOMETRY)

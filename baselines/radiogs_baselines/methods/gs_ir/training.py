@@ -146,7 +146,7 @@ def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
-    return surfels.held(*GEOMETRY)
+    return surfels.detached(*GEOMETRY)
 
 
 SOLID = 0.5

@@ -178,4 +178,4 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
-    return surfels.held(*GEOMETRY)
+    return surfels.detached(*GEOMETRY)

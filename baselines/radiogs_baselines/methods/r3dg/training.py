@@ -180,7 +180,7 @@ def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels of which materials alone have gradient."""
-    return surfels.held(*(name for name in Surfels.names() if name not in LEARNT))
+    return surfels.detached(*(name for name in Surfels.names() if name not in LEARNT))
 
 
 @dataclass(frozen=True)

@@ -183,4 +183,4 @@ def rates_of(rates: MaterialRates) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels without gradient to what stays: it is neither computed nor stepped on."""
-    return surfels.held(*FROZEN)
+    return surfels.detached(*FROZEN)

@@ -54,7 +54,7 @@ for (int other = 0; other < others; ++other) {
             const bool object = seen[TEXEL * c + 3] > SCALAR(COVERED);
             mean[c] = object ? sum / SCALAR(3) : SCALAR(1);
         }
-        for (int c = 0; c < LANES; ++c) difference[place.data[first + c]] = mean[c];
+        for (int c = 0; c < LANES; ++c) difference[targets.data[first + c]] = mean[c];
     }
     // Means over squares; each row is then inserted among the smallest ones so far.
     for (int row = 0; row < rows; ++row) {

@@ -76,12 +76,19 @@ def matching_costs(
     sizes = [(textures.cameras[other].width, textures.cameras[other].height, textures.begin[other]) for other in others]
     row, column = matched.covered.nonzero().unbind(1)
     wide, high = columns + 2 * reach, rows + 2 * reach
-    place = pad(((row + reach) * wide + column + reach).int(), (0, spare), value=high * wide)
+    targets = pad(((row + reach) * wide + column + reach).int(), (0, spare), value=high * wide)
     colours = pad(matched.colour.T, (0, TEXEL - 3, 0, spare)).to(dtype)
     room = planes.new_empty(len(planes) * scratch_of(rows, columns, window, agreeing))
     out = planes.new_empty(len(planes), rows, columns)
-    given = [planes, place, colours, pixels_inside(matched.covered, window).to(dtype), begins, pad(slopes, (0, spare))]
-    arguments = [rows, columns, len(place), len(others), window, agreeing, *given]
+    given = [
+        planes,
+        targets,
+        colours,
+        pixels_inside(matched.covered, window).to(dtype),
+        begins,
+        pad(slopes, (0, spare)),
+    ]
+    arguments = [rows, columns, len(targets), len(others), window, agreeing, *given]
     arguments += [torch.tensor(sizes, dtype=torch.int32), textures.memory, room, out]
     launch_in_parallel(sweep_kernel(dtype), len(planes), planes.device, lambda _: arguments)
     return out

@@ -37,18 +37,18 @@ def sweep_kernel(dtype: torch.dtype) -> Any:
     @wp.func_native(native_text(_TEXT["sweep"], dtype, False, words))
     def sweep_plane(
         plane: wp.int32, rows: wp.int32, columns: wp.int32, pixels: wp.int32, others: wp.int32, window: wp.int32,
-        agreeing: wp.int32, planes: flat, place: numbers, colours: flat, inside: flat, begins: flat, slopes: flat,
+        agreeing: wp.int32, planes: flat, targets: numbers, colours: flat, inside: flat, begins: flat, slopes: flat,
         sizes: numbers, textures: flat, room: flat, out: flat,
     ): ...  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def sweep(
         first: wp.int32, rows: wp.int32, columns: wp.int32, pixels: wp.int32, others: wp.int32, window: wp.int32,
-        agreeing: wp.int32, planes: flat, place: numbers, colours: flat, inside: flat, begins: flat, slopes: flat,
+        agreeing: wp.int32, planes: flat, targets: numbers, colours: flat, inside: flat, begins: flat, slopes: flat,
         sizes: numbers, textures: flat, room: flat, out: flat,
     ):  # fmt: skip
         sweep_plane(
-            first + wp.tid(), rows, columns, pixels, others, window, agreeing, planes, place, colours, inside, begins,
+            first + wp.tid(), rows, columns, pixels, others, window, agreeing, planes, targets, colours, inside, begins,
             slopes, sizes, textures, room, out,
         )  # fmt: skip
 

@@ -83,8 +83,8 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         return wp.vec3d(double(value[0]), double(value[1]), double(value[2]))
 
     @wp.func
-    def within(window: Window, place: wp.vec3d):
-        return wp.vec3d(wp.dot(window.pose[1], place), wp.dot(window.pose[2], place), wp.dot(window.pose[3], place))
+    def within(window: Window, point: wp.vec3d):
+        return wp.vec3d(wp.dot(window.pose[1], point), wp.dot(window.pose[2], point), wp.dot(window.pose[3], point))
 
     # Pixels are clamped beside the image before they become integers: a surfel may lie 1e30 pixels away. NaN (from
     # float64 inputs beyond 1e150) gives the bounds of the whole image.
@@ -128,8 +128,8 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         """
         surfel = first + wp.tid()
         towards = widened(centre[surfel]) - window.pose[0]
-        place = within(window, towards)
-        out_depth[surfel] = place[2]
+        position = within(window, towards)
+        out_depth[surfel] = position[2]
         out_count[surfel] = wp.int64(0)
         out_tiles[surfel] = wp.vec4i(0, 0, -1, -1)
         if can_be_hit[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
@@ -143,17 +143,19 @@ def binning_kernels(dtype: torch.dtype) -> Any:
             depth_reach = wp.sqrt(span_u[2] * span_u[2] + span_v[2] * span_v[2])
             low = wp.vec2i(0, 0)
             high = wp.vec2i(window.width - 1, window.height - 1)
-            if place[2] - depth_reach > double(0.0):
+            if position[2] - depth_reach > double(0.0):
                 size = wp.vec2i(window.width, window.height)
-                square = (place[2] - depth_reach) * (place[2] + depth_reach)
+                square = (position[2] - depth_reach) * (position[2] + depth_reach)
                 for axis in range(2):
-                    middle = place[axis] * place[2] - span_u[axis] * span_u[2] - span_v[axis] * span_v[2]
-                    constant = place[axis] * place[axis] - span_u[axis] * span_u[axis] - span_v[axis] * span_v[axis]
+                    middle = position[axis] * position[2] - span_u[axis] * span_u[2] - span_v[axis] * span_v[2]
+                    constant = (
+                        position[axis] * position[axis] - span_u[axis] * span_u[axis] - span_v[axis] * span_v[axis]
+                    )
                     width = wp.sqrt(wp.max(middle * middle - square * constant, double(0.0)))
                     scale = window.focal[axis] / square
                     low[axis] = first_pixel((middle - width) * scale + window.offset[axis], size[axis])
                     high[axis] = last_pixel((middle + width) * scale + window.offset[axis], size[axis])
-            if place[2] + depth_reach > double(0.0) and high[0] >= low[0] and high[1] >= low[1]:
+            if position[2] + depth_reach > double(0.0) and high[0] >= low[0] and high[1] >= low[1]:
                 tiles = wp.vec4i(low[0] // tile, low[1] // tile, high[0] // tile, high[1] // tile)
                 out_tiles[surfel] = tiles
                 out_count[surfel] = wp.int64(tiles[2] - tiles[0] + 1) * wp.int64(tiles[3] - tiles[1] + 1)
@@ -169,10 +171,10 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_member: wp.array(dtype=wp.int32),
     ):
         """Write every pair of a surfel and a tile, in depth order, for sorting by tile."""
-        place = first + wp.tid()
-        surfel = wp.int32(nearest_first[place])
+        index = first + wp.tid()
+        surfel = wp.int32(nearest_first[index])
         box = tiles[surfel]
-        entry = begins[place]
+        entry = begins[index]
         for row in range(box[1], box[3] + 1):
             for column in range(box[0], box[2] + 1):
                 out_tile[entry] = row * tiles_across + column
@@ -189,8 +191,8 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_members: wp.array(dtype=wp.int32),
     ):
         """Write the lists of all tiles by a counting sort, in one thread. ``out_starts`` has to be zero."""
-        for place in range(nearest_first.shape[0]):
-            box = tiles[wp.int32(nearest_first[place])]
+        for index in range(nearest_first.shape[0]):
+            box = tiles[wp.int32(nearest_first[index])]
             for row in range(box[1], box[3] + 1):
                 for column in range(box[0], box[2] + 1):
                     out_starts[row * tiles_across + column] += 1
@@ -198,8 +200,8 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         for each in range(tile_count):
             total += out_starts[each]
             out_starts[each] = total - out_starts[each]
-        for place in range(nearest_first.shape[0]):
-            surfel = wp.int32(nearest_first[place])
+        for index in range(nearest_first.shape[0]):
+            surfel = wp.int32(nearest_first[index])
             box = tiles[surfel]
             for row in range(box[1], box[3] + 1):
                 for column in range(box[0], box[2] + 1):

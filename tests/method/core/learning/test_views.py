@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.learning.views import bytes_of, chosen_views, held, load, view_at
+from radiogs_core.learning.views import bytes_of, chosen_views, in_memory, load, view_at
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
 from scenes import sphere_scene
@@ -36,14 +36,14 @@ def test_compositing_covers_what_the_mask_leaves_open() -> None:
 @pytest.mark.parametrize("most", [255, 65_535])
 def test_pixels_of_image_files_are_held_as_levels_bit_for_bit(most: int) -> None:
     pixels = torch.arange(most + 1).float()[torch.randperm(most + 1)].view(-1, 2, 1) / most
-    kept = held(pixels, torch.device("cpu"))
+    kept = in_memory(pixels, torch.device("cpu"))
     assert bytes_of(kept) == (most + 1) * (1 if most == 255 else 2)
     assert torch.equal(kept.values(), pixels)
 
 
 def test_pixels_between_the_levels_are_held_as_they_are() -> None:
     pixels = torch.rand(8, 8, 3)
-    kept = held(pixels, torch.device("cpu"))
+    kept = in_memory(pixels, torch.device("cpu"))
     assert bytes_of(kept) == 4 * pixels.numel()
     assert torch.equal(kept.values(), pixels)
 

@@ -19,7 +19,7 @@ from .placeholders import filled
 
 
 @dataclass(frozen=True)
-class Place:
+class Workspace:
     """The workspace of a run."""
 
     file: MethodFile
@@ -32,7 +32,7 @@ class Place:
     """Folder of the workspace."""
 
     @staticmethod
-    def of(file: MethodFile, home: Path, run: Run) -> "Place":
+    def of(file: MethodFile, home: Path, run: Run) -> "Workspace":
         """The workspace of ``run``. Raises UsageError for a run without a folder, or a scene the code cannot read."""
         if run.workspace is None:
             raise UsageError(
@@ -60,7 +60,7 @@ class Place:
                 f"It reads: {', '.join(file.layouts)}.",
                 "Convert the scene (docs/datasets.md), or add the layout to the method's file if the code reads it.",
             )
-        return Place(file, home, run, run.workspace.absolute())
+        return Workspace(file, home, run, run.workspace.absolute())
 
     @property
     def output(self) -> Path:
