@@ -21,7 +21,7 @@ from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
 
 from .model import Model
 from .rays import RaySettings
-from .settings import Budget, Variant
+from .settings import RELIGHTING, Budget, Variant
 
 
 def relight(
@@ -42,7 +42,7 @@ def relight(
     device = surfels.centre.device
     light = EnvironmentMap(light.radiance.to(device))
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
-    if variant.relighting != "pbr":
+    if variant.relighting in RELIGHTING.by_steps:
         surfels = fine_tuned(surfels, RenderingEquation(light, albedo), run, after_step)
     if variant.relighting == "surfels":
         return RelitBySurfels(surfels, variant.straight)

@@ -122,7 +122,7 @@ def completion(options: argparse.Namespace) -> int:
 
     parser = build_parser()
     words, or_paths = _words(), _words_or_paths()
-    for action in _actions(parser):
+    for action in _every_action(parser):
         if action.dest in words and action.choices is None:
             action.choices = words[action.dest]
         elif action.dest in or_paths:
@@ -165,11 +165,11 @@ _DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
 """Definition of such a function, by shell."""
 
 
-def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:
+def _every_action(parser: argparse.ArgumentParser) -> Iterator[Any]:
     """All arguments of the parser and of the commands below it."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
-                yield from _actions(below)
+                yield from _every_action(below)
         else:
             yield action

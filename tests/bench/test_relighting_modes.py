@@ -33,7 +33,7 @@ def test_the_modes_of_radiogs_are_values_of_fields_that_exist() -> None:
     assert RELIGHTING.field in leaf_names(variant)
     assert RELIGHTING.steps in leaf_names(budget)
     assert getattr(variant, RELIGHTING.field) == RELIGHTING.default
-    assert {*RELIGHTING.by_steps, RELIGHTING.default} == RELIGHTING.titles.keys()
+    assert {*RELIGHTING.by_steps, RELIGHTING.default} <= RELIGHTING.titles.keys()
     for mode in RELIGHTING.titles:
         assert RADIOGS.stages(replace(variant, **{RELIGHTING.field: mode}), budget)[-1].reads == (
             RADIOGS.stages(variant, budget)[-1].reads

@@ -19,6 +19,7 @@ COPY = re.compile(r"^Copy \[[^\]]+\]\((?P<source>[^)]+)\) to\s`(?P<target>[^`]+)
 CODE = r",?\s?\w*:\n\n```\w+\n(?P<code>.*?)```\n"
 WRITE = re.compile(r"^Write `(?P<target>[^`]+)`" + CODE, re.MULTILINE | re.DOTALL)
 INSERT = re.compile(r"^In `(?P<target>[^`]+)`, below `(?P<anchor>[^`]+)`,\swrite" + CODE, re.MULTILINE | re.DOTALL)
+REPLACE = re.compile(r"^In `(?P<target>[^`]+)`, replace `(?P<before>[^`]+)` by\s`(?P<after>[^`]+)`\.", re.MULTILINE)
 APPEND = re.compile(r"^In `(?P<target>[^`]+)`, at the end,\swrite" + CODE, re.MULTILINE | re.DOTALL)
 
 MADE = {match["target"] for pattern in (COPY, WRITE) for match in pattern.finditer(TEXT)}
@@ -53,9 +54,9 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("tiny", "forward"):
         (folder / "datasets/radiogs_datasets" / name).symlink_to(ROOT / "datasets/radiogs_datasets" / name)
     shutil.copytree(ROOT / ".ci", folder / ".ci")
-    for name in ("metrics", "datasets"):
+    for name in ("metrics", "datasets", "method/radiogs"):
         (folder / "tests" / name).mkdir(parents=True)
-    for file in ("pyproject.toml", "tests/conftest.py", "tests/elsewhere.py", "tests/scenes.py"):
+    for file in ("pyproject.toml", "tests/conftest.py", "tests/elsewhere.py", "tests/scenes.py", "tests/known_ball.py"):
         shutil.copy(ROOT / file, folder / file)
     for match in COPY.finditer(TEXT):
         shutil.copy(ROOT / match["source"], folder / match["target"])
@@ -66,6 +67,10 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert text.count(f"\n{match['anchor']}\n") == 1, f"{match['target']} has not one line: {match['anchor']}"
         below = text.replace(f"\n{match['anchor']}\n", f"\n{match['anchor']}\n{match['code']}")
         (folder / match["target"]).write_text(below, encoding="utf-8")
+    for match in REPLACE.finditer(TEXT):
+        text = (folder / match["target"]).read_text(encoding="utf-8")
+        assert text.count(f"\n{match['before']}\n") == 1, f"{match['target']} has not one line: {match['before']}"
+        (folder / match["target"]).write_text(text.replace(match["before"], match["after"]), encoding="utf-8")
     for match in APPEND.finditer(TEXT):
         with (folder / match["target"]).open("a", encoding="utf-8") as file:
             file.write("\n" + match["code"])
@@ -76,6 +81,7 @@ def test_every_block_of_code_belongs_to_a_step() -> None:
     steps = [match for pattern in (WRITE, INSERT, APPEND) for match in pattern.finditer(TEXT)]
     assert len(re.findall(r"^```(?:python|toml)$", TEXT, re.MULTILINE)) == len(steps)
     assert len(COPY.findall(TEXT)) == TEXT.count("\nCopy [")
+    assert len(REPLACE.findall(TEXT)) == TEXT.count("`, replace `")
 
 
 def test_every_example_is_part_of_a_walk() -> None:
@@ -111,7 +117,7 @@ def test_there_is_something_to_check() -> None:
 
 def test_the_tests_of_the_walks_pass(changed: Path) -> None:
     tests = sorted(target for target in MADE if target.startswith("tests/"))
-    assert len(tests) == 2
+    assert len(tests) == 3
     done = python(changed, "-m", "pytest", "-q", *tests)
     assert done.returncode == 0, done.stdout + done.stderr
 

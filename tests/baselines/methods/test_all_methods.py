@@ -1,4 +1,4 @@
-"""What the methods share: hard cases of ``hard_cases.catalogue``, resuming, keys of stages, and wrong variants.
+"""Tests that all methods share: hard cases of ``hard_cases.catalogue``, resuming, keys of stages, and wrong variants.
 
 Cases that are a method's own are in its folder; ``test_contract`` has what the harness asks of every method.
 """

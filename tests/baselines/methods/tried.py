@@ -1,4 +1,4 @@
-"""What tests of all surfel methods need of each: stage 2 on a known ball, and maps of any surfels."""
+"""Each surfel method as the tests of all methods drive it: stage 2 on a known ball, and maps of any surfels."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
