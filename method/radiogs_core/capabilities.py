@@ -1,4 +1,4 @@
-"""What a method, or something that it makes, may offer beyond the contract; the harness looks whether it does."""
+"""Capabilities that a method, or something it makes, may offer beyond the contract; the harness checks for them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from .scene.scene import Scene
 
 Part = Literal["geometry", "light", "albedo", "roughness", "indirect"]
 PARTS: tuple[Part, ...] = get_args(Part)
-"""What may be given to a method as the truth has it: the shape of the surfaces, the distant light of the training
+"""Parts of the truth that may be given to a method: the shape of the surfaces, the distant light of the training
 views, the two materials, and the light that arrives from other surfaces (L_ind)."""
 
 FROM_LIGHT: tuple[Part, ...] = ("light", "indirect")
@@ -47,7 +47,7 @@ class RelightingModes:
     field: str
     """The field of the variant that holds the mode, by its dotted name. Training does not read it."""
     titles: Mapping[str, str]
-    """What each mode renders, for tables and figures, by the mode's name."""
+    """The title of each mode in tables and figures, by the mode's name."""
     default: str
     """The mode of the full method."""
     by_steps: tuple[str, ...] = ()
@@ -80,42 +80,43 @@ class Remarking(Protocol):
 
 @dataclass(frozen=True)
 class EffectRecord:
-    """What was decided about one light-transport effect, and by what evidence.
-
-    verdict: "on", "local" (kept where it matters) or "off". why: in words. iteration: of training, 0 for what is not
-    being trained. tolerance: loss that is tolerated, dB of PSNR. measured: by name, None for a value that is not
-    finite; ``contribution``, ``lowest`` and ``bound`` (estimate of what leaving the effect out costs, and its bounds),
-    ``worst`` (whatever the errors' correlation), all in dB; ``rays`` and ``share`` of a step's work that it takes.
-    None: nothing was measured.
-    """
+    """The decision about one light-transport effect, with its evidence."""
 
     effect: str
     verdict: str
+    """"on", "local" (kept where it matters) or "off"."""
     why: str
+    """The reason in words."""
     iteration: int
+    """The iteration of training; 0 for a scene or model that is not being trained."""
     seed: int
     tolerance: float
+    """The tolerated loss, dB of PSNR."""
     measured: Mapping[str, float | None] | None
+    """Values by name, None for one that is not finite: ``contribution``, ``lowest`` and ``bound`` (estimated cost of
+    leaving the effect out, and its bounds) and ``worst`` (whatever the errors' correlation), all in dB; ``rays``, and
+    ``share`` of a step's work. None: nothing was measured."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """Which effects a scene or a trained model needs: decisions with their evidence, and images of what they change.
-
-    mse: mean squared error, display sRGB, to which ``tolerance`` (dB of PSNR) is relative. plan: what is to be
-    simulated, plain values. bounces: surfaces that light has to be followed over; None where that is not known.
-    reference: one view, display sRGB; a picture of it where there is one, else as it is relit (``pictured`` says
-    which). differences: by effect, how much leaving it out changes each pixel of that view, mean over channels.
-    """
+    """The effects that a scene or a trained model needs: decisions with evidence, and images of the differences."""
 
     tolerance: float
+    """The tolerated loss, dB of PSNR, relative to ``mse``."""
     mse: float
+    """Mean squared error, display sRGB."""
     records: tuple[EffectRecord, ...]
     plan: Mapping[str, Any]
+    """The effects to simulate, as plain values."""
     bounces: int | None
+    """Number of surfaces that light has to be followed over; None where that is not known."""
     reference: Float[Tensor, "height width 3"]
+    """One view, display sRGB: a picture of the scene, or as it is relit (see ``pictured``)."""
     pictured: bool
+    """Whether ``reference`` is a picture of the scene."""
     differences: Mapping[str, Float[Tensor, "height width"]]
+    """The change of each pixel of that view without an effect, mean over channels, by effect."""
 
     @property
     def psnr(self) -> float:
@@ -138,7 +139,7 @@ class Probing(Protocol):
     """A method that can say which effects are needed; methods that simulate all that they have do not offer this."""
 
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """What training on the run's scene needs, or a trained model of it; with a ``light``, what relighting needs.
+        """Probe training on the run's scene, or a trained model of it; with a ``light``, probe relighting.
 
         Without a trained model, the scene is probed as it truly is. Raises DataError for a scene whose surfaces and
         light are not known.
@@ -147,36 +148,36 @@ class Probing(Protocol):
 
 @dataclass(frozen=True)
 class StepKind:
-    """Steps of a stage that cost alike. steps: which of a short run's they are, from 0. whole: how many the whole run
-    takes."""
+    """Steps of a stage that cost alike."""
 
     title: str
     steps: frozenset[int]
+    """Their numbers in the short run, from 0."""
     whole: int
+    """Their number in the whole run."""
 
 
 @dataclass(frozen=True)
 class Relighting:
-    """A way to relight a trained model. variant: trained as the others are, and shown this way. whole: steps that its
-    preparation takes in the whole run; the short run's are counted as they are taken."""
+    """A way to relight a trained model, for rehearsals."""
 
     title: str
     variant: Any
+    """The variant with this mode; training is the same for all modes."""
     whole: int
+    """Steps of the preparation in the whole run; those of the short run are counted as they are taken."""
 
 
 @dataclass(frozen=True)
 class ShortRun:
-    """Few steps of every kind, with a model of a stated size.
-
-    variant, budget: what the method is run with. kinds: those of every stage's steps, by its name. relighting: every
-    way.
-    """
+    """Few steps of every kind, with a model of a stated size."""
 
     variant: Any
     budget: Any
     kinds: Mapping[str, tuple[StepKind, ...]]
+    """Kinds of steps of each stage, by the stage's name."""
     relighting: tuple[Relighting, ...]
+    """All ways of relighting."""
 
 
 @runtime_checkable
@@ -185,7 +186,7 @@ class Rehearsing(Protocol):
 
     @property
     def size_name(self) -> str:
-        """What the size of its models is counted in, such as ``surfels``."""
+        """The unit of its models' size, such as ``surfels``."""
 
     def sizes(self, budget: Any) -> tuple[int, int]:
         """The size at which a run begins, and the largest that it may reach."""
@@ -196,7 +197,7 @@ class Rehearsing(Protocol):
 
 @dataclass(frozen=True)
 class TrainingImages:
-    """How many there are, and their size in pixels."""
+    """Number of the training images, and their size in pixels."""
 
     views: int
     width: int
@@ -205,11 +206,13 @@ class TrainingImages:
 
 @dataclass(frozen=True)
 class MemoryPhase:
-    """Bytes on the device of one kind of work. held: before and after each time. peak: the most while it is done."""
+    """Bytes on the device for one kind of work."""
 
     title: str
     held: int
+    """Bytes before and after the work."""
     peak: int
+    """Most bytes during the work."""
 
 
 @runtime_checkable
@@ -222,7 +225,7 @@ class PlansMemory(Protocol):
 
 @runtime_checkable
 class TakesGiven(Protocol):
-    """A method that can be told parts of the truth instead of finding them: the rungs of suite ``oracles``."""
+    """A method that can take parts of the truth instead of finding them: the rows of suite ``oracles``."""
 
     @property
     def given_parts(self) -> tuple[str, ...]:
@@ -231,7 +234,7 @@ class TakesGiven(Protocol):
     def with_given(self, variant: Any, parts: tuple[str, ...]) -> Any:
         """The variant to which these parts are given and all others are not.
 
-        What is given is held: training does not change it, and the trained model is shown with it. Under another light
+        Training does not change given parts, and the trained model is shown with them. Under another light
         a model keeps given geometry, albedo and roughness; light and indirect light are those of the training views.
         ``require_truth`` says whether a scene has it. Raises UsageError for a part that it cannot take.
         """
@@ -239,7 +242,7 @@ class TakesGiven(Protocol):
 
 Quantity = Literal["roughness", "roughness variation", "brightness", "brightness, albedo free"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-"""What images may fail to determine, and what an amount of change is.
+"""Quantities that images may fail to determine, and the unit of a change.
 
 roughness: added to that of every surface. roughness variation: the share of the way that every roughness moves to their
 mean (1: all alike, -1: twice as far from it). brightness: the natural logarithm of the factor by which all albedo grows

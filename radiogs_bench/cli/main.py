@@ -165,9 +165,9 @@ _DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
 """Definition of such a function, by shell."""
 
 
-def _every_action(parser: argparse.ArgumentParser) -> Iterator[Any]:
+def _every_action(parser: ExplainingParser) -> Iterator[Any]:
     """All arguments of the parser and of the commands below it."""
-    for action in parser._actions:
+    for action in parser.arguments:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 yield from _every_action(below)

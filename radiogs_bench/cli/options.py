@@ -4,6 +4,7 @@ import argparse
 import math
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -39,6 +40,11 @@ NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choic
 class ExplainingParser(argparse.ArgumentParser):
     """Reports wrong usage like every other error."""
 
+    @property
+    def arguments(self) -> Sequence[argparse.Action]:
+        """The arguments and options that the command declares, subcommands as one of them."""
+        return self._actions
+
     def error(self, message: str) -> NoReturn:
         """Raise UsageError instead of printing and exiting."""
         usage, help_is = self.format_usage().strip(), f"All options:  {self.prog} --help"
@@ -52,7 +58,7 @@ class ExplainingParser(argparse.ArgumentParser):
         """Raise UsageError for an unknown option, with the nearest one of this command."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            names = [name for action in self._actions for name in action.option_strings]
+            names = [name for action in self.arguments for name in action.option_strings]
             hint = did_you_mean(unknown[0].partition("=")[0], names)
             raise UsageError(
                 f"{self.prog} does not know {' '.join(unknown):.200}",

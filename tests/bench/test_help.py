@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from radiogs_bench.cli.main import build_parser
+from radiogs_bench.cli.options import ExplainingParser
 
 
-def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+def commands(parser: ExplainingParser) -> Iterator[ExplainingParser]:
     """Every command and every subject or action below it."""
-    for action in parser._actions:
+    for action in parser.arguments:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 yield below
@@ -29,7 +30,7 @@ def is_sentence(text: str | None) -> bool:
 def test_every_command_and_option_is_explained_by_sentences(name: str) -> None:
     parser = COMMANDS[name]
     assert is_sentence(parser.description)
-    for action in parser._actions:
+    for action in parser.arguments:
         grouping = isinstance(action, argparse._SubParsersAction | argparse._HelpAction)
         if action.help != argparse.SUPPRESS and not grouping:
             assert is_sentence(action.help), f"{name} {action.dest}: {action.help}"
@@ -56,7 +57,7 @@ def test_the_help_of_every_command_can_be_printed() -> None:
 
 def test_the_list_of_commands_has_a_sentence_for_each() -> None:
     for parser in (build_parser(), *COMMANDS.values()):
-        for action in parser._actions:
+        for action in parser.arguments:
             if isinstance(action, argparse._SubParsersAction):
                 assert len(action._choices_actions) == len(action.choices)
                 assert all(is_sentence(each.help) for each in action._choices_actions)

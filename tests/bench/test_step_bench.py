@@ -111,8 +111,8 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
 @dataclass(frozen=True)
 class Geometry:
     steps: int = 9
-    surfels: int = 100
-    most_surfels: int = 300
+    initial_surfels: int = 100
+    maximum_surfels: int = 300
 
 
 @dataclass(frozen=True)

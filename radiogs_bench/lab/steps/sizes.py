@@ -58,20 +58,10 @@ def size_of(name: str) -> Size:
 SURFEL_FIELDS = ("initial_surfels", "maximum_surfels")
 """Names of a budget's numbers of a model's surfels, wherever they are nested."""
 
-GEOMETRY = "geometry"
-"""A nested part of a budget whose numbers of surfels are all a model's; elsewhere they are a step's."""
-
 
 def surfel_fields(budget: Any) -> list[str]:
     """The dotted names of a budget's numbers of a model's surfels; none for a method without surfels."""
-    found = []
-    for name in leaf_names(budget):
-        *above, last = name.split(".")
-        if type(value_at(budget, name)) is int and (
-            last in SURFEL_FIELDS or (GEOMETRY in above and last.endswith("surfels"))
-        ):
-            found.append(name)
-    return found
+    return [name for name in leaf_names(budget) if name.rpartition(".")[2] in SURFEL_FIELDS]
 
 
 def largest_model(method: Method, budget: Any) -> int | None:
