@@ -1,1 +1,1 @@
-"""What methods on surfels share: stage 1, the loop of a stage, what materials start as, and a trained model."""
+"""The parts that methods on surfels share: stage 1, the loop of a stage, initial materials, and a trained model."""

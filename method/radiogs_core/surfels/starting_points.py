@@ -72,7 +72,7 @@ def initial_surfels(
         surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, views), generator)
         opacity = start.opacity
     surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if linear else colour)
-    return surfels.made_of(start.albedo, start.roughness, opacity)
+    return surfels.with_material(start.albedo, start.roughness, opacity)
 
 
 def _swept_surfels(

@@ -106,7 +106,7 @@ class Surfels:
         """Names of the raw tensors."""
         return tuple(field.name for field in fields(cls))
 
-    def made_of(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
+    def with_material(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
         """A copy of the surfels with a single material; ``opacity`` None keeps their opacity."""
         changes = {
             "albedo_logit": torch.full_like(self.albedo_logit, inverse_sigmoid(albedo)),

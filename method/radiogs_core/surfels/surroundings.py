@@ -64,7 +64,7 @@ def surrounded_surfels(
     scale = starting_scale(points, views, Contraction.of(scene), around)
     surfels = surfels_at(points, scale, nearest_camera(points, views), generator)
     surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if linear else colour)
-    return surfels.made_of(start.albedo, start.roughness, start.opacity)
+    return surfels.with_material(start.albedo, start.roughness, start.opacity)
 
 
 def visible_points(scene: Scene, views: Sequence[View], most: int, generator: torch.Generator) -> Points:

@@ -46,7 +46,7 @@ def open_box() -> Surfels:
     """A cube seen from inside, without its lid; every wall sends a radiance of 0.4 to the others."""
     room = surfels_of_room(1.0, 0.12, 0.6)
     box = room.take(torch.nonzero(room.centre[:, 2] < 0.95)[:, 0])
-    box = box.made_of(0.6, DULL)
+    box = box.with_material(0.6, DULL)
     box.sh[:, 0] = radiance_to_sh(torch.full((1, 3), 0.4))
     return box
 
