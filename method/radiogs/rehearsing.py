@@ -141,8 +141,8 @@ PIXEL = 4
 """Bytes of a pixel of a loaded training image: three colours and coverage, 8 bits each."""
 
 HITS = 6.0
-"""Average number of surfels that a ray hits in a trained model (``corner``, preset tiny: 6.1). A ray hits 48 in a filled
-visual hull, and 2.3 if the surfels lie on the true surfaces."""
+"""Average number of surfels that a ray hits in a trained model (``corner``, preset tiny: 6.1). A ray hits 48 in a
+filled visual hull, and 2.3 if the surfels lie on the true surfaces."""
 
 
 @dataclass(frozen=True)

@@ -89,9 +89,7 @@ class PlannedInverseRendering(InverseRendering):
         with part("probe"):
             stale = self._staleness(model) if self.iteration else None
             kept = cache.kept(surfels, self.planner.samples)
-            other_rays = self.planner.observe(
-                surfels, model.environment, self.views, step, self.iteration, stale, kept
-            )
+            other_rays = self.planner.observe(surfels, model.environment, self.views, step, self.iteration, stale, kept)
         if not self.iteration or (other_rays and cache.policy.traced_again):
             cache.renew(self.model.surfels, self.iteration)
 

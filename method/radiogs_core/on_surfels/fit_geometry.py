@@ -37,7 +37,7 @@ DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
 """Parameters of surfels whose rates fall in the later part of the stage."""
 
 SHAPE = ("rotation", "log_scale")
-"""Of ``DECAYING``, the parameters that are frozen while only colours are learnt (``schedule.moving_from``)."""
+"""The parameters of ``DECAYING`` that are frozen while only colours are learnt (``schedule.moving_from``)."""
 
 
 @runtime_checkable

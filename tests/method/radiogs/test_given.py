@@ -11,7 +11,16 @@ from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering, rates_of
 from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
-from radiogs.oracle import DARKEST, FROZEN, SPACING, Start, given_geometry, known_radiance, log_radiance, with_given_parts
+from radiogs.oracle import (
+    DARKEST,
+    FROZEN,
+    SPACING,
+    Start,
+    given_geometry,
+    known_radiance,
+    log_radiance,
+    with_given_parts,
+)
 from radiogs.rays import KnownIndirectTracer, Nearest
 from radiogs.relighting import RelitByRays, relight
 from radiogs.settings import Variant

@@ -17,12 +17,12 @@ from radiogs.effects.probing import (
     EFFECTS,
     Decay,
     bounces_needed,
-    training_findings,
-    relighting_findings,
-    probe_scene,
-    probe_run,
     decide_own_light_sampling,
+    probe_run,
+    probe_scene,
+    relighting_findings,
     scatter,
+    training_findings,
     true_model,
 )
 from radiogs.settings import PRESETS, Variant
