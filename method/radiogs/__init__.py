@@ -1,5 +1,5 @@
 """RadioGS: radiometrically consistent Gaussian surfels for inverse rendering (ICLR 2026).
 
-The method alone: its variant and budget, radiometric consistency, its three stages, relighting, and the choice of
-effects. Surfels, kernels, light transport and losses are those of ``radiogs_core``, and so are the conventions.
+The package has the method alone: variant and budget, radiometric consistency, the three stages, relighting, and the
+choice of effects. ``radiogs_core`` has surfels, kernels, light transport, losses, and the conventions.
 """

@@ -3,7 +3,7 @@
     L_rad = mean over surfels x and channels of  sum over w_o of |L_G(x, w_o) - L_PBR(x, w_o)|
     L_PBR(x, w_o) = sum over w_i of  dw_i f_r(w_i, w_o) (V(w_i) L_env(w_i) + L_ind(w_i)) (n . w_i)
 
-w_o is the direction towards the camera, and one that is drawn uniformly over the hemisphere; w_i are the incident
+There are two w_o: the direction towards the camera, and one drawn uniformly over the hemisphere. w_i are the incident
 directions, dw_i their solid angles; V and L_ind are traced through the surfels.
 """
 
@@ -26,7 +26,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 from .settings import Variant
 
 Residual = Callable[[Tensor, Tensor], Tensor]
-"""The difference of L_G and L_PBR, with gradient to both of them or to one."""
+"""The difference L_G - L_PBR, with gradient to both sides or to one."""
 
 RESIDUALS: Mapping[str, Residual] = {
     "none": lambda own, physical: own - physical,
@@ -38,7 +38,7 @@ RESIDUALS: Mapping[str, Residual] = {
 
 @dataclass(frozen=True)
 class RadiometricConsistency:
-    """L_rad by rays."""
+    """L_rad with traced incident light (paper, Eq. 9)."""
 
     residual: Residual = RESIDUALS["none"]
     """L_G - L_PBR, with gradient to one side or both."""
@@ -47,7 +47,7 @@ class RadiometricConsistency:
 
     @classmethod
     def of(cls, variant: Variant) -> "RadiometricConsistency":
-        """L_rad as a variant has it."""
+        """L_rad with the settings of a variant."""
         return cls(RESIDUALS[variant.detach], "light-detached" not in variant.deviations)
 
     def loss(
@@ -60,10 +60,11 @@ class RadiometricConsistency:
         generator: torch.Generator,
         specular_at: Bool[Tensor, " surfels"] | None = None,
     ) -> Float[Tensor, ""]:
-        """L_rad over the surfels ``index`` from the light ``incident`` on them.
+        """L_rad over the surfels ``index``, from the light ``incident`` on them.
 
-        Both outgoing directions of a surfel share its incident samples; the one towards the camera counts where the
-        surfel faces it. ``specular_at``: which of all surfels have a specular lobe (None: all).
+        Both outgoing directions of a surfel share its incident samples. The direction towards the camera counts only
+        for surfels that face it. ``environment``: linear radiance of the light. ``specular_at``: mask, over all
+        surfels, of those with a specular lobe (None: all).
         """
         chosen = surfels.among(index)
         normal = chosen.frame[..., 2]
@@ -87,10 +88,10 @@ def split_sum_consistency_loss(
     outgoing: Float[Tensor, "surfels 3"],
     normal_gradient: bool = True,
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "surfels 3"]]:
-    """The simplified L_rad of stage 1, over all surfels towards the camera, and the split-sum radiance itself.
+    """The simplified L_rad of stage 1, over all surfels towards the camera, and the split-sum radiance, linear RGB.
 
-    ``own``: L_G along the unit directions ``outgoing``. ``normal_gradient``: whether the two have gradient to the
-    surfels' normals.
+    ``own``: L_G along the unit directions ``outgoing``. ``normal_gradient``: whether the loss and the radiance have
+    gradient to the surfels' normals.
     """
     normal = surfels.frame[..., 2] if normal_gradient else surfels.frame[..., 2].detach()
     diffuse, specular = split_sum_radiance(normal, surfels.albedo, surfels.roughness, outgoing, light)

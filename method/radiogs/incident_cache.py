@@ -1,4 +1,4 @@
-"""V and L_ind of all surfels, kept between one tracing and the next (paper, section on inverse rendering)."""
+"""Cache of V and L_ind of all surfels between two tracings (paper, section on inverse rendering)."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,10 +18,10 @@ from .settings import Budget
 
 @dataclass(frozen=True)
 class IncidentPolicy:
-    """When incident light is traced in stage 2, and what has gradient."""
+    """When incident light is traced in stage 2, and whether it has gradient."""
 
     traced_again: bool
-    """Whether light is traced anew after stage 2 has begun."""
+    """Whether light is traced again after the beginning of stage 2."""
     gradient: bool
     """Whether traced light has gradient to the surfels that rays hit."""
 
@@ -32,10 +32,10 @@ class IncidentPolicy:
 
 
 class IncidentCache:
-    """V and L_ind of all surfels, each along directions of its own.
+    """V and L_ind of all surfels, each along its own directions.
 
-    A step traces the light on the surfels that it draws, and keeps it; every ``refresh_interval`` steps the light on
-    all surfels is traced anew.
+    A step traces the light on the surfels that it draws, and caches it; every ``refresh_interval`` steps the light on
+    all surfels is traced again.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class IncidentCache:
 
     @property
     def samples(self) -> int:
-        """Directions of each surfel (N_s)."""
+        """Number of directions of each surfel (N_s)."""
         return self.budget.incident_samples
 
     @property
@@ -56,7 +56,7 @@ class IncidentCache:
         return self.budget.refresh_interval
 
     def light_on(self, index: Int[Tensor, " chosen"], surfels: Surfels, iteration: int) -> Incident:
-        """The light on some surfels: traced now, and kept; as it is kept where the policy traces once."""
+        """The light on the surfels ``index``: traced now and cached, or from the cache if the policy traces once."""
         if not self.policy.traced_again:
             return self.incident.of(index)
         if iteration % self.interval == 0 and iteration != self.traced_at:
@@ -65,21 +65,21 @@ class IncidentCache:
         return self.traced(index, surfels)
 
     def renew(self, surfels: Surfels, iteration: int) -> None:
-        """Trace the light on all surfels, when stage 2 begins."""
+        """Trace the light on all surfels along new directions, as at the beginning of stage 2."""
         self.incident = self.gathered(surfels)
         self.traced_at = iteration
 
     def refresh(self, surfels: Surfels, iteration: int) -> None:
-        """Trace the light on all surfels again."""
+        """Trace the light on all surfels again, at a refresh."""
         self.renew(surfels, iteration)
 
     def gathered(self, surfels: Surfels) -> Incident:
-        """The light on all surfels along new directions; without gradient."""
+        """The light on all surfels along new directions, without gradient."""
         self.tracer.follow(surfels)
         return gather_incident(self.tracer, surfels, self.samples, self.generator, self.rays.floor)
 
     def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
-        """The light on some surfels along new directions, which is kept from now on."""
+        """The light on the surfels ``index`` along new directions; also stores it in the cache."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
             normal = surfels.take(index).frame[..., 2]
             direction, weight = hemisphere_directions(normal, self.samples, self.generator, self.rays.floor)
@@ -93,5 +93,5 @@ class IncidentCache:
         direction: Float[Tensor, "chosen samples 3"],
         weight: Float[Tensor, "chosen samples"],
     ) -> Incident:
-        """The light on some surfels along given directions, whose solid angles are ``weight``."""
+        """The light on the surfels ``index`` along given unit directions with solid angles ``weight``."""
         return self.tracer.incident(index, direction, weight)

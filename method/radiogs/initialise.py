@@ -20,7 +20,7 @@ from .settings import Budget, Variant
 
 
 class Initialisation(FitGeometry):
-    """Stage 1. ``variant.initialise == "nvs"`` leaves out shading: novel-view synthesis alone."""
+    """Stage 1. With ``variant.initialise == "nvs"`` it is novel-view synthesis alone, without shading."""
 
     name = "initialise"
 
@@ -32,12 +32,12 @@ class Initialisation(FitGeometry):
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The present surfels and light."""
         return Model(self.surfels, self.optimiser.tensors["log_environment"])
 
 
 class UnseenMaterials(Shading):
-    """Materials and light that no image shows: they stay as they start, for stage 2 to find."""
+    """Materials and light without an image: they keep their initial values, and stage 2 learns them."""
 
     def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
         self.learning = learning
@@ -52,17 +52,17 @@ class UnseenMaterials(Shading):
     def images(
         self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """Nothing."""
+        """No images and no losses."""
         return {}, {}
 
 
 class SplitSumShading(UnseenMaterials):
-    """Surfels shaded by the split sum, and the simplified radiometric consistency of their radiance with it."""
+    """Split-sum shading of the surfels, and the simplified radiometric consistency of their radiance with it."""
 
     def images(
         self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """L_PBR towards the camera, and L_rad once it counts."""
+        """L_PBR towards the camera, and, from ``consistency_from`` on, the weighted L_rad; see ``Shading.images``."""
         light = PrefilteredLight(tensors["log_environment"].exp())
         outgoing = towards(camera, surfels)
         consistency, shaded = split_sum_consistency_loss(surfels, own, light, outgoing, self.geometry_gradient)

@@ -1,6 +1,6 @@
 """Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11).
 
-It starts from surfels and radiance of stage 1, new materials, a new light, and rates of them all (``start_of``).
+It starts with the surfels and radiance of stage 1, new materials and a new light (``start_of``).
 """
 
 from collections.abc import Mapping
@@ -32,14 +32,14 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 from .consistency import RadiometricConsistency
 from .incident_cache import IncidentCache, IncidentPolicy
 from .model import Model, constant_light
-from .oracle import Start, given_geometry, replaced
+from .oracle import Start, given_geometry, with_given_parts
 from .rays import RaySettings
 from .settings import START_RADIANCE, Budget, Variant
 from .shaders import MonteCarlo, Shader, SplitSum
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh."""
+    """Stage 2. It keeps the geometry and radiance of stage 1, and starts with new materials and a new light."""
 
     def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
         variant = run.variant
@@ -52,7 +52,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         self.shader = self.make_shader()
 
     def make_shader(self) -> Shader:
-        """The variant's way to find L_PBR."""
+        """The shader of L_PBR that the variant selects."""
         if self.variant.shading == "split-sum":
             return SplitSum()
         rays, policy = RaySettings.of(self.variant, self.start.indirect), IncidentPolicy.of(self.variant.incident)
@@ -61,26 +61,26 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     @property
     def model(self) -> Model:
-        """The surfels and the light as they are now."""
+        """The present surfels and light."""
         return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], indirect=self.start.indirect)
 
     def visible_model(self) -> Model:
-        """The model as a step's losses see it, with gradient to all that is learnt."""
+        """The model for the losses of a step, with gradient to all learnt tensors."""
         return Model(self.optimiser.surfels.with_cached_frames(), self.optimiser.tensors["log_environment"])
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view`` (paper, Eq. 11)."""
+        """The weighted losses of the next step, on ``view``, by name (paper, Eq. 11)."""
         model = self.visible_model()
         return {"consistency": self.consistency_loss(model, view), **self.image_losses(model, view)}
 
     def consistency_loss(self, model: Model, view: TrainingView) -> Tensor:
-        """L_rad; without weight it takes no gradient, but what it traces is cached all the same."""
+        """Weighted L_rad. With weight 0 it has no gradient, but the light that it traces is cached all the same."""
         weight = self.variant.radiometric_weight
         with torch.set_grad_enabled(weight > 0):
             return weight * self.shader.consistency(model, view.camera, self.iteration)
 
     def image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the blended images and maps, and of the light, by name."""
+        """The weighted losses of the blended images, of the maps and of the light, by name."""
         surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
         outgoing = towards(camera, surfels)
         light = PrefilteredLight(model.environment)
@@ -116,7 +116,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return losses
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
         return super().state() | {"shader": self.shader.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -132,17 +132,20 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 def start_of(
     run: Run[Variant, Budget], learnt: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator
 ) -> Start:
-    """The start of stage 2: new materials, a new light, and the given parts of the truth in place of learnt ones."""
+    """The start of stage 2: new materials, a new light, and the given parts of the truth.
+
+    ``learnt``: the surfels of stage 1. Raises DataError if the truth of a given part is not known.
+    """
     scene, variant = run.scene, run.variant
     model = _materials_and_light(given_geometry(learnt, variant.given, scene), run, views, generator)
     start = Start(model.surfels, model.log_environment, rates_of(variant, scene.extent))
-    return replaced(start, variant.given, scene, run.seed)
+    return with_given_parts(start, variant.given, scene, run.seed)
 
 
 def _materials_and_light(
     learnt: Surfels, run: Run[Variant, Budget], views: tuple[TrainingView, ...], generator: torch.Generator
 ) -> LitSurfels:
-    """The surfels with starting materials, and the light that they start under."""
+    """The surfels with initial materials, and the initial light."""
     variant, start, rows = run.variant, run.variant.materials.start, run.budget.light_height
     if "start-light" in variant.deviations:
         surfels = learnt.with_material(start.albedo, start.roughness)
@@ -152,9 +155,9 @@ def _materials_and_light(
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units.
+    """Learning rates of stage 2 by raw parameter; ``extent``: extent of the scene, world units.
 
-    Surfels on given surfaces have had no stage 1: their extents and opacities are learnt at its rates.
+    With given geometry, surfels have not been through stage 1: their scales and opacities are learnt at its rates.
     """
     rates, before = variant.materials.rates, variant.geometry.rates
     share = 1.0 if "geometry" in variant.given else rates.geometry

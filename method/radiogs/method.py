@@ -1,4 +1,4 @@
-"""RadioGS as the harness knows it: its stages, what each depends on, and its trained model."""
+"""``RADIOGS``, the method for the harness: its stages with their dependencies, and its trained model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, Train
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
-from .effects.probing import probed
+from .effects.probing import probe_run
 from .effects.training import PlannedInverseRendering
 from .initialise import Initialisation
 from .invert import InverseRendering
@@ -21,8 +21,8 @@ from .showing import TrainedRadioGS
 class RadioGS:
     """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
 
-    ``profiles`` are named settings of the variant: the paper's formulas, or those of the released code. Every part of
-    the truth can be given to it (``radiogs_core.capabilities.TakesGiven``).
+    ``profiles`` are named settings of the variant: the formulas of the paper, or those of the released code. The method
+    accepts every part of the truth (``radiogs_core.capabilities.TakesGiven``).
     """
 
     name = "radiogs"
@@ -65,37 +65,40 @@ class RadioGS:
         )
 
     def with_given(self, variant: Variant, parts: tuple[str, ...]) -> Variant:
-        """The variant whose stage 2 begins with these parts of the truth; stage 1 is the same for all."""
+        """The variant whose stage 2 begins with these parts of the truth; stage 1 does not depend on them.
+
+        Raises UsageError for an unknown part, and for parts that contradict other fields of the variant.
+        """
         return replace(variant, given=parts)
 
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
-        return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
+        """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
+        return probe_run(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
 
     def sizes(self, budget: Budget) -> tuple[int, int]:
-        """Surfels at the start, and at most; see ``radiogs_core.capabilities.Rehearsing``."""
+        """Initial and largest number of surfels; see ``radiogs_core.capabilities.Rehearsing``."""
         return sizes(budget)
 
     def short_run(self, variant: Variant, budget: Budget, size: int) -> ShortRun:
-        """Few steps of every kind with so many surfels."""
+        """A run of a few steps with ``size`` surfels; see ``radiogs_core.capabilities.Rehearsing``."""
         return short_run(variant, budget, size)
 
     def memory(self, variant: Variant, budget: Budget, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
-        """Bytes by phase with so many surfels; see ``radiogs_core.capabilities.PlansMemory``."""
+        """Bytes of each phase with ``size`` surfels; see ``radiogs_core.capabilities.PlansMemory``."""
         return memory_of(variant, budget, size, images)
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
-        """The model from the product of inverse rendering."""
+        """The model from the product of inverse rendering. Raises DataError for malformed tensors."""
         return TrainedRadioGS(Model.of(tensors), run)
 
 
 def _initialise(run: Run[Variant, Budget], before: Mapping[str, Any]) -> Stage:
-    require_truth(run.scene, run.variant.given)  # not only when stage 1 is done
+    require_truth(run.scene, run.variant.given)  # before stage 1, although only stage 2 needs it
     return Initialisation(run)
 
 
 def inverse_rendering(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> InverseRendering:
-    """Stage 2 of a run, from the product of stage 1: the paper's, or around it the one that a plan of effects thins."""
+    """Stage 2 of a run, from the product of stage 1; with a choice of effects, the stage that follows a plan."""
     stage = InverseRendering if run.variant.effects == "all" else PlannedInverseRendering
     return stage(run, initialised)
 

@@ -1,4 +1,4 @@
-"""What training recovers: surfels with their materials, and the light that they were seen under."""
+"""The model of RadioGS: surfels with materials, the light of the training views, and the plan of effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,10 +16,10 @@ from radiogs_core.transport.plan import EffectPlan
 
 @dataclass(frozen=True)
 class Model(LitSurfels):
-    """Surfels, a light, and what was simulated and given when they were trained."""
+    """Surfels and a light, with the effects that training simulated and the indirect light that it was given."""
 
     plan: EffectPlan = field(default_factory=EffectPlan)
-    """The effects that were simulated when training ended."""
+    """The effects that were simulated at the end of training."""
     evidence: tuple[Mapping[str, Any], ...] = ()
     """Records of the decisions that led to the plan."""
     indirect: KnownRadiance | None = None
@@ -33,7 +33,7 @@ class Model(LitSurfels):
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for a tensor of the wrong shape or with values not finite."""
         effects = tensors["effects"]
         return cls(
             restored_surfels(tensors["surfels"]),
@@ -53,5 +53,5 @@ def _known(stored: Mapping[str, Any]) -> KnownRadiance:
 
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:
-    """Log-radiance of a light that is the same from everywhere."""
+    """Log-radiance of a light with the same linear ``radiance`` in all directions."""
     return torch.full((height, 2 * height, 3), radiance, device=device).log()

@@ -1,9 +1,9 @@
-"""What stage 2 begins with where parts of the truth are given to it (``Variant.given``), for suite ``oracles``.
+"""The start of stage 2 with given parts of the truth (``Variant.given``), for suite ``oracles``.
 
-Given parts replace what stage 1 and the starting values say, and are held: their learning rates are zero. The radiance
-of true surfels is solved for by Jacobi's iteration, every surfel at once from what all others send. ``RadianceSolver``
-finds the same fixed point by stochastic gradients, for models that are being learnt; where geometry, materials and
-light are exact and all surfels are wanted, sweeps are nearer to it after the same number of rays.
+Given parts replace the results of stage 1 and the initial values, and are frozen: their learning rates are zero. The
+radiance of true surfels is solved by Jacobi's iteration, which updates every surfel at once from the radiance of all
+others. ``RadianceSolver`` finds the same fixed point by stochastic gradients, for models that are being learnt; for
+exact geometry, materials and light, and for all surfels, sweeps are closer to it after the same number of rays.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ SPACING = 0.0125
 """Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""
 
 DARKEST = 1e-4
-"""Share of the light's maximum below which a texel is raised to it: what is held is its logarithm."""
+"""Share of the light's maximum to which darker texels are raised, because the logarithm of the light is stored."""
 
 FROZEN: Mapping[str, tuple[str, ...]] = {
     "geometry": ("centre", "rotation"),
@@ -47,29 +47,29 @@ FROZEN: Mapping[str, tuple[str, ...]] = {
 }
 """Raw parameters that are frozen for each given part; indirect light is traced by ``KnownIndirectTracer``.
 
-How far surfels reach and how opaque they are is not of the true surface but of how it is represented: equal discs reach
-over silhouettes and creases. Both are fitted to the images (``invert.rates_of``).
+The scales and opacities of surfels belong to the representation, not to the true surface: equal discs extend over
+silhouettes and creases. Both are fitted to the images (``invert.rates_of``).
 """
 
 
 @dataclass(frozen=True)
 class Start:
-    """What stage 2 begins with.
-
-    log_environment: logarithm of the light's linear radiance. rates: learning rates by raw parameter. indirect: where
-    L_ind comes from instead of the model's own surfels; None: from those.
-    """
+    """The start of stage 2."""
 
     surfels: Surfels
+    """Surfels with initial materials."""
     log_environment: Float[Tensor, "height width 3"]
+    """Logarithm of the light's linear radiance."""
     rates: Mapping[str, float]
+    """Learning rates by raw parameter."""
     indirect: KnownRadiance | None = None
+    """Given source of L_ind; None: the model's own surfels."""
 
 
-def replaced(start: Start, parts: tuple[str, ...], scene: Scene, seed: int) -> Start:
-    """The start with these parts as the truth of the scene has them, and held. Raises DataError where it is not known.
+def with_given_parts(start: Start, parts: tuple[str, ...], scene: Scene, seed: int) -> Start:
+    """The start with the true values of these parts, frozen.
 
-    Given geometry is in ``start`` already (see ``given_geometry``).
+    Given geometry is in ``start`` already (see ``given_geometry``). Raises DataError if the scene does not know them.
     """
     if not parts:
         return start
@@ -79,32 +79,32 @@ def replaced(start: Start, parts: tuple[str, ...], scene: Scene, seed: int) -> S
     if set(parts) - {"light"}:
         spacing = SPACING * scene.extent
         true = _surfels_of(scene, spacing, device)
-        surfels = _made_of_truth(surfels, true, parts)
+        surfels = _with_true_materials(surfels, true, parts)
         if "indirect" in parts:
             indirect = known_radiance(known_scene(scene, spacing).to(device), seed)
     if "light" in parts and scene.training_light is not None:
         light = log_radiance(scene.training_light).to(device)
-    held = {name for part in parts for name in FROZEN.get(part, ())}
-    rates = {name: 0.0 if name in held else rate for name, rate in start.rates.items()}
+    frozen = {name for part in parts for name in FROZEN.get(part, ())}
+    rates = {name: 0.0 if name in frozen else rate for name, rate in start.rates.items()}
     return Start(surfels, light, rates, indirect)
 
 
 def log_radiance(light: EnvironmentMap) -> Float[Tensor, "height width 3"]:
-    """Logarithm of a light's radiance; what is darker than ``DARKEST`` counts as that."""
+    """Logarithm of a light's radiance; texels darker than ``DARKEST`` times its maximum are raised to it."""
     radiance = light.radiance.float()
     floor = DARKEST * float(radiance.max())
     return radiance.clamp(min=floor if floor > 0 else torch.finfo(radiance.dtype).tiny).log()
 
 
 def given_geometry(learnt: Surfels, parts: tuple[str, ...], scene: Scene) -> Surfels:
-    """The learnt surfels; where geometry is given, true ones with the mean radiance of the nearest learnt one.
+    """The learnt surfels, or, with given geometry, true surfels with the mean radiance of the nearest learnt ones.
 
-    Raises DataError where the true geometry is not known.
+    Raises DataError if the true geometry is not known.
     """
     if "geometry" not in parts:
         return learnt
     require_truth(scene, parts)
-    return _over(_surfels_of(scene, SPACING * scene.extent, learnt.centre.device), learnt)
+    return _with_learnt_radiance(_surfels_of(scene, SPACING * scene.extent, learnt.centre.device), learnt)
 
 
 def _surfels_of(scene: Scene, spacing: float, device: torch.device) -> Surfels:
@@ -112,8 +112,8 @@ def _surfels_of(scene: Scene, spacing: float, device: torch.device) -> Surfels:
     return Surfels.of({name: value.to(device) for name, value in true.items()})
 
 
-def _over(true: Surfels, learnt: Surfels) -> Surfels:
-    """True geometry with the radiance (of degree 0) and the starting materials of the nearest learnt surfel."""
+def _with_learnt_radiance(true: Surfels, learnt: Surfels) -> Surfels:
+    """True surfels with the radiance (of degree 0) and the materials of the nearest learnt surfels."""
     nearest = Nearest(learnt, true).of(true)
     of_degree_0 = torch.cat([learnt.sh[nearest, :1], torch.zeros_like(true.sh[:, 1:])], 1)
     return replace(
@@ -124,8 +124,8 @@ def _over(true: Surfels, learnt: Surfels) -> Surfels:
     )
 
 
-def _made_of_truth(surfels: Surfels, true: Surfels, parts: tuple[str, ...]) -> Surfels:
-    """The surfels with the given materials of the true samples that belong to them."""
+def _with_true_materials(surfels: Surfels, true: Surfels, parts: tuple[str, ...]) -> Surfels:
+    """The surfels with the given materials of their nearest true surfels."""
     changes = {f"{name}_logit" for name in ("albedo", "roughness") if name in parts}
     if not changes:
         return surfels
@@ -134,28 +134,28 @@ def _made_of_truth(surfels: Surfels, true: Surfels, parts: tuple[str, ...]) -> S
 
 
 SPREAD, DRAWN = 96, 32
-"""Directions of each surfel: over its hemisphere, and drawn from the light."""
+"""Numbers of incident directions of each surfel: over its hemisphere, and drawn from the light."""
 
 VIEWS = 32
-"""Directions over a hemisphere in which radiance is found, to fit 16 harmonics to."""
+"""Number of outgoing directions over a hemisphere, to whose radiance 16 harmonics are fitted."""
 
 RIDGE = 1e-3
-"""Penalty on harmonics above degree 0, whose basis functions have a mean square of 1 / (4 pi): the lower hemisphere,
-which nobody sees, would be free without."""
+"""Penalty on harmonics above degree 0, whose basis functions have a mean square of 1 / (4 pi). Without it, the radiance
+in the invisible lower hemisphere would be undetermined."""
 
 SETTLED = 1e-3
-"""A sweep that changes the mean radiance by a smaller share is the last one."""
+"""Relative change of the mean radiance below which a sweep is the last one."""
 
 MOST_SWEEPS = 60
-"""A closed room of albedo 0.9 is settled by then."""
+"""Largest number of sweeps; a closed room of albedo 0.9 needs fewer."""
 
 CHECKED, CHECKED_SAMPLES = 1024, 1024
-"""Surfels whose residual is measured, and the directions it is measured by: many, so that little of it is noise."""
+"""Number of surfels whose residual is measured, and number of directions: so many that little of it is noise."""
 
 
 @torch.no_grad()
 def known_radiance(known: KnownScene, seed: int) -> KnownRadiance:
-    """Solve the rendering equation of a known scene. ``seed`` draws the directions of rays."""
+    """The solution of the rendering equation for a known scene. ``seed`` draws the directions of rays."""
     surfels, equation = known.surfels, known.equation
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     normal = surfels.frame[..., 2]
@@ -178,7 +178,7 @@ def known_radiance(known: KnownScene, seed: int) -> KnownRadiance:
 
 @torch.no_grad()
 def residual_of(surfels: Surfels, equation: RenderingEquation, generator: torch.Generator) -> float:
-    """Mean |L_G - L_PBR| over mean L_PBR of some surfels, each towards a random direction; 0 where all is dark."""
+    """Mean |L_G - L_PBR| over mean L_PBR of CHECKED surfels, each towards a random direction; 0 if all is dark."""
     index = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
     normal = surfels.frame[index, :, 2]
     towards = random_hemisphere_direction(normal, generator)[:, None]
@@ -197,7 +197,10 @@ def sent_radiance(
     towards: Float[Tensor, "chosen views 3"],
     directions: tuple[Tensor, Tensor],
 ) -> Float[Tensor, "chosen views 3"]:
-    """L_PBR of the surfels ``index`` from what the others send, plus their own emission."""
+    """L_PBR of the surfels ``index`` from the radiance of the others, plus their own emission; linear RGB.
+
+    ``towards``: unit outgoing directions. ``directions``: unit incident directions and their solid angles.
+    """
     incident = incident_along(SurfelTracer(surfels, OFFSET), *directions, index=index)
     parts = shade(
         surfels.frame[index, :, 2], equation.albedo[index], surfels.roughness[index], towards,
@@ -208,7 +211,7 @@ def sent_radiance(
 
 
 def harmonics_from(towards: Float[Tensor, "surfels views 3"]) -> Float[Tensor, "surfels coefficients views"]:
-    """The matrix that fits harmonics to values in these directions: least squares with ``RIDGE``."""
+    """The matrix that fits harmonics to values in these unit directions: least squares with ``RIDGE``."""
     count = len(towards)
     columns = []
     for first in range(0, COEFFICIENTS, 3):  # three functions at a time: the sum has three channels

@@ -1,4 +1,4 @@
-"""Rays of RadioGS: where they start, and the tracer of a given L_ind, whose rays go through the true surfaces."""
+"""Rays of RadioGS: their settings, and the tracer of a given L_ind, whose rays hit the true surfaces."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,37 +18,37 @@ from radiogs_core.transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer,
 from .settings import FIXED_OFFSET, Variant
 
 TURN = 3.0
-"""Standard deviations of a true surfel that a sample may be farther away, for each unit of difference between unit
-normals: at a crease the sample of the same face is taken, not a nearer one of the other."""
+"""Distance, in standard deviations of a true surfel, that counts as much as a difference of 1 between unit normals. At
+a crease, the sample of the same face is then nearest, not a closer sample of the other face."""
 
 
 class Nearest:
-    """Finds which of ``samples`` belongs to a surfel: near to it, and facing the same way (``TURN``).
+    """Finds the nearest sample of a surfel, by position and normal (``TURN``).
 
-    true: surfels on the true surfaces, by whose size differences of direction are weighed.
+    ``samples``: the surfels to search. ``true``: surfels on the true surfaces; their size sets the weight of normals.
     """
 
     def __init__(self, samples: Surfels, true: Surfels) -> None:
         self.unit = TURN * float(true.scale.max())
-        self.tree = KDTree(self._places(samples))
+        self.tree = KDTree(self._coordinates(samples))
 
     def of(self, surfels: Surfels) -> Int[Tensor, " surfels"]:
-        """The place of each surfel's sample among the samples."""
-        found = self.tree.query(self._places(surfels))[1]
-        return torch.from_numpy(found).to(surfels.centre.device)
+        """Index, among the samples, of each surfel's nearest sample."""
+        nearest = self.tree.query(self._coordinates(surfels))[1]
+        return torch.from_numpy(nearest).to(surfels.centre.device)
 
-    def _places(self, surfels: Surfels) -> Any:
-        places = torch.cat([surfels.centre, self.unit * surfels.frame[..., 2]], -1)
-        return places.detach().cpu().double().numpy()
+    def _coordinates(self, surfels: Surfels) -> Any:
+        """Positions and weighted normals, [surfels, 6], as an array."""
+        coordinates = torch.cat([surfels.centre, self.unit * surfels.frame[..., 2]], -1)
+        return coordinates.detach().cpu().double().numpy()
 
 
 class KnownIndirectTracer(SurfelTracer):
     """Traces V through a model's surfels, and L_ind through the true ones.
 
-    A ray of L_ind starts at the true sample that belongs to its surfel, so that a surfel a little below the surface is
-    not in the dark. Nothing arrives from below the true surface. L_ind has no gradient.
-
-    true: surfels on the true surfaces, with their radiance solved for (``known_radiance``).
+    A ray of L_ind starts at the nearest true surfel, so that a surfel a little below the surface is not in the dark.
+    No light arrives from below the true surface. L_ind has no gradient. ``true``: surfels on the true surfaces, with
+    their solved radiance (``oracle.known_radiance``).
     """
 
     def __init__(
@@ -69,29 +69,29 @@ class KnownIndirectTracer(SurfelTracer):
         weight: Float[Tensor, "chosen samples"],
         plan: EffectPlan = EVERYTHING,
     ) -> Incident:
-        """V of the model with its gradient, and the true L_ind, along given directions."""
+        """V of the model with its gradient, and the true L_ind, along given unit directions."""
         own = super().incident(index, direction, weight, plan)
         return replace(own, radiance=self._arriving(index, direction, weight))
 
     @torch.no_grad()
     def _arriving(self, index: Tensor, direction: Tensor, weight: Tensor) -> Float[Tensor, "chosen samples 3"]:
         sample = self.nearest.of(self.surfels.take(index))
-        found = incident_along(self.true, direction, weight, index=sample)
+        incident = incident_along(self.true, direction, weight, index=sample)
         normal = self.true.surfels.frame[sample, :, 2]
         above = (direction * normal[:, None]).sum(-1, keepdim=True) > 0
-        return torch.where(above, found.radiance, 0.0)
+        return torch.where(above, incident.radiance, 0.0)
 
 
 @dataclass(frozen=True)
 class RaySettings:
-    """Rays as a variant traces them: where they start, and in which directions."""
+    """Origins and directions of a variant's rays, and the source of L_ind."""
 
     world_offset: float | None = None
-    """Distance from their own surfel at which rays start, world units; None: in the surfel's standard deviations."""
+    """Distance from their surfel at which rays start, world units; None: relative to the surfel's scale."""
     floor: bool = False
     """Whether directions end 10 degrees above the horizon (see ``hemisphere_directions``)."""
     back_offset: float | None = BACK_OFFSET
-    """Distance beyond which rays hit surfels from behind, too (see ``SurfelTracer``)."""
+    """Distance beyond which rays also hit surfels from behind; None: never (see ``SurfelTracer``)."""
     indirect: KnownRadiance | None = None
     """Given source of L_ind (see ``oracle``); None: the surfels themselves."""
 

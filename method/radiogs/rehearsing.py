@@ -1,10 +1,10 @@
-"""What a long run takes: few steps of every kind at full size, and its memory by formula.
+"""Time and memory of a long run: a short run with a few steps of every kind at full size, and a formula for memory.
 
-The steps are for a rehearsal (``radiogs_core.capabilities.Rehearsing``). The formula gives bytes of the phases of a run
-for numbers of surfels, pixels and rays: what stays between steps follows from the shapes of what is kept, and what a
-step takes beside that is a number of bytes for each surfel, pixel, ray and hit, found with the CPU's allocator;
-``tests/method/radiogs/test_memory.py`` compares the sums with what is measured. Nothing has an entry for each harmonic
-of each sample.
+The short run is for a rehearsal (``radiogs_core.capabilities.Rehearsing``). The formula gives the bytes of the phases
+of a run by numbers of surfels, pixels and rays. Memory between steps follows from the shapes of the stored tensors; the
+additional memory of a step is a number of bytes for each surfel, pixel, ray and hit, measured with the CPU's allocator.
+``tests/method/radiogs/test_memory.py`` compares the sums with measurements. No tensor has an entry for each harmonic of
+each sample.
 """
 
 from dataclasses import dataclass, replace
@@ -19,41 +19,43 @@ from .settings import Budget, Variant
 from .settings import Relighting as Mode
 
 INITIALISE_STEPS = 12
-"""Steps of stage 1: schedules go by the share of steps that are done, so that every harmonic and loss has its turn."""
+"""Steps of the short stage 1. Schedules depend on the share of steps done, so that all harmonics and losses occur."""
 
 DENSIFY_EVERY = 3
-"""Steps between two of its rounds of density control."""
+"""Steps between two rounds of density control in the short stage 1."""
 
 PRUNED_AFTER = 11
-"""Steps of stage 1 after which surfels that hardly show are looked for in all training views: no round is due then."""
+"""Steps of the short stage 1 before the search for hidden surfels; no round of density control is due then."""
 
 INVERT_STEPS = 6
-"""Steps of stage 2."""
+"""Steps of the short stage 2."""
 
 REFRESH_EVERY = 4
-"""Steps after which all light is traced anew."""
+"""Steps of the short stage 2 between two tracings of all light."""
 
 FINETUNE_STEPS = 3
-"""Steps of fine-tuning: the first, which is not counted, and two that are."""
+"""Steps of the short fine-tuning: the first, which is not counted, and two that are."""
 
 TITLES = {
     "pbr": "by rays, split sum",
     "finetuned": "by rays, fine-tuned",
     "surfels": "by surfels alone, fine-tuned",
 }
+"""Title of each mode of relighting in the tables of a rehearsal."""
 
 
 def sizes(budget: Budget) -> tuple[int, int]:
-    """Surfels at the start, and at most."""
+    """Initial and largest number of surfels of a run."""
     geometry = budget.geometry
     return min(geometry.initial_surfels, geometry.maximum_surfels), geometry.maximum_surfels
 
 
 def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
-    """A run that begins with ``size`` surfels and may not have more.
+    """A run of a few steps that begins with ``size`` surfels and never has more.
 
-    They fill the visual hull, whatever the variant starts from; those of a trained model lie on surfaces. Those that
-    hardly show are looked for once, and stay: most of a hull hardly shows, and the model is to keep its size.
+    The surfels fill the visual hull, whatever the variant starts from; those of a trained model lie on surfaces. The
+    search for hidden surfels runs once and removes none: most surfels of a hull are hidden, and the model has to keep
+    its size.
     """
     short = replace(
         budget,
@@ -84,7 +86,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
 
 
 def _pruning_once(variant: Variant) -> Variant:
-    """Surfels that hardly show are looked for once in the short stage 1, if ever, and none is removed."""
+    """The variant that searches for hidden surfels once in the short stage 1, if at all, and removes none."""
     rules = variant.geometry.density
     once = replace(
         rules, hidden_at=(PRUNED_AFTER / INITIALISE_STEPS,) if rules.hidden_at else (), least_contribution=0.0
@@ -93,15 +95,15 @@ def _pruning_once(variant: Variant) -> Variant:
 
 
 def _in_the_hull(variant: Variant) -> Variant:
-    """Surfels start in the visual hull, where there are as many as are asked for; images have points for fewer."""
+    """The variant whose surfels start in the visual hull, which has enough points for any number of them."""
     start = replace(variant.geometry.start, points="hull")
     return replace(variant, geometry=replace(variant.geometry, start=start))
 
 
 def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
-    """Steps of stage 1 with a round of density control, and with a look at all training views.
+    """Steps of stage 1 with a round of density control, and with the search for hidden surfels in all views.
 
-    A step with both counts as one of each: what they add to a usual step adds up.
+    A step with both counts as one of each, because their additional times add up.
     """
     rules = variant.geometry.density
     rounds = frozenset(
@@ -110,45 +112,49 @@ def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
         if rules.start <= done / INITIALISE_STEPS < rules.end
     )
     whole_rounds = int((rules.end - rules.start) * budget.geometry.steps / budget.geometry.densify_interval)
-    looks = len({round(share * budget.geometry.steps) for share in rules.hidden_at})
+    searches = len({round(share * budget.geometry.steps) for share in rules.hidden_at})
     return (
         StepKind("round of density control", rounds, whole_rounds),
-        StepKind("step that looks for hidden surfels", frozenset({PRUNED_AFTER - 1} if looks else ()), looks),
+        StepKind("step that looks for hidden surfels", frozenset({PRUNED_AFTER - 1} if searches else ()), searches),
     )
 
 
 def _kinds(rare: tuple[StepKind, ...], steps: int, short: int) -> tuple[StepKind, ...]:
-    """The usual steps of a stage, and the rare ones."""
+    """The usual steps of a stage, and the kinds of ``rare`` ones that occur."""
     usual = frozenset(range(short)).difference(*(kind.steps for kind in rare))
     return StepKind("step", usual, steps - sum(kind.whole for kind in rare)), *(kind for kind in rare if kind.steps)
 
 
 FLOAT = 4
+"""Bytes of a float32."""
 
 SURFEL = FLOAT * (3 + 4 + 2 + 1 + 3 * 16 + 3 + 1)
-"""Centre, rotation, log-scale, opacity, 16 harmonics of three channels, albedo, roughness."""
+"""Bytes of a surfel: centre, rotation, log-scale, opacity, 16 harmonics of three channels, albedo, roughness."""
 
 LEARNT = 3 * SURFEL
-"""A surfel's parameters and Adam's two moments of each."""
+"""Bytes of a learnt surfel: its parameters, and Adam's two moments of each."""
 
 SAMPLE = FLOAT * (3 + 3 + 1 + 1)
-"""Incident light along a direction: the direction, L_ind, solid angle and V."""
+"""Bytes of the incident light along a direction: the direction, L_ind, solid angle and V."""
 
 PIXEL = 4
-"""Of a training image that is held: three colours and coverage of 8 bits."""
+"""Bytes of a pixel of a loaded training image: three colours and coverage, 8 bits each."""
 
 HITS = 6.0
-"""Surfels that a ray meets in a trained model, on average (``corner``, preset tiny: 6.1). Those that
-fill a visual hull are met by 48; surfels laid on surfaces by 2.3."""
+"""Average number of surfels that a ray hits in a trained model (``corner``, preset tiny: 6.1). A ray hits 48 in a
+filled visual hull, and 2.3 if the surfels lie on the true surfaces."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """Bytes a surfel, a pixel and a ray that a step takes while it runs, beside what stays."""
+    """Additional bytes that a step allocates while it runs."""
 
     surfel: int = 0
+    """Bytes for each surfel."""
     pixel: int = 0
+    """Bytes for each pixel."""
     ray: int = 0
+    """Bytes for each ray."""
 
 
 INITIALISE = Phase(surfel=850, pixel=360)
@@ -160,19 +166,20 @@ OWN_FRAME = Phase(surfel=240, pixel=60)
 FINE_TUNE = Phase(surfel=1650, ray=90)
 
 HIT = 24
-"""Bytes of a hit: surfel, depth and opacity, once in the parts that were found and once joined."""
+"""Bytes of a hit: surfel, depth and opacity, once in the rounds of tracing and once concatenated."""
 
 DRAWN = 8
-"""Bytes a direction that is drawn takes beside ``SAMPLE``."""
+"""Bytes of a direction while it is drawn, in addition to ``SAMPLE``."""
 
 
 def memory_of(
     variant: Variant, budget: Budget, surfels: int, images: TrainingImages, hits: float = HITS
 ) -> tuple[MemoryPhase, ...]:
-    """Bytes for each phase of a run whose model has so many surfels, with no effect left out.
+    """Bytes of each phase of a run whose model has this number of ``surfels``, with all effects on.
 
-    ``hits``: surfels that a ray meets. Starting points are not among the phases: they are drawn on the host, a million
-    candidates of 100 bytes at a time. What libraries, compiled kernels and gaps of an allocator take is not counted.
+    ``hits``: average number of surfels that a ray hits. Initial points are not among the phases: they are drawn on the
+    host, a million candidates of 100 bytes at a time. The memory of libraries and compiled kernels, and the gaps of an
+    allocator, are not counted.
     """
     pixels, traced = images.width * images.height, variant.shading == "monte-carlo"
     samples = budget.incident_samples if traced else 0
@@ -181,13 +188,13 @@ def memory_of(
     learnt = views + filters_bytes(min(budget.light_height, LARGEST_HEIGHT))
     alone = surfels * SURFEL
     model = alone + surfels * 3 * FLOAT
-    # Stage 2 also keeps the tree that rays go through and, for probes of effects, the outcome of stage 1.
-    probed_from = 0 if variant.effects == "all" else LEARNT
+    # Stage 2 also keeps the tree of the ray tracer and, for probes of effects, the product of stage 1.
+    kept_product = 0 if variant.effects == "all" else LEARNT
     initialised = learnt + surfels * (LEARNT + 3 * FLOAT)
-    inverted = learnt + surfels * (LEARNT + probed_from + 600 + SAMPLE * samples)
-    shown = filters_bytes(LARGEST_HEIGHT) + model
-    relit = shown + surfels * SAMPLE * directions
-    solved = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples
+    inverted = learnt + surfels * (LEARNT + kept_product + 600 + SAMPLE * samples)
+    filtered = filters_bytes(LARGEST_HEIGHT) + model
+    relit = filtered + surfels * SAMPLE * directions
+    finetuning = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples
 
     def peak(held: int, phase: Phase, rays: int = 0) -> int:
         return round(held + phase.surfel * surfels + phase.pixel * pixels + (phase.ray + HIT * hits) * rays)
@@ -198,12 +205,12 @@ def memory_of(
     a_step = peak(inverted, INVERT, min(surfels, budget.consistency_surfels) * samples)
     anew = peak(inverted + surfels * (SAMPLE + DRAWN) * samples, REFRESH, together(surfels * samples))
     prepared = peak(relit, RELIGHT, together(surfels * budget.relight_hemisphere_samples))
-    tuned = peak(solved, FINE_TUNE, together(budget.finetune_surfels * budget.finetune_samples))
+    tuned = peak(finetuning, FINE_TUNE, together(budget.finetune_surfels * budget.finetune_samples))
     return (
         MemoryPhase("stage 1, a step", initialised, peak(initialised, INITIALISE)),
         MemoryPhase("stage 2, a step", inverted, a_step),
         *([MemoryPhase("stage 2, all light anew", inverted, max(a_step, anew))] if traced else []),
-        MemoryPhase("relighting, preparing by rays", shown, prepared),
+        MemoryPhase("relighting, preparing by rays", filtered, prepared),
         MemoryPhase("relighting, a frame by rays", relit, peak(relit, FRAME)),
         MemoryPhase("relighting, a step of fine-tuning", model, tuned),
         MemoryPhase("relighting, a frame by surfels alone", alone, peak(alone, OWN_FRAME)),

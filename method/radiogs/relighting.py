@@ -1,4 +1,4 @@
-"""Relighting (paper, section on relighting): by rays with split-sum or learnt indirect light, or by surfels alone."""
+"""Relighting (paper, section on relighting): by rays with split-sum or fine-tuned L_ind, or by surfels alone."""
 
 from collections.abc import Callable
 
@@ -34,9 +34,10 @@ def relight(
 ) -> "RelitByRays | RelitBySurfels":
     """The model under ``light``, in the mode of the run's variant (``settings.Relighting``).
 
-    ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). Fine-tuning looks from
-    the run's training views; ``after_step`` is called after each of its steps, and may raise to end it. ``plan``: the
-    effects that rays simulate; fine-tuning simulates all. Raises DataError for a light that is not finite.
+    ``albedo_scale``: factor for each channel of the recovered albedo, which images determine only up to such a factor.
+    ``after_step``: called after each step of fine-tuning, which uses the run's training cameras; it may raise to end
+    it. ``plan``: the effects that rays simulate; fine-tuning simulates all of them. Raises DataError for a light that
+    is not finite.
     """
     surfels, variant = model.surfels, run.variant
     device = surfels.centre.device
@@ -68,7 +69,7 @@ def relight(
 def fine_tuned(
     surfels: Surfels, equation: RenderingEquation, run: Run[Variant, Budget], after_step: Callable[[], None]
 ) -> Surfels:
-    """The surfels with the radiance that solves ``equation``, as far as the run's budget goes."""
+    """The surfels with radiance fitted to ``equation``, by the steps of the run's budget (stage 3)."""
     budget, cameras = run.budget, [view.camera for view in run.scene.train]
     effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
     rays = RaySettings.of(run.variant)
@@ -80,7 +81,7 @@ def fine_tuned(
 
 
 class RelitByRays:
-    """Shades every surfel from V and L_ind, which are traced once; the BRDF is evaluated anew for every camera."""
+    """Shades every surfel from V and L_ind, which are traced once; the BRDF is evaluated for every camera."""
 
     def __init__(
         self,
@@ -103,14 +104,14 @@ class RelitByRays:
 
 
 class RelitBySurfels:
-    """Splats the surfels' fine-tuned radiance; no rays, no shading."""
+    """Renders the surfels' fine-tuned radiance; no rays, no shading."""
 
     def __init__(self, surfels: Surfels, straight: bool = True) -> None:
         self.surfels, self.straight = surfels.with_cached_frames(), straight
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """``image`` and ``alpha``; the radiance is not divided into direct and indirect light."""
+        """The maps ``image`` and ``alpha``; the radiance is not split into direct and indirect light."""
         return radiance_maps(camera, self.surfels, self.straight)
 
 
@@ -122,10 +123,10 @@ def split_sum_incident(
     weight: Float[Tensor, "surfels samples"],
     plan: EffectPlan = EVERYTHING,
 ) -> Incident:
-    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets (``hit_surface``).
+    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray hits (``hit_surface``).
 
-    The surfels' own radiance belongs to another light; ``features`` are those of ``hit_features``. What ``plan`` leaves
-    out is not traced.
+    The surfels' own radiance is not used, because it belongs to the training light. ``features``: see ``hit_features``.
+    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced.
     """
     every = torch.arange(len(features), device=direction.device)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)

@@ -1,7 +1,7 @@
-"""Settings of RadioGS: how much work a run does, what an ablation changes, and what the released code does otherwise.
+"""Settings of RadioGS: the budget of a run, the variants of ablations, and the deviations of the released code.
 
 Every row of the paper's ablations is a value of ``Variant``'s fields, not a code path; ``learning`` has the weights,
-rates and starting values. ``docs/paper_and_code.md`` lists every discrepancy between paper and code that is known.
+rates and initial values. ``docs/paper_and_code.md`` lists every known discrepancy between paper and code.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from .learning import MaterialLearning, SplitSumLearning
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do."""
+    """The amount of work of a run."""
 
     shown_only = (
         "relight_hemisphere_samples",
@@ -30,27 +30,27 @@ class Budget(SurfelBudget):
     )
 
     consistency_surfels: int
-    """Random surfels that L_rad of a step is taken over (N_g)."""
+    """Number of random surfels in the L_rad of a step (N_g)."""
     incident_samples: int
-    """Rays of each of these surfels (N_s), and directions of the light that is kept of all surfels."""
+    """Number of rays of each of these surfels (N_s), and of directions of each surfel's cached light."""
     refresh_interval: int
-    """Steps from one tracing of the light on all surfels to the next."""
+    """Steps between two tracings of the light on all surfels."""
     relight_hemisphere_samples: int
-    """Rays of each surfel under another light that are spread over the hemisphere."""
+    """Number of rays of each surfel in relighting that are spread over the hemisphere."""
     relight_light_samples: int
-    """Rays of each surfel under another light that are drawn from the light."""
+    """Number of rays of each surfel in relighting that are drawn from the light."""
     finetune_iterations: int
-    """Steps of fine-tuning under another light (stage 3)."""
+    """Number of steps of fine-tuning under another light (stage 3)."""
     finetune_surfels: int
-    """Surfels that a step of fine-tuning takes its loss over."""
+    """Number of surfels in the loss of a step of fine-tuning."""
     finetune_samples: int
-    """Rays of each of these surfels."""
+    """Number of rays of each of these surfels."""
 
 
 INVERSE_ONLY = (
     "inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval", *Budget.shown_only,
 )  # fmt: skip
-"""Fields of ``Budget`` that stage 1 does not read: runs that differ in these alone share it."""
+"""Fields of ``Budget`` that stage 1 does not read: runs that differ only in these share stage 1."""
 
 PRESETS = by_name(
     Budget(
@@ -115,29 +115,31 @@ PRESETS = by_name(
 RELEASED: Mapping[str, str] = {
     "hemisphere-floor": "incident directions end 10 degrees above the horizon, and the first one is the normal",
     "fixed-offset": "rays start 0.05 world units from their surfel, whatever its scale",
-    "one-sided-rays": "rays meet surfels from their visible side alone, at any distance",
+    "one-sided-rays": "rays hit surfels from their visible side alone, at any distance",
     "light-detached": "L_rad has no gradient to the light",
     "image-weight": "the image loss of L_PBR weighs L1 by 1.0 instead of 0.8",
     "premultiplied-encoding": "blended radiance is encoded for display together with the black around it",
-    "display-radiance": "stage 1 learns in display colour; stage 2 takes what it learnt for linear radiance",
+    "display-radiance": "stage 1 learns in display colour; stage 2 uses its result as linear radiance",
     "start-light": "stage 2 begins under a constant radiance of 1.5, whatever the exposure",
     "spread-views": "new views are shaded along N_s directions over the hemisphere, none drawn from the light",
 }
-"""Deviations by name. The order is that of the documentation."""
+"""Deviations of the released code from the paper, by name, in the order of the documentation."""
 
 FIRST_STAGE = frozenset({"display-radiance", "premultiplied-encoding"})
 """Deviations that stage 1 reads."""
 
 PROFILES: Mapping[str, tuple[str, ...]] = {"paper": (), "released": tuple(RELEASED)}
+"""Deviations of each profile, for ``radiogs-bench train --profile NAME``."""
 
 FIXED_OFFSET = 0.05
-"""World units; the released default (0.1 for a few scenes)."""
+"""Distance at which rays start with ``fixed-offset``, world units; the released default (0.1 for a few scenes)."""
 
 START_RADIANCE = 1.5
+"""Linear radiance of the initial light with ``start-light``."""
 
 Relighting = Literal["pbr", "finetuned", "surfels"]
-"""How a model is seen under another light: by rays whose L_ind is a split sum at what they meet ("pbr"), by rays whose
-L_ind is the radiance of surfels that were fine-tuned under that light ("finetuned"), or by splatting that radiance."""
+"""Mode of relighting. "pbr": by rays whose L_ind is the split sum at their hits. "finetuned": by rays whose L_ind is
+the radiance of surfels that were fine-tuned under the new light. "surfels": by splatting the fine-tuned radiance."""
 
 RELIGHTING = RelightingModes(
     field="relighting",
@@ -152,45 +154,46 @@ RELIGHTING = RelightingModes(
 )
 
 Shading = Literal["monte-carlo", "split-sum"]
-"""L_PBR of stage 2: Eq. 8 over traced rays, or pre-filtered light without occlusion or indirect light."""
+"""L_PBR of stage 2. "monte-carlo": Eq. 8 over traced rays. "split-sum": prefiltered light without occlusion and without
+indirect light."""
 
 
 @dataclass(frozen=True)
 class Variant(SurfelVariant):
     """A variant of RadioGS; the defaults are the full method.
 
-    Raises UsageError for an unknown deviation, effect or part, and for choices that exclude each other.
+    Raises UsageError for an unknown deviation, effect or part, and for settings that contradict each other.
     """
 
     shown_only = ("relighting", "met_light")
 
     radiometric_weight: float = 0.2
-    """lambda_rad of stage 2 (paper: 0.2)."""
+    """Weight lambda_rad of L_rad in stage 2 (paper: 0.2)."""
     detach: Literal["none", "pbr", "surfel"] = "none"
-    """Side of the residual L_G - L_PBR that has no gradient: none, L_PBR ("pbr") or L_G ("surfel")."""
+    """Side of the residual L_G - L_PBR without gradient: neither ("none"), L_PBR ("pbr") or L_G ("surfel")."""
     initialise: Literal["radiometric", "nvs"] = "radiometric"
-    """Stage 1 with the simplified radiometric consistency, or by novel-view synthesis alone ("nvs")."""
+    """Stage 1 with the simplified radiometric consistency ("radiometric"), or novel-view synthesis alone ("nvs")."""
     shading: Shading = "monte-carlo"
     """L_PBR of stage 2 (see ``Shading``)."""
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     """V and L_ind of L_rad: traced in every step with gradient to the surfels that rays hit ("traced"), without
-    ("detached"), or once, before stage 2 begins ("precomputed")."""
+    gradient ("detached"), or only once, before stage 2 begins ("precomputed")."""
     relighting: Relighting = "pbr"
-    """How a model is shown under another light (see ``Relighting``)."""
+    """Mode of relighting (see ``Relighting``)."""
     met_light: Literal["occluded", "unoccluded"] = "occluded"
-    """Light on the surfaces that the rays of "pbr" relighting hit: as far as they are open to it, with the light that
-    their occluders send on (``hit_surface.enclosed``), or unoccluded, as in the paper."""
+    """Light on the surfaces that rays hit in "pbr" relighting. "occluded": reduced by their openness, plus the light
+    that their occluders scatter (``hit_surface.enclosed``). "unoccluded": as in the paper."""
     deviations: tuple[str, ...] = ()
-    """Deviations of the released code that are reproduced, by the names of ``RELEASED``."""
+    """Deviations of the released code to reproduce, by the names of ``RELEASED``."""
     effects: Effects = "all"
-    """Effects that stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see
-    ``effects``), or the names of the effects that are on."""
+    """Effects that stage 2 and relighting simulate: "all", "auto" (the effects that a scene needs, by measured
+    evidence; see ``effects``), or the names of the effects that are on."""
     given: tuple[str, ...] = ()
-    """Parts of the truth that stage 2 begins with and holds (``oracle``), in the order of ``PARTS``."""
+    """Parts of the truth with which stage 2 begins and which it freezes (``oracle``), in the order of ``PARTS``."""
     split_sum: SplitSumLearning = field(default_factory=SplitSumLearning)
-    """Weights, rates and starting values of stage 1's shading."""
+    """Weights, rates and initial values of stage 1's shading."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
-    """Weights, rates and starting values of stage 2."""
+    """Weights, rates and initial values of stage 2."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -198,7 +201,7 @@ class Variant(SurfelVariant):
         if unknown:
             raise UsageError(
                 f"unknown deviation '{sorted(unknown)[0]}'",
-                "A deviation is something that the released code does otherwise than the paper.",
+                "A deviation is a difference of the released code from the paper.",
                 f"Deviations: {', '.join(RELEASED)}.",
             )
         self.require("zero or above", "radiometric_weight")
@@ -206,7 +209,7 @@ class Variant(SurfelVariant):
         if self.effects != "all" and self.shading == "split-sum":
             raise UsageError(
                 "a choice of effects for split-sum shading",
-                "It has neither visibility nor indirect light, and draws no samples: there is nothing to leave out.",
+                "It has neither visibility nor indirect light, and draws no samples: no effect can be left out.",
                 'Use effects = "all" with it, or shading = "monte-carlo".',
             )
         self._check_given()
@@ -214,18 +217,20 @@ class Variant(SurfelVariant):
     def _check_given(self) -> None:
         unknown = set(self.given) - set(PARTS)
         if unknown:
-            raise UsageError(f"there is no part '{sorted(unknown)[0]}' to be given", f"Parts: {', '.join(PARTS)}.")
+            raise UsageError(
+                f"there is no part '{sorted(unknown)[0]}' of the truth", remedy=f"Parts: {', '.join(PARTS)}."
+            )
         object.__setattr__(self, "given", tuple(part for part in PARTS if part in self.given))
         if self.given and self.effects != "all":
             raise UsageError(
                 "a choice of effects where parts of the truth are given",
-                "What is given says what the rest is responsible for only if all of light transport is simulated.",
+                "Given parts isolate the error of the other parts only if all of light transport is simulated.",
                 'Use effects = "all" with it.',
             )
         if "indirect" in self.given and self.shading == "split-sum":
             raise UsageError(
-                "indirect light that is given to split-sum shading",
-                "It has no indirect light.",
+                "given indirect light with split-sum shading",
+                "Split-sum shading has no indirect light.",
                 'Give other parts, or use shading = "monte-carlo".',
             )
 
@@ -241,7 +246,7 @@ class Variant(SurfelVariant):
 
     @property
     def straight(self) -> bool:
-        """Whether images are encoded for display by ``straight`` radiance (see ``splatting.displayed``)."""
+        """Whether images are encoded for display from straight radiance (``kernels.image.display.displayed``)."""
         return self.surfel_learning.encoding == "straight"
 
     def of_initialisation(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""L_PBR, the physical radiance that stage 2 compares with the images and with the surfels' own: two ways to find it.
+"""Shaders of L_PBR, the physical radiance that stage 2 compares with the images and with the surfels' own radiance.
 
-``MonteCarlo`` is the paper's, Eq. 8 over traced rays; the light that arrives at the surfels is kept between one tracing
-and the next (``IncidentCache``). ``SplitSum`` is pre-filtered light without occlusion or indirect light.
+``MonteCarlo`` is the paper's: Eq. 8 over traced rays, with the incident light cached between two tracings
+(``IncidentCache``). ``SplitSum`` is prefiltered light without occlusion and without indirect light.
 """
 
 from collections.abc import Mapping
@@ -25,25 +25,25 @@ from .model import Model
 
 @runtime_checkable
 class Shader(Protocol):
-    """A way to find L_PBR while materials and light are learnt."""
+    """Computes L_rad and L_PBR while materials and light are learnt."""
 
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
-        """L_rad, without its weight."""
+        """L_rad, without its weight, for the step ``iteration`` on a view of ``camera``."""
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
     ) -> Float[Tensor, "surfels 3"]:
-        """L_PBR of every surfel towards unit ``outgoing``, linear RGB. ``light``: the model's, filtered."""
+        """L_PBR of every surfel along the unit directions ``outgoing``, linear RGB. ``light``: prefiltered."""
 
     def state(self) -> dict[str, Any]:
-        """Tensors and plain values from which to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
+        """Continue from a state that ``state`` returned."""
 
 
 class MonteCarlo:
-    """Eq. 8 over traced rays: L_rad from rays of N_g random surfels, L_PBR from the light that is kept of all."""
+    """Eq. 8 over traced rays: L_rad from new rays of N_g random surfels, L_PBR from the cached light of all surfels."""
 
     def __init__(self, radiometric: RadiometricConsistency, cache: IncidentCache) -> None:
         self.radiometric, self.cache = radiometric, cache
@@ -55,7 +55,7 @@ class MonteCarlo:
         return self.radiometric.loss(model.surfels, model.environment, camera, index, incident, self.cache.generator)
 
     def drawn(self, surfels: Surfels) -> Int[Tensor, " chosen"]:
-        """N_g of the surfels, drawn without repetition; all of them if there are fewer."""
+        """Indices of N_g surfels, drawn without repetition; of all surfels if there are fewer."""
         generator = self.cache.generator
         order = torch.randperm(len(surfels), generator=generator, device=generator.device)
         return order[: self.cache.budget.consistency_surfels]
@@ -63,12 +63,12 @@ class MonteCarlo:
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
     ) -> Float[Tensor, "surfels 3"]:
-        """The Monte-Carlo sum of every surfel over the light that is kept."""
+        """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
         surfels, incident = model.surfels, self.cache.incident
         return shade_surfels(surfels, surfels.albedo, incident, outgoing[:, None], model.environment)[:, 0].sum(1)
 
     def state(self) -> dict[str, Any]:
-        """The light that is kept."""
+        """The cached light."""
         return {"incident": vars(self.cache.incident)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -77,7 +77,7 @@ class MonteCarlo:
 
 
 class SplitSum:
-    """Pre-filtered light: no ray and no state."""
+    """Split-sum shading by prefiltered light. It traces no rays and has no state."""
 
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over all surfels, towards the camera."""
@@ -88,7 +88,7 @@ class SplitSum:
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
     ) -> Float[Tensor, "surfels 3"]:
-        """Diffuse and specular radiance of every surfel."""
+        """L_PBR of every surfel, as the sum of diffuse and specular split-sum radiance, linear RGB."""
         surfels = model.surfels
         diffuse, specular = split_sum_radiance(
             surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light
@@ -96,8 +96,8 @@ class SplitSum:
         return diffuse + specular
 
     def state(self) -> dict[str, Any]:
-        """Nothing."""
+        """An empty state."""
         return {}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Nothing."""
+        """Does nothing."""

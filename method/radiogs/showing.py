@@ -1,6 +1,6 @@
-"""A trained RadioGS model as the harness shows it: under the light it was trained in, or relit.
+"""A trained RadioGS model for the harness, under the light of training or relit.
 
-Training never imports this module: a new map trains nothing anew.
+Training never imports this module, so that a new map does not invalidate trained models.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,25 +29,26 @@ from .settings import Budget, Variant
 from .varying import VaryingRadioGS
 
 SHOWN_BY_SURFELS: dict[str, MapKind] = {name: SHOWN[name] for name in ("image", "alpha")}
-"""Maps of surfels that are splatted with their own radiance."""
+"""Maps of a model that is rendered from its surfels' own radiance."""
 
 DENSER = 2
-"""Directions over the hemisphere for each of training's, and as many drawn from the light. In training a surfel's
-directions change from step to step, and the error of one set averages out; a view is shaded from one."""
+"""Factor of training's number of directions over the hemisphere; as many are drawn from the light. In training a
+surfel's directions change from step to step and the error of a set averages out; a view is shaded from one set."""
 
 
 class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
-    """Surfels with materials and a light, and the run that they were trained in; see ``contract.Trained``."""
+    """Surfels with materials and a light, and the run that trained them; see ``contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels={})
 
     def facts(self) -> dict[str, Any]:
-        """``surfels``: how many. ``effects``: the plan when training ended, and the evidence for it, oldest first.
+        """Facts for the result.
 
-        ``metrics``: ``plan/bound`` and ``plan/worst``, dB that the plan costs at most, by the probe that says most; 0
-        where no probe has left anything out. ``remarks``: effects that are not simulated, in words. ``given``: the
-        parts of the truth that training was given, and how far the given indirect light is from solved
+        ``surfels``: their number. ``effects``: the plan at the end of training, and its evidence, oldest first.
+        ``metrics``: ``plan/bound`` and ``plan/worst``, upper bounds on the loss by the plan, dB of PSNR, of the probe
+        with the largest; 0 if no probe left an effect out. ``remarks``: effects that are not simulated, in words.
+        ``given``: the parts of the truth that training was given, and the residual of the given indirect light
         (``KnownRadiance``).
         """
         plan, evidence = self.model.plan, [dict(each) for each in self.model.evidence]
@@ -65,49 +66,49 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         }
 
     def as_trained(self) -> Prepared:
-        """Shaded by the rules of training, along more directions."""
+        """The model under its recovered light, shaded as in training, along more directions."""
         own = self.renderer()
         return Shown(own, SHOWN if own.incident is None else SHOWN_WITH_INCIDENT)
 
     def renderer(self) -> "Renderer":
-        """The model under the light that it was trained in."""
+        """The renderer of the model under its recovered light."""
         return Renderer(self.model, self.run.budget.incident_samples, self.run.variant)
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """In the mode of the variant (``relighting``); with effects "auto", a probe decides what is simulated."""
+        """The model under another light, in the variant's mode; with effects "auto", a probe decides the plan."""
         variant = self.run.variant
         remarks: tuple[str, ...] = ()
         if variant.effects == "auto":
-            _, found = probe_relighting(self.model, light, albedo_scale, self.run, self.training_share)
-            plan = found.plan
-            remarks = tuple(f"{each.effect}: {each.verdict} ({each.why})" for each in found.evidence)
+            _, findings = probe_relighting(self.model, light, albedo_scale, self.run, self.training_share)
+            plan = findings.plan
+            remarks = tuple(f"{each.effect}: {each.verdict} ({each.why})" for each in findings.evidence)
         else:
             plan = plan_of(variant.effects)
         relit = relight(self.model, light, albedo_scale, self.run, after_step, plan)
         return Shown(relit, SHOWN_BY_SURFELS if isinstance(relit, RelitBySurfels) else SHOWN, remarks)
 
     def varying(self, cameras: Sequence[Camera]) -> VaryingRadioGS:
-        """Under its own light, with roughness or brightness changed; see ``radiogs_core.capabilities.Variable``."""
+        """The model with changed roughness or brightness; see ``radiogs_core.capabilities.Variable``."""
         own = self.renderer()
         return VaryingRadioGS(self.model, own.incident, cameras, self.run.variant)
 
     @cached_property
     def training_share(self) -> Float[Tensor, " surfels"]:
-        """Each surfel's share of the training images; the same for every light."""
+        """Each surfel's share of the training images (``image_share``); it does not depend on the light."""
         return training_share(self.run.scene, self.model.surfels)
 
 
 class Renderer:
-    """A trained model under the light it was trained in, ready to be seen from any camera.
+    """A trained model under its recovered light, ready for rendering from any camera.
 
     For Monte-Carlo shading, incident light is traced once, along ``DENSER`` times ``samples`` directions over the
-    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over
-    the hemisphere miss a sun, and without random rotation all surfels of a wall miss it alike. With the deviation
-    ``spread-views`` there are ``samples`` over the hemisphere alone, not rotated. Effects that the model's plan left
-    out stay out; surfels that kept their light in training are traced with all others. Indirect light that was given
-    in training is given here too. Two renderers of one model have the same directions.
+    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic. A few directions over
+    the hemisphere miss a sun, and without random rotation all surfels of a wall miss it in the same way. With the
+    deviation ``spread-views`` there are ``samples`` directions over the hemisphere alone, not rotated. Effects that the
+    model's plan leaves out are not simulated; surfels that kept their light in training are traced like all others.
+    Given indirect light is used as in training. Two renderers of one model have the same directions.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
@@ -115,7 +116,7 @@ class Renderer:
         self.incident = None if variant.shading == "split-sum" else _incident(model, samples, variant)
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view; see ``on_surfels.trained.Renderer``."""
+        """The maps of one view; see ``radiogs_core.on_surfels.trained.Renderer``."""
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
             return split_sum_maps(camera, surfels, environment, self.straight)
@@ -126,7 +127,7 @@ class Renderer:
 
 @torch.no_grad()
 def _incident(model: Model, samples: int, variant: Variant) -> Incident:
-    """The light that arrives at each surfel along the directions that new views are shaded from."""
+    """The incident light on each surfel along the directions from which views are shaded (see ``Renderer``)."""
     rays, surfels, plan = RaySettings.of(variant, model.indirect), model.surfels, model.plan.at_once
     tracer = rays.tracer(surfels)
     if "spread-views" in variant.deviations:

@@ -1,4 +1,4 @@
-"""A trained model with roughness or brightness changed, for the measurement of what the images determine."""
+"""A trained model with changed roughness or brightness, to measure which quantities the images determine."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,24 +27,26 @@ FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
     "brightness": ("light", "albedo"),
     "brightness, albedo free": ("light", "albedo"),
 }
-"""The given parts of the truth (``Variant.given``) that settle a quantity."""
+"""By quantity: the parts of the truth that fix it if one of them is given (``Variant.given``)."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
+"""The quantities that change the light."""
 
 
 class VaryingRadioGS:
-    """See ``radiogs_core.capabilities.Varying``.
+    """A RadioGS model for a few cameras with one quantity changed; see ``radiogs_core.capabilities.Varying``.
 
-    Outgoing radiance is a U + R: U is the diffuse radiance of an albedo of 1, R the rest, which is that of the lobe.
-    When roughness or light changes, the albedo of each surfel takes up the mean change of R over the cameras, weighted
-    by how much of each image the surfel is, within [0, 1]. What arrives from other surfels is their own radiance, which
-    was fitted to the images and is held. So ``brightness`` is told by indirect light, which grows with albedo while
-    direct light stays, and by highlights, whose strength is F0 times the light. With albedo free at every surfel,
-    indirect light tells nothing: under any light there is an albedo that sends out the same, unless it exceeds 1.
+    Outgoing radiance is a U + R: a is the albedo, U the diffuse radiance for an albedo of 1, and R the radiance of the
+    specular lobe. When roughness or light changes, the albedo of each surfel compensates the mean change of R over the
+    cameras, weighted by the surfel's share of each image, within [0, 1]. Indirect light is the other surfels' own
+    radiance, which was fitted to the images and does not change. So ``brightness`` shows in indirect light, which grows
+    with albedo while direct light does not change, and in highlights, whose strength is F0 times the light. If the
+    albedo of every surfel is free, indirect light gives no information: under any light there is an albedo with the
+    same outgoing radiance, unless it exceeds 1.
     """
 
     def __init__(self, model: Model, incident: Incident | None, cameras: Sequence[Camera], variant: Variant) -> None:
-        """``incident``: the light on each surfel as the model is shown by it; None for split-sum shading."""
+        """``incident``: the light on each surfel in ``showing.Renderer``; None for split-sum shading."""
         self.model, self.incident, self.surfels, self.straight = model, incident, model.surfels, variant.straight
         like = self.surfels.centre
         self.cameras = [camera.to(like.device, like.dtype) for camera in cameras]
@@ -59,21 +61,27 @@ class VaryingRadioGS:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Mean and standard deviation of roughness over the images, and the light's mean radiance."""
+        """Mean and standard deviation of roughness over the images, and the light's mean linear radiance."""
         weight = texel_solid_angles(*self.light.shape[:2], dtype=torch.float64)[..., None].expand(self.light.shape)
         deviation = (self.share * (self.roughness - self.mean_roughness).square()).sum().sqrt()
-        found = {
+        values = {
             "roughness": float(self.mean_roughness),
             "roughness variation": float(deviation),
             **dict.fromkeys(BRIGHTNESS, float((weight * self.light.cpu().double()).sum() / weight.sum())),
         }
-        return {name: found[name] for name in self.free}
+        return {name: values[name] for name in self.free}
 
     @torch.no_grad()
     def images(self, quantity: str, amount: float) -> list[Float[Tensor, "height width 3"]]:
-        """Display sRGB on black, clipped to [0, 1]. Raises UsageError for a quantity that is given or unknown."""
+        """An image for each camera, display sRGB on black, clipped to [0, 1].
+
+        Raises UsageError for a quantity that is given or unknown.
+        """
         if quantity not in self.free:
-            raise UsageError(f"'{quantity}' cannot be changed here", f"What can be: {', '.join(self.free)}.")
+            raise UsageError(
+                f"'{quantity}' cannot be changed: it is unknown, or fixed by a given part of the truth",
+                remedy=f"Quantities of this model: {', '.join(self.free)}.",
+            )
         roughness, light, factor = self.roughness, self.light, 1.0
         if quantity == "roughness":
             roughness = roughness + amount
@@ -95,7 +103,7 @@ class VaryingRadioGS:
     def _shaded(
         self, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
     ) -> tuple[Float[Tensor, "cameras surfels 3"], Float[Tensor, "cameras surfels 3"]]:
-        """Towards each camera: the diffuse radiance of an albedo of 1, and what does not depend on albedo."""
+        """U and R towards each camera, linear RGB: diffuse radiance for an albedo of 1, and that of the lobe."""
         unit, rest = zip(*(self._shaded_for(camera, roughness, light) for camera in self.cameras), strict=True)
         return torch.stack(unit), torch.stack(rest)
 
@@ -119,7 +127,7 @@ class VaryingRadioGS:
         unit: Float[Tensor, "cameras surfels 3"],
         change: Float[Tensor, "cameras surfels 3"],
     ) -> Float[Tensor, "surfels 3"]:
-        """The albedo less what makes up for the mean change of radiance, in [0, 1]; as it is where nothing arrives."""
+        """The albedo that compensates the mean ``change`` of radiance, in [0, 1]; unchanged where no light arrives."""
         weight = self.weight[..., None]
         mean_change, irradiance = (weight * change).sum(0), (weight * unit).sum(0)
         lit = irradiance > 0

@@ -1,4 +1,4 @@
-"""Capabilities that a method, or something it makes, may offer beyond the contract; the harness checks for them."""
+"""Optional protocols of methods, stages and models, beyond the contract; the harness checks by ``isinstance``."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,19 +16,19 @@ from .scene.scene import Scene
 
 Part = Literal["geometry", "light", "albedo", "roughness", "indirect"]
 PARTS: tuple[Part, ...] = get_args(Part)
-"""Parts of the truth that may be given to a method: the shape of the surfaces, the distant light of the training
-views, the two materials, and the light that arrives from other surfaces (L_ind)."""
+"""Parts of the truth that a method may be given: the shape of the surfaces, the distant light of the training views,
+the two materials, and the light that arrives from other surfaces (L_ind)."""
 
 FROM_LIGHT: tuple[Part, ...] = ("light", "indirect")
-"""Parts for which the true light has to be known; for all but ``light``, the true surfaces."""
+"""Parts that need the true light of the scene; every part but ``light`` needs the true surfaces."""
 
 
 @runtime_checkable
 class Closing(Protocol):
-    """A stage that holds more than memory, such as a process or a file."""
+    """A stage with resources besides memory, such as a process or an open file."""
 
     def close(self) -> None:
-        """Let it go; called when stepping ends, however it ends."""
+        """Release these resources; called when the stage ends, fails or is interrupted."""
 
 
 @runtime_checkable
@@ -42,27 +42,27 @@ class Profiled(Protocol):
 
 @dataclass(frozen=True)
 class RelightingModes:
-    """The ways in which a method shows a trained model under another light."""
+    """The ways in which a method renders a trained model under another light."""
 
     field: str
-    """The field of the variant that holds the mode, by its dotted name. Training does not read it."""
+    """Dotted name of the variant's field that selects the mode. Training does not read it."""
     titles: Mapping[str, str]
-    """The title of each mode in tables and figures, by the mode's name."""
+    """Title of each mode in tables and figures, by the mode's name."""
     default: str
     """The mode of the full method."""
     by_steps: tuple[str, ...] = ()
     """The modes that prepare for a light by steps of optimisation, such as fine-tuning, in the order of figures."""
     steps: str = ""
-    """The field of the budget with the number of these steps, by its dotted name."""
+    """Dotted name of the budget's field with the number of these steps."""
 
     def plain(self) -> dict[str, Any]:
-        """The modes as plain values, as the manifest of a run keeps them."""
+        """The modes as plain values, as the manifest of a run stores them."""
         return {**asdict(self), "titles": dict(self.titles), "by_steps": list(self.by_steps)}
 
 
 @runtime_checkable
 class RelitInModes(Protocol):
-    """A method that can show a trained model under another light in several ways, for ``radiogs-bench relight``."""
+    """A method that can render a trained model under another light in several ways, for ``radiogs-bench relight``."""
 
     @property
     def relighting_modes(self) -> RelightingModes:
@@ -71,7 +71,7 @@ class RelitInModes(Protocol):
 
 @runtime_checkable
 class Remarking(Protocol):
-    """A prepared model that has something to say of how it is shown."""
+    """A prepared model with remarks on how it is rendered."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -83,40 +83,46 @@ class EffectRecord:
     """The decision about one light-transport effect, with its evidence."""
 
     effect: str
+    """Name of the effect, such as ``indirect``; ``plan`` for the plan as a whole."""
     verdict: str
-    """"on", "local" (kept where it matters) or "off"."""
+    """"on", "local" (simulated where it matters) or "off"."""
     why: str
-    """The reason in words."""
+    """The reason, in words."""
     iteration: int
-    """The iteration of training; 0 for a scene or model that is not being trained."""
+    """Iteration of training at which the decision was made; 0 for a model that is not being trained."""
     seed: int
+    """Seed of the probe."""
     tolerance: float
-    """The tolerated loss, dB of PSNR."""
+    """Tolerated loss, dB of PSNR."""
     measured: Mapping[str, float | None] | None
-    """Values by name, None for one that is not finite: ``contribution``, ``lowest`` and ``bound`` (estimated cost of
-    leaving the effect out, and its bounds) and ``worst`` (whatever the errors' correlation), all in dB; ``rays``, and
-    ``share`` of a step's work. None: nothing was measured."""
+    """Measurements by name; None if nothing was measured.
+
+    A value is None where it is not finite. ``contribution``: estimated loss without the effect, dB of PSNR; ``lowest``
+    and ``bound``: its lower and upper bounds; ``worst``: the loss under the worst correlation of errors, dB. ``rays``:
+    rays that a step saves without the effect; ``share``: share of a step's work that it saves.
+    """
 
 
 @dataclass(frozen=True)
 class Probe:
-    """The effects that a scene or a trained model needs: decisions with evidence, and images of the differences."""
+    """The light-transport effects that a scene or a trained model needs, with evidence and images of differences."""
 
     tolerance: float
-    """The tolerated loss, dB of PSNR, relative to ``mse``."""
+    """Tolerated loss, dB of PSNR, relative to ``mse``."""
     mse: float
-    """Mean squared error, display sRGB."""
+    """Mean squared error of the method's own images, display sRGB."""
     records: tuple[EffectRecord, ...]
+    """One record for each effect, and one for the plan as a whole."""
     plan: Mapping[str, Any]
-    """The effects to simulate, as plain values."""
+    """The effects to be simulated, as plain values."""
     bounces: int | None
-    """Number of surfaces that light has to be followed over; None where that is not known."""
+    """Number of surfaces that light has to be followed over; None if it is not known."""
     reference: Float[Tensor, "height width 3"]
-    """One view, display sRGB: a picture of the scene, or as it is relit (see ``pictured``)."""
+    """One view, display sRGB: its photograph, or the model's own image of it (see ``pictured``)."""
     pictured: bool
-    """Whether ``reference`` is a picture of the scene."""
+    """Whether ``reference`` is a photograph; if not, it was rendered."""
     differences: Mapping[str, Float[Tensor, "height width"]]
-    """The change of each pixel of that view without an effect, mean over channels, by effect."""
+    """By effect: absolute change of each pixel of ``reference`` without it, display sRGB, mean over channels."""
 
     @property
     def psnr(self) -> float:
@@ -136,48 +142,52 @@ class Probe:
 
 @runtime_checkable
 class Probing(Protocol):
-    """A method that can say which effects are needed; methods that simulate all that they have do not offer this."""
+    """A method that can measure which effects are needed; a method that always simulates all of them offers none."""
 
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """Probe training on the run's scene, or a trained model of it; with a ``light``, probe relighting.
+        """The effects that training on the run's scene needs, or, with a ``light``, relighting by it.
 
-        Without a trained model, the scene is probed as it truly is. Raises DataError for a scene whose surfaces and
-        light are not known.
+        ``trained``: the model to probe; None: the true surfaces and light of the scene. Raises DataError for a scene
+        whose surfaces and light are not known.
         """
 
 
 @dataclass(frozen=True)
 class StepKind:
-    """Steps of a stage that cost alike."""
+    """Steps of a stage that do the same amount of work."""
 
     title: str
+    """Title in tables, such as ``step``."""
     steps: frozenset[int]
-    """Their numbers in the short run, from 0."""
+    """Indices of these steps in the short run, from 0."""
     whole: int
-    """Their number in the whole run."""
+    """Number of these steps in the whole run."""
 
 
 @dataclass(frozen=True)
 class Relighting:
-    """A way to relight a trained model, for rehearsals."""
+    """A way to relight a trained model."""
 
     title: str
+    """Title in tables."""
     variant: Any
-    """The variant with this mode; training is the same for all modes."""
+    """The variant that relights this way. All of them share one trained model."""
     whole: int
-    """Steps of the preparation in the whole run; those of the short run are counted as they are taken."""
+    """Steps of its preparation in the whole run; those of the short run are counted while they run."""
 
 
 @dataclass(frozen=True)
 class ShortRun:
-    """Few steps of every kind, with a model of a stated size."""
+    """A run with a few steps of every kind, and with a model of the requested size."""
 
     variant: Any
+    """The variant to run."""
     budget: Any
+    """The budget to run with."""
     kinds: Mapping[str, tuple[StepKind, ...]]
-    """Kinds of steps of each stage, by the stage's name."""
+    """The kinds of steps of each stage, by the stage's name."""
     relighting: tuple[Relighting, ...]
-    """All ways of relighting."""
+    """All ways to relight."""
 
 
 @runtime_checkable
@@ -186,99 +196,105 @@ class Rehearsing(Protocol):
 
     @property
     def size_name(self) -> str:
-        """The unit of its models' size, such as ``surfels``."""
+        """The unit of a model's size, such as ``surfels``."""
 
     def sizes(self, budget: Any) -> tuple[int, int]:
-        """The size at which a run begins, and the largest that it may reach."""
+        """The size of the model at the start of a run, and the largest that it may reach."""
 
     def short_run(self, variant: Any, budget: Any, size: int) -> ShortRun:
-        """A run of few steps whose model has about this size from the first step on."""
+        """A run of a few steps, whose model has about ``size`` elements from the first step on."""
 
 
 @dataclass(frozen=True)
 class TrainingImages:
-    """Number of the training images, and their size in pixels."""
+    """Number and size of the training images."""
 
     views: int
+    """Number of images."""
     width: int
+    """Width, pixels."""
     height: int
+    """Height, pixels."""
 
 
 @dataclass(frozen=True)
 class MemoryPhase:
-    """Bytes on the device for one kind of work."""
+    """Memory of one phase of a run, bytes on the device."""
 
     title: str
+    """Title in tables."""
     held: int
-    """Bytes before and after the work."""
+    """Bytes allocated before and after each step of the phase."""
     peak: int
-    """Most bytes during the work."""
+    """Largest number of bytes allocated during a step."""
 
 
 @runtime_checkable
 class PlansMemory(Protocol):
-    """A method that knows by formula what its runs hold, for ``radiogs-bench rehearse --by-formula``."""
+    """A method with a formula for the memory of its runs, for ``radiogs-bench rehearse --by-formula``."""
 
     def memory(self, variant: Any, budget: Any, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
-        """Each phase of a run whose models have this size (see ``Rehearsing``)."""
+        """The phases of a run whose models have ``size`` elements (see ``Rehearsing``)."""
 
 
 @runtime_checkable
 class TakesGiven(Protocol):
-    """A method that can take parts of the truth instead of finding them: the rows of suite ``oracles``."""
+    """A method that can use parts of the truth instead of learning them, for the rows of suite ``oracles``."""
 
     @property
     def given_parts(self) -> tuple[str, ...]:
-        """Which of ``PARTS`` it can take."""
+        """The parts, of ``PARTS``, that the method accepts."""
 
     def with_given(self, variant: Any, parts: tuple[str, ...]) -> Any:
-        """The variant to which these parts are given and all others are not.
+        """The variant that is given these parts and learns all others.
 
-        Training does not change given parts, and the trained model is shown with them. Under another light
-        a model keeps given geometry, albedo and roughness; light and indirect light are those of the training views.
-        ``require_truth`` says whether a scene has it. Raises UsageError for a part that it cannot take.
+        Given parts are frozen: training does not change them, and the trained model is rendered with them. Under
+        another light a model keeps given geometry, albedo and roughness, because given light and indirect light belong
+        to the training views. ``require_truth`` checks whether a scene knows the parts. Raises UsageError for a part
+        that the method does not accept.
         """
 
 
 Quantity = Literal["roughness", "roughness variation", "brightness", "brightness, albedo free"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-"""Quantities that images may fail to determine, and the unit of a change.
+"""Quantities that images may fail to determine, with the unit in which their change is given.
 
-roughness: added to that of every surface. roughness variation: the share of the way that every roughness moves to their
-mean (1: all alike, -1: twice as far from it). brightness: the natural logarithm of the factor by which all albedo grows
-and light is divided. brightness, albedo free: the same of the light, while each albedo becomes what hides that best."""
+roughness: a number that is added to the roughness of every surface. roughness variation: the share of the way that
+every roughness moves to the mean (1: all are equal, -1: twice as far from it). brightness: the natural logarithm of the
+factor by which all albedo is multiplied and the light is divided. brightness, albedo free: the logarithm of the divisor
+of the light, while each albedo takes the value that hides this change best."""
 
 
 @runtime_checkable
 class Varying(Protocol):
-    """A trained model under its own light, seen by a few cameras, that can be shown with one quantity changed."""
+    """A trained model under its own light, for a few cameras, that can be rendered with one quantity changed."""
 
     @property
     def values(self) -> Mapping[str, float]:
-        """The recovered value of every quantity of ``QUANTITIES`` that training was free to find.
+        """The recovered value of every quantity of ``QUANTITIES`` that was learnt, not given.
 
-        ``roughness``: the mean over what the cameras see; ``roughness variation``: the standard deviation over that;
-        ``brightness`` of either kind: mean linear radiance of the light over all directions and channels.
+        ``roughness``: mean over the surfaces that the cameras see; ``roughness variation``: standard deviation over
+        these; ``brightness`` of either kind: mean linear radiance of the light over all directions and channels.
         """
 
     def images(self, quantity: str, amount: float) -> list[Float[Tensor, "height width 3"]]:
-        """An image for each camera, display sRGB on black, with one quantity changed by an amount; 0 is as recovered.
+        """An image for each camera, display sRGB on black, with one quantity changed by ``amount`` (0: as recovered).
 
-        A change that a different albedo of the single surfaces would hide in all views is to be hidden so: what is left
-        in the images is what only this quantity explains.
+        The albedo of each surface adapts, to hide as much of the change as it can in all views. The difference that is
+        left in the images is the one that only this quantity explains.
         """
 
 
 @runtime_checkable
 class Variable(Protocol):
-    """A trained model of which it can be measured what the images determine (docs/what_images_determine.md)."""
+    """A trained model that supports the measurement of what images determine (docs/what_images_determine.md)."""
 
     def varying(self, cameras: Sequence[Camera]) -> Varying:
-        """The model, ready to be seen by these cameras with a quantity changed."""
+        """The model, ready to be rendered for these cameras with a quantity changed."""
 
 
 def require_truth(scene: Scene, parts: tuple[str, ...]) -> None:
-    """Raise DataError unless the truth of all these parts is known of a scene."""
+    """Raises DataError unless the scene knows the truth of all ``parts``."""
     for part in parts:
         lacks = [
             name
@@ -293,5 +309,5 @@ def require_truth(scene: Scene, parts: tuple[str, ...]) -> None:
                 f"the true {' and '.join(lacks)} of scene '{scene.name}' are not known: '{part}' cannot be given",
                 "Scenes that were generated know both: those that come with the package, and those of"
                 " `radiogs-bench datasets generate`. TensoIR's scenes know their light; captures know neither.",
-                "Choose among them (`radiogs-bench datasets list`), or leave out what gives this part.",
+                "Choose among them (`radiogs-bench datasets list`), or leave out the rows that give this part.",
             )

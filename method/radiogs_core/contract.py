@@ -1,12 +1,12 @@
-"""What a method is: all that a harness knows of RadioGS, of a baseline, or of a stranger's code.
+"""The contract of a method: everything that the harness knows of RadioGS, of a baseline, or of another package's code.
 
-A method is trained in stages and then shown. ``Method.stages`` says which stages there are and what each depends on;
-``StageSpec.begin`` makes one, which steps to its end and can be interrupted and resumed bit for bit. What the last
-stage hands on is turned into a ``Trained`` model by ``Method.restore``; ``Trained.prepare`` makes it ready to be seen
-under its own light or another one (relighting is preparing for another light), and ``Prepared.render`` gives the maps
-of one camera.
+A method is trained in stages and then rendered. ``Method.stages`` lists the stages with their dependencies;
+``StageSpec.begin`` makes a stage, which steps to its end and can be interrupted and resumed bit for bit.
+``Method.restore`` makes a ``Trained`` model from the product of the last stage; ``Trained.prepare`` makes it ready for
+rendering under its own light or another one (relighting is preparing for another light), and ``Prepared.render``
+returns the maps of one camera.
 
-Nothing here knows of surfels: a radiance field, or a program that is run as a command, fits as well.
+The contract does not mention surfels: a radiance field, or a program that runs as a command, fits as well.
 """
 
 import math
@@ -27,24 +27,24 @@ from .scene.light import EnvironmentMap
 from .scene.scene import Scene
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
-"""Images of one camera by name, [height, width, channels]; ``MapKind`` says how each is to be read."""
+"""Images of one camera by name, [height, width, channels]; ``MapKind`` gives the meaning of their values."""
 
 
 VariantT = TypeVar("VariantT")
-"""A method's own dataclass of what an ablation changes."""
+"""A method's own dataclass with the settings that an ablation may change."""
 
 BudgetT = TypeVar("BudgetT")
-"""A method's own dataclass of how much work a run does (see ``Budget``)."""
+"""A method's own dataclass with the amount of work of a run (see ``Budget``)."""
 
 
 class NotOffered(ExplainedError):
-    """What a method cannot do by its nature, such as relighting; the metric reads n/a with this reason."""
+    """The method does not support the request, such as relighting; tables show n/a with this reason."""
 
 
 class Budget(Protocol):
-    """How much work a run may do: a frozen dataclass of numbers, whose ``name`` is that of its preset.
+    """The amount of work of a run: a frozen dataclass of numbers, with the name of its preset as ``name``.
 
-    Whole numbers are what rows of a suite may multiply (``scaled``).
+    Rows of a suite may multiply its whole numbers (``scaled``).
     """
 
     @property
@@ -54,10 +54,10 @@ class Budget(Protocol):
 
 @dataclass(frozen=True)
 class Run(Generic[VariantT, BudgetT]):
-    """What a method is run on."""
+    """The inputs of a run: scene, settings, seed and device."""
 
     scene: Scene
-    """The scene; ``Scene.train`` are the views to learn from."""
+    """The scene; ``Scene.train`` has the training views."""
     variant: VariantT
     """An instance of ``Method.variant``."""
     budget: BudgetT
@@ -65,17 +65,17 @@ class Run(Generic[VariantT, BudgetT]):
     seed: int
     """Seeds every random generator of the run."""
     device: torch.device
-    """The device that tensors live on."""
+    """The device of all tensors."""
     workspace: Path | None = None
-    """A folder for methods that keep files while they train; it outlives an interruption."""
+    """A folder for methods that write files while they train; an interruption does not delete it."""
 
 
 @runtime_checkable
 class Stage(Protocol):
-    """A resumable optimisation: restoring a state and stepping on gives what stepping on would have given.
+    """A resumable optimisation: steps after ``restore`` give the same results as steps without an interruption.
 
-    A stage that waits for something else may return from ``step`` with ``iteration`` as it was, at least twice a
-    second, so that a request to stop is heard. One that holds more than memory may be ``capabilities.Closing``.
+    A stage that waits for another process may return from ``step`` with an unchanged ``iteration``, at least twice a
+    second, so that the harness can stop it. A stage with resources besides memory may be ``capabilities.Closing``.
     """
 
     iteration: int
@@ -87,15 +87,15 @@ class Stage(Protocol):
         """Take one step; returns the weighted losses by name. Raises NumericalFailure for a non-finite value."""
 
     def state(self) -> dict[str, Any]:
-        """Tensors and plain values from which to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
+        """Continue from a state that ``state`` returned."""
 
     def product(self) -> dict[str, Any]:
-        """Tensors and plain values that the next stage begins from; of the last stage, what ``Method.restore`` takes.
+        """Tensors and plain values that the next stage begins from, or, after the last stage, ``Method.restore``.
 
-        May be asked for at any step: a model that is scored along the way is restored from it.
+        The harness may call it at any step, to score a model during training.
         """
 
 
@@ -116,18 +116,18 @@ class StageSpec(Generic[VariantT, BudgetT]):
     sources: tuple[str, ...]
     """Names of modules whose files, with those of all modules that they import, decide the stage's outcome."""
     begin: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], Stage]
-    """Makes the stage from a run and the product of the stage before it (empty for the first one)."""
+    """Makes the stage from a run and the product of the previous stage (empty for the first one)."""
     compiles: bool = False
-    """Whether the first step compiles kernels; one step is then taken beforehand and charged to no cell."""
+    """Whether the first step compiles kernels; if so, one untimed step runs before the timed ones."""
     keeps_files: bool = False
-    """Whether the outcome lies in ``Run.workspace``; later stages then run on the same machine."""
+    """Whether the outcome consists of files in ``Run.workspace``; if so, later stages run on the same machine."""
     uses_surfaces: bool = False
-    """Whether the stage reads the scene's true surfaces; the modules that compute those then decide its outcome too."""
+    """Whether the stage reads the scene's true surfaces; if so, the modules that compute them count as sources too."""
 
 
 @dataclass(frozen=True)
 class MapKind:
-    """How the values of a map are to be read."""
+    """The meaning of a map's values."""
 
     colour: Literal["display", "linear", "data"]
     """Display sRGB in [0, 1]; linear radiance or albedo; or data (normals, depth, roughness, coverage)."""
@@ -137,44 +137,47 @@ class MapKind:
 
 @runtime_checkable
 class Prepared(Protocol):
-    """A trained model under one light, ready to be seen from any camera."""
+    """A trained model under one light, ready for rendering from any camera."""
 
     @property
     def offers(self) -> Mapping[str, MapKind]:
-        """Every map that it can render, and how each is to be read.
+        """Every map that can be rendered, with its kind.
 
-        image: what the camera sees. alpha: coverage, one channel. albedo: diffuse, linear. normal: unit, in the world.
-        roughness: perceptual (alpha_GGX = r^2). depth: z-depth, world units. direct, indirect: outgoing radiance after
-        one surface, and after more. incident: mean indirect radiance that arrives over the hemisphere.
+        image: the camera's image. alpha: coverage, one channel. albedo: diffuse, linear. normal: unit, in the world.
+        roughness: perceptual (alpha_GGX = r^2). depth: z-depth, world units. direct: outgoing radiance of light that
+        was scattered once; indirect: of light that was scattered more often. incident: mean over the hemisphere of the
+        indirect radiance that arrives.
         """
 
     @property
     def default(self) -> frozenset[str]:
-        """Maps that every rendering has; the others cost extra and are asked for by name."""
+        """Names of the maps in every rendering. The others cost extra and are rendered on request."""
 
     @property
     def timed(self) -> bool:
-        """Whether the seconds of a rendering mean anything (not where images are read from files)."""
+        """Whether the time of a rendering is worth measuring; False if images are read from files."""
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view: the default ones and those of ``further`` that it offers."""
+        """The maps of one view: the default ones, and those named in ``further`` that the model offers."""
 
 
 @runtime_checkable
 class Trained(Protocol):
-    """What training has found."""
+    """The result of training."""
 
     @property
     def light(self) -> EnvironmentMap | None:
-        """The light of the training views as it was recovered, linear; None for a method that finds none."""
+        """The recovered light of the training views, linear RGB; None for a method that does not recover it."""
 
     def facts(self) -> dict[str, Any]:
-        """Plain values that go into the result, such as the number of surfels; ``metrics`` among them maps names such
-        as ``plan/bound`` to values that stand in tables like any other metric, and ``labels`` names to sentences that
-        stand below tables: in what a method differs from the published one of its name."""
+        """Plain values for the stored result, such as the number of surfels.
+
+        ``metrics``: values by name, such as ``plan/bound``, which tables show like any other metric. ``labels``:
+        sentences by name, which tables show as notes: how the method differs from the published one of its name.
+        """
 
     def export(self, folder: Path) -> list[Path]:
-        """Write the model for other programs, without its light; returns the files written. Raises OSError."""
+        """Write the model for other programs, without its light; returns the paths of the files. Raises OSError."""
 
     def prepare(
         self,
@@ -182,11 +185,11 @@ class Trained(Protocol):
         albedo_scale: Float[Tensor, "3"] | None = None,
         after_step: Callable[[], None] = lambda: None,
     ) -> Prepared:
-        """Make ready to be seen under its own light (None) or relit by another one.
+        """Make the model ready for rendering under its own light (None) or another one.
 
-        albedo_scale: factor for each channel of the recovered albedo, which is known up to one. after_step: called
-        between the steps of a long preparation; it may raise to end it. Raises DataError for a light that is not
-        finite, NotOffered where the method cannot be relit.
+        albedo_scale: factor for each channel of the recovered albedo, which images determine only up to such a factor.
+        after_step: called between the steps of a long preparation; it may raise to end it. Raises DataError for a
+        light that is not finite, NotOffered if the method does not support relighting.
         """
 
 
@@ -200,15 +203,15 @@ class Method(Protocol[VariantT, BudgetT]):
 
     @property
     def name(self) -> str:
-        """As suites and ``--method`` call it: lower case, such as ``radiogs``."""
+        """Name in suites and in ``--method``: lower case, such as ``radiogs``."""
 
     @property
     def title(self) -> str:
-        """As tables print it, such as ``RadioGS``."""
+        """Name in tables, such as ``RadioGS``."""
 
     @property
     def variant(self) -> type[VariantT]:
-        """A frozen dataclass: every field that an ablation may turn, with the full method as default."""
+        """A frozen dataclass with every setting that an ablation may change; its defaults are the full method."""
 
     @property
     def presets(self) -> Mapping[str, BudgetT]:
@@ -216,7 +219,7 @@ class Method(Protocol[VariantT, BudgetT]):
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Modules that turn a trained model into maps; they and what they import decide its metrics."""
+        """Names of the modules that render a trained model; they and their imports decide its metrics."""
 
     def stages(self, variant: VariantT, budget: BudgetT) -> Sequence[StageSpec[VariantT, BudgetT]]:
         """The stages of training, in order; at least one."""
@@ -226,12 +229,12 @@ class Method(Protocol[VariantT, BudgetT]):
 
 
 def values_of(of: object, *names: str) -> dict[str, Any]:
-    """Some fields of a variant or budget by name, for ``StageSpec.reads``."""
+    """The named fields of a variant or budget, with their plain values, for ``StageSpec.reads``."""
     return {name: _plain(getattr(of, name)) for name in names}
 
 
 def values_but(of: object, *names: str) -> dict[str, Any]:
-    """All fields of a variant or budget but these, for ``StageSpec.reads``."""
+    """All fields of a variant or budget except the named ones, for ``StageSpec.reads``."""
     chosen = (field.name for field in fields(of) if field.name not in names)  # type: ignore[arg-type]
     return values_of(of, *chosen)
 
@@ -241,19 +244,21 @@ def _plain(value: Any) -> Any:
 
 
 def whole_numbers(budget: Any) -> tuple[str, ...]:
-    """The fields of a budget that rows of a suite may multiply; those of a nested half by dotted names."""
+    """Names of a budget's fields that rows of a suite may multiply; fields of nested dataclasses by dotted names."""
     return tuple(name for name in leaf_names(budget) if type(value_at(budget, name)) is int)
 
 
 LARGEST_COUNT = 2**31 - 1
+"""Largest whole number of a scaled budget: kernels index with 32-bit integers."""
 
 
 def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
-    """The budget with some of its whole numbers multiplied; its name says which.
+    """The budget with some of its whole numbers multiplied by ``factors``; its new name lists them.
 
-    Names of nested fields are dotted, such as ``geometry.steps``. A budget that has renamed fields lists them as
-    ``renamed``, from the old name to the new one; the old one works with a warning. Raises UsageError for a field that
-    is none of its whole numbers, and where less than one is left.
+    Names of nested fields are dotted, such as ``geometry.steps``. A budget with renamed fields lists them in
+    ``renamed``, from the old name to the new one; an old name works and gives a warning. Raises UsageError for a name
+    that is no whole number of the budget, for a factor that is not finite, and for a product below 1 or above
+    LARGEST_COUNT.
     """
     if not factors:
         return budget
@@ -262,24 +267,32 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     for name in factors:
         if name not in whole:
             raise UsageError(
-                f"preset '{budget.name}' has no whole number '{name}'", f"What can be multiplied: {', '.join(whole)}."
+                f"preset '{budget.name}' has no whole number '{name}'", f"It can multiply: {', '.join(whole)}."
             )
     if not all(math.isfinite(factor) for factor in factors.values()):
-        raise UsageError(f"preset '{budget.name}' is multiplied by what is not finite", f"{dict(factors)}")
+        raise UsageError(
+            f"preset '{budget.name}' is multiplied by a number that is not finite: {dict(factors)}",
+            remedy="Use finite factors.",
+        )
     changes = {name: round(value_at(budget, name) * factor) for name, factor in factors.items()}
     for name, value in changes.items():
         if value < 1:
-            raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
+            raise UsageError(
+                f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one",
+                remedy="Use a larger factor or a larger preset.",
+            )
         if value > LARGEST_COUNT:
             raise UsageError(
-                f"preset '{budget.name}' is too large: {name} would be {value:g}", "Kernels count to 2^31."
+                f"preset '{budget.name}' is too large: {name} would be {value:g}",
+                "Kernels index with 32-bit integers, up to 2^31 - 1.",
+                "Use a smaller factor.",
             )
     marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
     return with_values(budget, {"name": f"{budget.name}, {marks}" if marks else budget.name, **changes})
 
 
 def current_name(budget: Any, name: str) -> str:
-    """The name that a field of a budget has now; a former one gives a warning."""
+    """The present name of a budget's field; a former name gives a FutureWarning."""
     renamed: Mapping[str, str] = getattr(budget, "renamed", {})
     if name not in renamed:
         return name

@@ -1,13 +1,14 @@
-"""Errors that explain themselves: what happened, why it matters, what to do next."""
+"""Errors in three parts: what happened, why it is wrong, and what to do next."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class ExplainedError(Exception):
-    """A failure whose message a user can act on.
+    """An error whose message says what to do next.
 
-    ``what`` names the thing and the value; ``why`` says why that is wrong; ``remedy`` says what to do next.
+    ``what`` names the object and the value; ``why`` gives the reason; ``remedy`` gives the next step. Each is one line
+    of the message, and an empty one is left out.
     """
 
     def __init__(self, what: str, why: str = "", remedy: str = "") -> None:
@@ -22,7 +23,7 @@ class DataError(ExplainedError):
 
 
 class UsageError(ExplainedError):
-    """The caller asked for something that does not exist or does not fit together."""
+    """A name that does not exist, or values that do not fit together."""
 
 
 class NumericalFailure(ExplainedError):
@@ -30,9 +31,9 @@ class NumericalFailure(ExplainedError):
 
 
 def unknown(kind: str, name: str, names: Iterable[str], remedy: str = "", of: str = "") -> UsageError:
-    """The error for a name that does not exist, with the nearest name that does; where none is near, with all of them.
+    """The error for a name that does not exist: it lists the nearest name, or all names if none is near.
 
-    ``of`` is what the names belong to, such as a method. Without a ``remedy``, all names stand in its place.
+    ``of``: the owner of the names, such as a method. Without a ``remedy``, the last line lists all names.
 
     >>> print(unknown("preset", "tinny", ["smoke", "tiny"], of="irgs"))
     unknown preset 'tinny' of irgs
@@ -46,9 +47,9 @@ def unknown(kind: str, name: str, names: Iterable[str], remedy: str = "", of: st
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """A question with the name that is nearest; empty where none is near.
+    """The question "Did you mean ...?" with the nearest name; empty if no name is near.
 
-    The last part of a dotted name, such as ``light`` of ``rates.light``, is near to the whole.
+    A name is near to every dotted name that ends with it, such as ``light`` to ``rates.light``.
 
     >>> did_you_mean("tinny", ["smoke", "tiny"]), did_you_mean("x", ["smoke", "tiny"])
     ("Did you mean 'tiny'?", '')

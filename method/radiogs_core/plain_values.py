@@ -1,4 +1,4 @@
-"""Dataclasses from plain values (TOML, JSON) and back, with errors that say which field is wrong and how."""
+"""Conversion of plain values (TOML, JSON) to dataclasses and back; errors name the field and the problem."""
 
 import json
 import math
@@ -19,35 +19,39 @@ WORDS: Mapping[Any, str] = {
 }
 
 Convert = Callable[[Any, str], Any]
-"""Makes a value of some type from a plain one; the second argument says where it stands."""
+"""Makes a value of some type from a plain one; the second argument is its dotted name in the file, for errors."""
 
 
 class PlainReader:
-    """Builds dataclasses from tables with their fields; the dataclasses are the schema.
+    """Builds dataclasses from tables of plain values; the dataclasses are the schema.
 
-    ``source`` goes before every message, ``remedy`` behind it; ``special`` are types that are read in their own way.
+    Every message begins with ``source`` and ends with ``remedy``. ``special``: converters for types that need their
+    own. In all methods, ``where`` is the dotted name of the value, for errors; all errors are UsageError.
     """
 
     def __init__(self, source: str, remedy: str, special: Mapping[Any, Convert] | None = None) -> None:
         self.source, self.remedy, self.special = source, remedy, dict(special or {})
 
     def fail(self, where: str, what: str, why: str = "", remedy: str = "") -> NoReturn:
-        """Raise UsageError."""
+        """Raises UsageError with ``source``, ``where`` and ``what`` in its first line."""
         raise UsageError(": ".join(part for part in (self.source, where, what) if part), why, remedy or self.remedy)
 
     def known(self, where: str, kind: str, given: str, names: Mapping[str, object] | tuple[str, ...]) -> None:
-        """Fail unless ``given`` is one of the names, with the nearest one."""
+        """Raises UsageError, with the nearest name, unless ``given`` is one of ``names``."""
         if given not in names:
             hint = did_you_mean(given, names) or f"There are: {', '.join(names)}."
             self.fail(where, f"there is no {kind} '{given}'", hint)
 
     def expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
-        """Fail unless the value is what is wanted."""
+        """Raises UsageError that ``value`` is not ``wanted`` (such as "a number"), unless ``holds``."""
         if not holds:
             self.fail(where, f"{value!r} is not {wanted}")
 
     def build(self, kind: type, table: object, where: str) -> Any:
-        """An instance of a dataclass, from a table with its fields; what has a default may be left out."""
+        """An instance of the dataclass ``kind`` from a table of its fields; fields with a default may be missing.
+
+        Raises UsageError for an unknown or missing field and for a value that the field or the dataclass refuses.
+        """
         if not isinstance(table, Mapping):
             self.fail(where, f"{table!r} is no table", "It has fields of its own.")
         hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
@@ -60,11 +64,14 @@ class PlainReader:
         values = {name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()}
         try:
             return kind(**values)
-        except UsageError as refused:  # by the dataclass itself, which does not know where it stands
+        except UsageError as refused:  # raised by the dataclass itself, which does not know ``where``
             self.fail(where, refused.what, refused.why, refused.remedy)
 
     def change(self, instance: Any, values: object, where: str) -> Any:
-        """A copy of a dataclass with some fields changed, by name, by dotted name, or by a table for a nested one."""
+        """A copy of a dataclass with some fields changed: by name, by dotted name, or by a table for a nested one.
+
+        Raises UsageError as ``build`` does, and for a field that is changed twice.
+        """
         if not isinstance(values, Mapping):
             self.fail(where, f"{values!r} is no table", f"It has fields of its own: {', '.join(leaf_names(instance))}.")
         prefix = f"{where}." if where else ""
@@ -84,7 +91,7 @@ class PlainReader:
                     self.fail(where, f"{field}.{twice} is given twice")
                 below[field].update(table)
             else:
-                self.change(getattr(instance, field), value, f"{prefix}{field}")  # fails: it is no table
+                self.change(getattr(instance, field), value, f"{prefix}{field}")  # raises: ``value`` is no table
         for field, table in below.items():
             changed[field] = self.change(getattr(instance, field), table, f"{prefix}{field}")
         try:
@@ -93,7 +100,7 @@ class PlainReader:
             self.fail(where, refused.what, refused.why, refused.remedy)
 
     def convert(self, hint: Any, value: Any, where: str) -> Any:
-        """A value as its field's type asks for it."""
+        """The value as an instance of the type ``hint``. Raises UsageError if it is none."""
         origin, arguments = get_origin(hint), get_args(hint)
         if hint in self.special:
             return self.special[hint](value, where)
@@ -110,7 +117,7 @@ class PlainReader:
             every = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
             self.expect(len(every) == len(value), where, value, f"a list of {len(every)}")
             entries = enumerate(zip(every, value, strict=True))
-            return tuple(self.convert(entry, each, f"{where}[{place}]") for place, (entry, each) in entries)
+            return tuple(self.convert(entry, each, f"{where}[{index}]") for index, (entry, each) in entries)
         if origin is not None and issubclass(origin, Mapping):
             self.expect(isinstance(value, Mapping), where, value, "a table")
             return {name: self.convert(arguments[1], each, f"{where}.{name}") for name, each in value.items()}
@@ -124,7 +131,10 @@ class PlainReader:
         return value
 
     def _one_of(self, arguments: tuple[Any, ...], value: Any, where: str) -> Any:
-        """The first alternative that takes the value; its complaint if only one is of the value's shape."""
+        """The value as the first type of a union that accepts it.
+
+        If only one type is a list where the value is one, or none where it is none, its own error is raised.
+        """
         if value is None and type(None) in arguments:
             return None
         shaped = [each for each in arguments if _is_list(each) == isinstance(value, list | tuple)]
@@ -139,26 +149,26 @@ class PlainReader:
 
 
 def from_plain(kind: type, values: Mapping[str, Any], what: str) -> Any:
-    """An instance of a dataclass from plain values. Raises UsageError that names ``what`` and the field."""
+    """An instance of the dataclass ``kind`` from plain values. Raises UsageError that names ``what`` and the field."""
     return PlainReader(what, "See its fields:  radiogs-bench methods").build(kind, values, "")
 
 
 def with_values(instance: Any, values: Mapping[str, Any], what: str = "settings") -> Any:
     """A copy of a dataclass with some fields changed to plain values, by dotted names or by nested tables.
 
-    Raises UsageError that names ``what`` and the field: for an unknown field, with the nearest one; for a value of
-    another type; and for one that the dataclass refuses.
+    Raises UsageError that names ``what`` and the field: for an unknown field, with the nearest name; for a value of
+    another type; and for a value that the dataclass refuses.
     """
     return PlainReader(what, "See its fields:  radiogs-bench methods").change(instance, values, "")
 
 
 def leaf_names(instance: Any) -> list[str]:
-    """Dotted names of a dataclass's fields; in place of a field that is a dataclass, those of its own fields."""
-    found: list[str] = []
+    """Dotted names of a dataclass's fields; a nested dataclass is replaced by the names of its own fields."""
+    names: list[str] = []
     for each in fields(instance):
         value = getattr(instance, each.name)
-        found += [f"{each.name}.{name}" for name in leaf_names(value)] if is_dataclass(value) else [each.name]
-    return found
+        names += [f"{each.name}.{name}" for name in leaf_names(value)] if is_dataclass(value) else [each.name]
+    return names
 
 
 def value_at(instance: Any, name: str) -> Any:
@@ -169,21 +179,24 @@ def value_at(instance: Any, name: str) -> Any:
 
 
 def to_plain(value: Any) -> dict[str, Any]:
-    """A dataclass's fields as a stored result gives them back, so that the two compare equal: JSON has no tuples."""
+    """A dataclass's fields after a round trip through JSON, so that they equal those of a stored result.
+
+    Raises ValueError for a value that is not finite.
+    """
     plain: dict[str, Any] = json.loads(json.dumps(asdict(value), allow_nan=False))
     return plain
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one, with dotted names.
+    """Nested tables as one flat table, with dotted names.
 
     >>> flat({"weights": {"normal": 0.05}, "seed": 1})
     {'weights.normal': 0.05, 'seed': 1}
     """
-    found: dict[str, Any] = {}
+    dotted: dict[str, Any] = {}
     for name, value in values.items():
-        found |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return found
+        dotted |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return dotted
 
 
 def _is_list(hint: Any) -> bool:

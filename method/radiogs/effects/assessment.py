@@ -1,7 +1,6 @@
-"""Measuring what plans change in the full images of a scene, and deciding by what was measured.
+"""Measures how plans change the full images of a scene, and decides by these measurements.
 
-``Gradients`` says how leaving an effect out changes the gradients: an effect that hardly changes images may carry the
-only gradient.
+``Gradients`` measures how a plan changes gradients: an effect that hardly changes images may carry the only gradient.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,19 +27,20 @@ from .tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
 from .tolerance import Tolerance
 
 NOT_ABSORBED = ("view-dependence", "samples")
-"""Effects whose absence no factor on the light compensates."""
+"""Effects whose absence cannot be compensated by a factor on the light."""
 
 
 def light_factor_is_free(effect: str, scene: ProbeScene) -> bool:
-    """Whether a factor on the light may compensate what leaving an effect out does to all pixels alike."""
+    """Whether a factor on the light may compensate a change of all pixels that the missing effect causes."""
     return effect not in NOT_ABSORBED and not scene.given_light
 
 
 class Assessment:
-    """Measures plans against the images of a scene with everything on.
+    """Measures plans by comparison with the images of a scene with all effects on.
 
-    ``level`` is the error of each bound. ``decibel`` are tolerated beside the method's own error ``mse``; None: that of
-    the images, or of the surfels' own radiance where that is smaller, against the views' targets.
+    ``level``: error probability of each bound. ``decibel``: tolerated loss, dB of PSNR, relative to ``mse``. ``mse``:
+    the method's own mean squared error, display sRGB; None: the smaller of the errors of the shaded images and of the
+    surfels' own radiance, against the views' targets.
     """
 
     def __init__(
@@ -59,28 +59,31 @@ class Assessment:
             full["sharp"] = self.radiance.shaded(EffectPlan(), sharp=True).detach()
         rendered = rendered_views(self.radiance.projections, full.values())
         self.pixels = CoveredPixels.of(scene.views, rendered, scene.straight)
-        shown = zip(full, self.pixels.take(rendered), strict=True)
-        self.full = {name: ReferenceImage.of(image, self.pixels) for name, image in shown}
+        images = zip(full, self.pixels.take(rendered), strict=True)
+        self.full = {name: ReferenceImage.of(image, self.pixels) for name, image in images}
         if mse is None:
             mse = min(mean_error(self.full[name], self.pixels) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
 
     def of(self, scene: ProbeScene, level: float) -> "Assessment":
-        """An assessment with these settings for another scene, and bounds with another level of error."""
+        """An assessment with these settings of another scene, and with another ``level``."""
         return Assessment(scene, self.step, self.seed, level, self.tolerance.decibel, self.mse)
 
     def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
-        """Whether ``before`` left out as much already; a plan that leaves out more has to pass the stricter rule."""
+        """Whether ``plan`` saves no more work than ``before`` did; a plan that saves more passes a stricter rule."""
         return bool(before.off) and self.step.saving(plan, EffectPlan()) <= self.step.saving(before, EffectPlan())
 
     def by_images(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
-        """The rule without gradients. Hysteresis compares with what ``before`` left out of the same effect."""
+        """Verdict and reason by images alone, without gradients; ``before`` is the plan until now, for hysteresis."""
         return decide(measured, self._was_off(effect, plan, before), self.tolerance.decibel)
 
     def decided(
         self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan
     ) -> tuple[Verdict, str, Measured]:
-        """The whole rule. Gradients cost most and come last: a plan that images refuse needs none."""
+        """Verdict, reason and measurements, by images and gradients.
+
+        Gradients cost most and come last: a plan that the images refuse needs none.
+        """
         verdict, why = self.by_images(effect, plan, measured, before)
         if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
             measured = replace(measured, gradient=self.gradients.change(plan))
@@ -90,48 +93,48 @@ class Assessment:
     def _was_off(self, effect: str, plan: EffectPlan, before: EffectPlan) -> bool:
         return self.was_left_out(plan, before if effect == "plan" else restricted_to(before, effect))
 
-    def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
-        """What each plan loses against everything on; each is given with the effect that it leaves out."""
-        if not asked_of:
+    def measure(self, reductions: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
+        """Loss of each plan, compared with all effects on; ``reductions``: pairs of the missing effect and the plan."""
+        if not reductions:
             return []
-        plans = [plan for _, plan in asked_of]
-        asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
-        for place, plan in enumerate(plans):
+        plans = [plan for _, plan in reductions]
+        radiance: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
+        for index, plan in enumerate(plans):
             if plan.sh_degree < HIGHEST_DEGREE:
-                asked[place, "own"] = self.radiance.own(plan.sh_degree)
+                radiance[index, "own"] = self.radiance.own(plan.sh_degree)
             if replace(plan, sh_degree=HIGHEST_DEGREE).off:
-                asked[place, "shaded"] = self.radiance.shaded(plan).detach()
+                radiance[index, "shaded"] = self.radiance.shaded(plan).detach()
             if "sharp" in self.full and "specular" in plan.off:
-                asked[place, "sharp"] = self.radiance.shaded(plan, sharp=True).detach()
-        images = self.pixels.take(rendered_views(self.radiance.projections, asked.values()))
+                radiance[index, "sharp"] = self.radiance.shaded(plan, sharp=True).detach()
+        images = self.pixels.take(rendered_views(self.radiance.projections, radiance.values()))
         errors = {
-            (place, kind): tile_errors(
-                image, self.full[kind], self.pixels, light_factor_is_free(asked_of[place][0], self.scene)
+            (index, kind): tile_errors(
+                image, self.full[kind], self.pixels, light_factor_is_free(reductions[index][0], self.scene)
             )
-            for (place, kind), image in zip(asked, images, strict=True)
+            for (index, kind), image in zip(radiance, images, strict=True)
         }
         bounds = self._bounds(errors)
         return [
             self._measured(
                 plan,
-                {kind: errors[where, kind] for where, kind in errors if where == place},
-                {kind: bounds[where, kind] for where, kind in bounds if where == place},
+                {kind: errors[which, kind] for which, kind in errors if which == index},
+                {kind: bounds[which, kind] for which, kind in bounds if which == index},
             )
-            for place, plan in enumerate(plans)
+            for index, plan in enumerate(plans)
         ]
 
     def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
-        """Bounds on the larger of mean difference and mean rise; sharp images have no target, and so no rise."""
+        """Bounds on the larger of mean difference and mean rise; sharp images have no target, hence no rise."""
         stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
         below, above = self.bootstrap.bounds(stacked)
         mean = stacked.double().mean(1).cpu()
-        found = {}
-        for place, key in enumerate(errors):
-            rows = slice(2 * place, 2 * place + (1 if key[1] == "sharp" else 2))
-            found[key] = _Bounds(
-                float(mean[rows].max()), float(below[rows].max()), float(above[rows].max()), float(above[2 * place])
+        bounds = {}
+        for index, key in enumerate(errors):
+            rows = slice(2 * index, 2 * index + (1 if key[1] == "sharp" else 2))
+            bounds[key] = _Bounds(
+                float(mean[rows].max()), float(below[rows].max()), float(above[rows].max()), float(above[2 * index])
             )
-        return found
+        return bounds
 
     def _measured(
         self,
@@ -161,61 +164,65 @@ class Assessment:
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Estimate of an error, its lower and upper bounds, and the upper bound of the difference alone."""
+    """Estimate of a squared error, display sRGB, with its bounds."""
 
     mean: float
+    """The estimate."""
     below: float
+    """Lower bound."""
     above: float
+    """Upper bound."""
     difference: float
+    """Upper bound of the mean squared difference between the two images, whatever the target."""
 
 
 def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
-    """Gradient of the images' squared error with respect to the radiance that each surfel sends to each view.
+    """Gradient of the images' squared error with respect to the radiance of each surfel towards each view.
 
-    Zero for views without a target.
+    The error is the mean over pixels and channels, display sRGB. The gradient is zero for views without a target.
     """
     sent = radiance.shaded(EffectPlan()).detach().requires_grad_()
     total = sent.new_zeros(())
-    for place, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
+    for index, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
         if view.target is not None:
-            raster = blend(projection, sent[:, place], 1.0)
+            raster = blend(projection, sent[:, index], 1.0)
             image = displayed(raster.features, raster.alpha, radiance.scene.straight)
             total = total + (image - view.target).square().mean()
     return torch.autograd.grad(total, sent)[0] if total.requires_grad else torch.zeros_like(sent)
 
 
 class Gradients:
-    """Gradients of albedo, roughness and light that the error of the full images causes, and how plans change them."""
+    """Gradients of the full images' error for albedo, roughness and light, and their change under plans."""
 
     def __init__(self, radiance: PlanRadiance) -> None:
         self.radiance = radiance
 
     @cached_property
     def upstream(self) -> Float[Tensor, "surfels views 3"]:
-        """Upstream gradient, the same for every plan."""
+        """Gradient with respect to the surfels' radiance; the same for every plan."""
         return image_gradient(self.radiance)
 
     @cached_property
     def full(self) -> dict[str, Tensor]:
-        """With everything on."""
+        """Gradients with all effects on, by name of the leaf."""
         return self.of(EffectPlan())
 
     def of(self, plan: EffectPlan) -> dict[str, Tensor]:
         """Gradients under a plan, by name of the leaf."""
         leaves = self.radiance.leaves
-        found = torch.autograd.grad(
+        gradients = torch.autograd.grad(
             self.radiance.shaded(plan), list(leaves.values()), self.upstream, retain_graph=True, allow_unused=True
         )
         return {
             name: torch.zeros_like(leaf) if value is None else value
-            for (name, leaf), value in zip(leaves.items(), found, strict=True)
+            for (name, leaf), value in zip(leaves.items(), gradients, strict=True)
         }
 
     def change(self, plan: EffectPlan) -> float:
-        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where a gradient appears out of none.
+        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where only g_full is zero.
 
-        Roughness counts only where the plan has specular lobes everywhere: elsewhere it is left unlearnt on purpose,
-        and what it could still do to the images is measured by ``ProbeScene.sharpest``.
+        Roughness counts only if the plan has specular lobes on all surfels: without a lobe it is not learnt on purpose,
+        and ``ProbeScene.sharpest`` measures how much another roughness could change the images.
         """
         shiny = plan.specular and plan.specular_at is None
         return max(

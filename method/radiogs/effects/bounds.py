@@ -1,4 +1,4 @@
-"""One-sided bounds on means and shares that are known from a sample."""
+"""One-sided bounds on means and probabilities, from a sample."""
 
 import math
 from functools import lru_cache
@@ -8,14 +8,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 RESAMPLES_PER_TAIL = 5
-"""Resamples that fall beyond the quantile asked for: its probability is known to within a factor of about 1.5."""
+"""Expected number of resamples beyond the quantile: its probability is known to within a factor of about 1.5."""
 
 MOST_BATCHES = 256
-"""Observations that are resampled at most; their means are nearer to normal than they are."""
+"""Largest number of values that are resampled; more values are averaged in batches, which are closer to normal."""
 
 
 def sidak(level: float, comparisons: int) -> float:
-    """The level of each of several statements that hold together with ``level`` (of error, such as 0.01).
+    """Error probability of each of several independent statements that hold together with error ``level``.
 
     >>> round(sidak(0.01, 10), 6)
     0.001005
@@ -24,7 +24,7 @@ def sidak(level: float, comparisons: int) -> float:
 
 
 def zero_events_upper(trials: int, level: float) -> float:
-    """Upper bound on the probability of an event that none of ``trials`` independent trials has seen.
+    """Upper bound on the probability of an event that did not occur in ``trials`` independent trials.
 
     1 - level^(1/n): with 2048 trials and a level of 0.01 it is 0.22 %.
     """
@@ -34,9 +34,9 @@ def zero_events_upper(trials: int, level: float) -> float:
 class Bootstrap:
     """One-sided bounds on means by the bootstrap-t, each with an error of ``level``.
 
-    mean - q s / sqrt(n), q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)): skewed samples, which squared
-    errors are, get the longer tail that Student's t would deny them. Resamples are drawn once for each size of sample,
-    and serve all; ``generator`` shuffles values into batches.
+    The bound is mean - q s / sqrt(n), with q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)). Skewed
+    samples, such as squared errors, get a longer tail than by Student's t. All samples of one size share their
+    resamples; ``generator`` shuffles values into batches.
     """
 
     def __init__(self, level: float, generator: torch.Generator) -> None:
@@ -48,8 +48,8 @@ class Bootstrap:
     ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
         """Lower and upper bounds of each statistic's mean, float64.
 
-        More than MOST_BATCHES values are averaged in that many batches first. Infinite for fewer than two values, and
-        where so many resamples are constant that the quantile is not known.
+        More than MOST_BATCHES values are first averaged in that many batches. Bounds are infinite for fewer than two
+        values, and if so many resamples are constant that the quantile is not known.
         """
         values = _batched(values.detach().double().cpu(), self.generator)
         mean, count = values.mean(1), values.shape[1]
@@ -59,12 +59,12 @@ class Bootstrap:
         centred = values - mean[:, None]
         moved = centred @ times.T / count
         spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
-        # A resample that is constant says that the mean may be arbitrarily many of its errors away, on either side.
+        # The standard error of a constant resample is zero: its ratio may be any number, of either sign.
         constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
         ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
-        place = max(1, math.floor(self.level * self.resamples))
-        lowest = torch.where(constant, -torch.inf, ratio).kthvalue(place, 1).values
-        highest = torch.where(constant, torch.inf, ratio).kthvalue(self.resamples + 1 - place, 1).values
+        rank = max(1, math.floor(self.level * self.resamples))
+        lowest = torch.where(constant, -torch.inf, ratio).kthvalue(rank, 1).values
+        highest = torch.where(constant, torch.inf, ratio).kthvalue(self.resamples + 1 - rank, 1).values
         error = values.std(1) / math.sqrt(count)
         known = error > 0
         return torch.where(known, mean - highest * error, mean), torch.where(known, mean - lowest * error, mean)
@@ -72,7 +72,7 @@ class Bootstrap:
 
 @lru_cache(maxsize=8)
 def resample_counts(count: int, resamples: int) -> Float[Tensor, "resamples sample"]:
-    """How often each of ``count`` values is in each resample: the same for all samples of a size, as tables are."""
+    """Number of times that each of ``count`` values is drawn in each resample; the seed is ``count``."""
     drawn = torch.randint(count, (resamples, count), generator=torch.Generator().manual_seed(count))
     return torch.zeros(drawn.shape).scatter_add_(1, drawn, torch.ones(1).expand_as(drawn))
 
@@ -80,7 +80,7 @@ def resample_counts(count: int, resamples: int) -> Float[Tensor, "resamples samp
 def bootstrap_t(
     values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
-    """Lower and upper bounds on the means of some statistics, each with an error of ``level``; see ``Bootstrap``."""
+    """Lower and upper bounds on the means of the statistics, each with an error of ``level``; see ``Bootstrap``."""
     return Bootstrap(level, generator).bounds(values)
 
 

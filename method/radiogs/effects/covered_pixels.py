@@ -1,4 +1,4 @@
-"""The pixels in which images are compared: those of a probe's views that show a surface."""
+"""The pixels in which images are compared: the pixels of a probe's views that show a surface."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,26 +17,28 @@ TILE = 8
 """Side of a tile, in pixels. A tile counts as one observation: errors of neighbouring pixels are not independent."""
 
 TOGETHER = 12
-"""Channels that are blended in one pass. Kernels are compiled for a number of channels; this one serves any number of
-plans."""
+"""Channels that are blended in one pass. Kernels are compiled for a number of channels, and this one works for any
+number of plans."""
 
 
 @dataclass(frozen=True)
 class RenderedView:
-    """One view, linear and on black: three channels for each radiance that was rendered; and coverage."""
+    """One rendered view."""
 
     channels: Float[Tensor, "height width channels"]
+    """Linear RGB on black; three channels for each radiance that was rendered."""
     alpha: Float[Tensor, "height width"]
+    """Coverage."""
 
 
 def rendered_views(
     projections: Sequence[Projection], radiance: Iterable[Float[Tensor, "surfels views 3"]]
 ) -> list[RenderedView]:
-    """Blend all of ``radiance``, in its order, into each view."""
+    """Blends every linear radiance, in the given order, into each view."""
     every = torch.cat(list(radiance), -1)
     rendered = []
-    for place, projection in enumerate(projections):
-        padded = torch.nn.functional.pad(every[:, place], (0, -every.shape[-1] % TOGETHER))
+    for index, projection in enumerate(projections):
+        padded = torch.nn.functional.pad(every[:, index], (0, -every.shape[-1] % TOGETHER))
         rasters = [blend(projection, some, 1.0) for some in padded.split(TOGETHER, -1)]
         blended = torch.cat([raster.features for raster in rasters], -1)[..., : every.shape[-1]]
         rendered.append(RenderedView(blended, rasters[0].alpha))
@@ -45,24 +47,26 @@ def rendered_views(
 
 @dataclass(frozen=True)
 class CoveredPixels:
-    """The pixels of several views that show a surface, sorted by tile.
-
-    covered: a mask for each view. order: indices that sort the covered pixels by tile. tiles: number of covered pixels
-    of each tile that has any. target: image of the view in those pixels, display sRGB; ``known``: whether there is one.
-    alpha: their coverage. straight: how radiance is encoded for display (``splatting.displayed``).
-    """
+    """The pixels of several views that show a surface, sorted by tile."""
 
     covered: tuple[Bool[Tensor, "height_ width_"], ...]
+    """Mask of these pixels in each view."""
     order: Int[Tensor, " pixels"]
+    """Indices that sort the covered pixels by tile."""
     tiles: Int[Tensor, " tiles"]
+    """Number of covered pixels in each tile that has any."""
     target: Float[Tensor, "pixels 3"]
+    """The views' target images in these pixels, display sRGB; zero where there is no target."""
     known: Bool[Tensor, "pixels 1"]
+    """Whether there is a target."""
     alpha: Float[Tensor, " pixels"]
+    """Coverage."""
     straight: bool
+    """Whether straight radiance is encoded for display (``kernels.image.display.displayed``)."""
 
     @classmethod
     def of(cls, views: Sequence[ProbeView], rendered: Sequence[RenderedView], straight: bool) -> "CoveredPixels":
-        """Where the rendered views show a surface."""
+        """The pixels in which the rendered views have a coverage above SOLID_ALPHA."""
         covered = tuple(each.alpha > SOLID_ALPHA for each in rendered)
         tiles, targets, known, before = [], [], [], 0
         for view, mask in zip(views, covered, strict=True):
@@ -79,14 +83,14 @@ class CoveredPixels:
         return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order], alpha[order], straight)
 
     def take(self, rendered: Sequence[RenderedView]) -> tuple[Float[Tensor, "pixels 3"], ...]:
-        """The covered pixels of the rendered views, sorted by tile: one tensor for each radiance that was rendered."""
-        shown = torch.cat([each.channels[mask] for each, mask in zip(rendered, self.covered, strict=True)])
-        return shown[self.order].split(3, -1)
+        """The covered pixels of the rendered views, linear, sorted by tile: one tensor for each rendered radiance."""
+        channels = torch.cat([each.channels[mask] for each, mask in zip(rendered, self.covered, strict=True)])
+        return channels[self.order].split(3, -1)
 
     def displayed(self, linear: Float[Tensor, "pixels 3"]) -> Float[Tensor, "pixels 3"]:
-        """Blended linear radiance of these pixels in display sRGB on black, as training compares it with images."""
+        """Blended linear radiance of these pixels in display sRGB on black, encoded as in training."""
         return displayed(linear[None], self.alpha[None], self.straight)[0]
 
     def tile_means(self, values: Float[Tensor, "pixels quantities"]) -> Float[Tensor, "quantities tiles"]:
-        """Means over all pixels of each tile; those that show no surface count as zero."""
+        """Means over all TILE x TILE pixels of each tile; pixels without a surface count as zero."""
         return torch.segment_reduce(values.contiguous(), "sum", lengths=self.tiles).mT / TILE**2

@@ -1,28 +1,28 @@
-"""The rule: an effect is left out only where evidence shows that it matters little, and where that saves work."""
+"""The decision rule: an effect is left out only if evidence shows that it matters little, and if that saves work."""
 
 from .evidence import Measured, Verdict
 from .tolerance import TOLERANCE_DB
 
 LEAST_SHARE = 0.001
-"""Share of a step's work below which leaving an effect out gains nothing. Specular lobes, the cheapest, take 0.5 %."""
+"""Least share of a step's work that an effect must take to be left out. Specular lobes, the cheapest, take 0.5 %."""
 
 OFF_BELOW = 0.5
-"""Hysteresis: an effect goes off where its bound is under this share of the tolerance, and on again above the whole
-tolerance; between the two it stays as it was."""
+"""Hysteresis: an effect is switched off if its bound is below this share of the tolerance, and on again above the whole
+tolerance; between the two its state does not change."""
 
 GRADIENT_TOLERANCE = 0.5
 """Largest tolerated relative change of the gradient of anything that is learnt."""
 
 
 def decide(measured: Measured | None, was_off: bool, tolerance: float = TOLERANCE_DB) -> tuple[Verdict, str]:
-    """Whether an effect stays on, and why, in words. ``tolerance``: dB of PSNR.
+    """Verdict ("on" or "off") about one effect, with the reason in words. ``tolerance``: dB of PSNR.
 
-    It stays on where the probe failed (None) or measured a value that is not finite.
+    The effect stays on if the probe failed (``measured`` is None) or measured a value that is not finite.
     """
     if measured is None:
         return "on", "not probed, or the probe failed"
     if not measured.finite:
-        return "on", "the probe found a figure that is not finite"
+        return "on", "the probe measured a value that is not finite"
     if measured.share < LEAST_SHARE:
         return "on", f"takes {100 * measured.share:.1f} % of a step: nothing to gain"
     factor = 1.0 if was_off else OFF_BELOW

@@ -1,4 +1,4 @@
-"""What a probe has measured for one effect, and what was decided."""
+"""Evidence of a probe: measurements for one effect, and the decision."""
 
 import math
 from collections.abc import Mapping
@@ -6,52 +6,65 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 Verdict = Literal["on", "local", "off"]
+"""Whether an effect is simulated; "local": only where it matters."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What leaving one effect out does, before anything is decided.
-
-    contribution: estimate of the loss, dB of PSNR; bound and lowest: its one-sided upper and lower bounds. worst: loss
-    under the worst correlation of errors, dB. tail: largest loss of a tile of an image, over what is tolerated locally.
-    unseen: upper bound on the share of tiles over that tolerance, given that none of those seen was. gradient: largest
-    relative change of the gradient of anything that is learnt; 0 where it was not computed, because images alone refuse
-    the plan, or do not change. share: of a step's work that leaving the effect out saves. rays, seconds: saved in a
-    step; nothing is decided by seconds.
-    """
+    """Measurements of the loss and of the saved work without one effect."""
 
     contribution: float
+    """Estimated loss, dB of PSNR."""
     lowest: float
+    """One-sided lower bound of the loss, dB."""
     bound: float
+    """One-sided upper bound of the loss, dB."""
     worst: float
+    """Loss under the worst correlation of errors, dB."""
     tail: float
+    """Largest rise of the squared error in one tile, divided by the tolerated rise in one tile."""
     unseen: float
+    """Upper bound on the share of tiles above that tolerance, if no measured tile was; 1 otherwise."""
     gradient: float
+    """Largest relative change of a gradient of the learnt quantities; 0 if it was not computed.
+
+    It is computed only if the images change and accept the plan.
+    """
     share: float
+    """Share of a step's work that is saved."""
     rays: int
+    """Number of rays that a step saves."""
     seconds: float
+    """Seconds that a step saves, by an estimate; no decision depends on it."""
 
     @property
     def finite(self) -> bool:
-        """Whether every value that decisions depend on is finite."""
+        """Whether all values that the decision depends on are finite."""
         values = (self.contribution, self.bound, self.tail, self.gradient, self.share)
         return all(math.isfinite(value) for value in values)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """The record of one decision: at which iteration, with which seed of the probe and tolerance (dB), and why."""
+    """The record of one decision; see ``radiogs_core.capabilities.EffectRecord``."""
 
     effect: str
+    """Name of the effect; ``plan`` for the plan as a whole."""
     verdict: Verdict
+    """The decision."""
     why: str
+    """The reason, in words."""
     iteration: int
+    """Iteration of training."""
     seed: int
+    """Seed of the probe."""
     tolerance: float
+    """Tolerated loss, dB of PSNR."""
     measured: Measured | None
+    """Measurements; None if the probe failed or nothing was measured."""
 
     def plain(self) -> dict[str, Any]:
-        """Plain values; a measurement that is not finite is None."""
+        """Plain values; a measurement that is not finite becomes None."""
         values = asdict(self)
         if self.measured is not None:
             values["measured"] = {
@@ -61,7 +74,7 @@ class Evidence:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Evidence":
-        """The inverse of ``plain``; measurements that were not finite come back as infinity."""
+        """The inverse of ``plain``; a measurement of None becomes infinity."""
         measured = None
         if values["measured"] is not None:
             numbers: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""How much of the images each surfel is."""
+"""Share of each surfel in the images, by its blending weights."""
 
 from collections.abc import Iterable
 
@@ -12,11 +12,11 @@ from radiogs_core.transport.blending_weights import blending_weights
 
 
 def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the images of all ``cameras``: its blending weights, summed over all pixels.
+    """Each surfel's share of the images of all ``cameras``: its normalised sum of blending weights over all pixels.
 
-    Shares sum to one, or are zero where no camera sees anything. A pixel blends its surfels with weights that sum to at
-    most one; so its change is at most the blend of their changes, and its squared change at most the blend of their
-    squared changes (Jensen).
+    Shares sum to one; all are zero if no camera sees a surfel. The blending weights of a pixel sum to at most one, so
+    its change is at most the blend of its surfels' changes, and its squared change at most the blend of their squared
+    changes (Jensen).
     """
     weight = torch.zeros_like(surfels.opacity_logit, requires_grad=False)
     for camera in cameras:

@@ -1,7 +1,6 @@
-"""What a new light needs: whether directions are to be drawn from it, and what relighting by it may leave out.
+"""Effects that relighting by a new light needs, and whether it needs directions drawn from the light.
 
-A model that was trained under one light is probed again under every other: a sun needs shadows that an overcast sky
-did not.
+A model is probed again under every new light: a sun needs shadows that an overcast sky did not.
 """
 
 import math
@@ -39,19 +38,19 @@ from .tile_errors import ReferenceImage, mean_error
 from .tolerance import TOLERANCE_DB, Tolerance
 
 CHECKED = 128
-"""Number of surfels that are shaded by both kinds of directions."""
+"""Number of surfels that are shaded with and without directions drawn from the light."""
 
 REFERENCE_DIRECTIONS = (16384, 8192)
-"""Directions over the hemisphere, and from the light, that are taken for the truth. Those over the hemisphere are 1.1
-degrees apart: they alone would miss a sun, half a degree wide, from most surfels."""
+"""Directions of the reference: over the hemisphere, and drawn from the light. Those over the hemisphere are 1.1 degrees
+apart, and for most surfels they alone would miss a sun half a degree wide."""
 
 DRAWS = 16
-"""Number of times that each surfel's directions are drawn: whether a few of them hit the sun is a matter of chance."""
+"""Number of times that each surfel's directions are drawn, because a few directions hit a sun only by chance."""
 
 DIRECTIONS = 8
 """Directions over the hemisphere, and as many drawn from the light, that a probe traces from every surfel, twice: a
-quarter of the rays of relighting with preset tiny. Over the hemisphere alone a probe would miss a sun and what hides
-it."""
+quarter of the rays of relighting with preset tiny. Over the hemisphere alone a probe would miss a sun and its
+occluders."""
 
 IN_RELIGHTING = ("visibility", "indirect", "specular")
 """Effects that a probe of relighting measures in images."""
@@ -59,18 +58,19 @@ IN_RELIGHTING = ("visibility", "indirect", "specular")
 
 @dataclass(frozen=True)
 class Concentration:
-    """How a light is spread over the sphere.
-
-    peak: brightest texel over the mean radiance. effective: 1 / sum p^2 over the map's texels, p their shares of its
-    power, over the number of texels that a constant light of this map has: 1 for a constant light, small for a sun.
-    """
+    """Concentration of a light on the sphere."""
 
     peak: float
+    """Radiance of the brightest texel, divided by the mean radiance."""
     effective: float
+    """1 / sum p^2 over the texels, with p their shares of the power, divided by the same number for a constant light.
+
+    It is 1 for a constant light, and small for a sun.
+    """
 
 
 def concentration(light: EnvironmentMap) -> Concentration:
-    """How concentrated a light is, by its brightest channel, weighted by solid angle."""
+    """Concentration of a light, by the largest channel of each texel, weighted by solid angle; black counts as even."""
     area = texel_solid_angles(*light.radiance.shape[:2]).to(light.radiance.device)
     power = (light.radiance.double().max(-1).values.clamp(min=0) * area).flatten()
     total = float(power.sum())
@@ -90,9 +90,10 @@ def decide_light_sampling(
     drawn: int,
     seed: int,
 ) -> Evidence:
-    """Whether ``drawn`` directions from the light beside ``spread`` ones over the hemisphere make images better.
+    """Decides whether ``drawn`` directions from the light, added to ``spread`` over the hemisphere, improve images.
 
-    Both are compared with ``reference_colour`` on CHECKED surfels that nothing occludes, seen along their normals.
+    The colours with and without them are compared with ``reference_colour``, for CHECKED surfels without occlusion,
+    seen along their normals. Verdict "on": directions are drawn from the light.
     """
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     chosen = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
@@ -127,7 +128,7 @@ def decide_light_sampling(
 
 @torch.no_grad()
 def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.Generator) -> Float[Tensor, "surfels 3"]:
-    """Display colour along the normals under a light that nothing occludes, from REFERENCE_DIRECTIONS."""
+    """Display colour (sRGB) along the normals under an unoccluded light, from REFERENCE_DIRECTIONS."""
     directions = relighting_directions(
         surfels.frame[..., 2], LightSampler(widened_light(light)), *REFERENCE_DIRECTIONS, generator
     )
@@ -135,7 +136,7 @@ def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.G
 
 
 def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
-    """Display colour along the normals, from directions and their solid angles, without occlusion."""
+    """Display colour (sRGB) along the normals, without occlusion, from unit directions and their solid angles."""
     along = surfels.frame[:, None, :, 2]
     return srgb_encode(
         shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
@@ -143,10 +144,10 @@ def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, T
 
 
 def widened_light(light: EnvironmentMap) -> EnvironmentMap:
-    """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
+    """The light with each texel raised to its brightest neighbour, as a density to draw directions from.
 
-    Drawn from the map itself, directions in those would be rare and have large weights
-    (``tests/method/radiogs/effects/test_relighting_probe.py``).
+    Light is interpolated, so a sun extends into the next texels. If directions were drawn from the map itself, those in
+    the next texels would be rare and have large weights (``tests/method/radiogs/effects/test_relighting_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
@@ -156,7 +157,7 @@ def widened_light(light: EnvironmentMap) -> EnvironmentMap:
 
 @torch.no_grad()
 def model_error(surfels: Surfels, viewpoints: Viewpoints) -> float:
-    """Mean squared error of the surfels' own radiance against the views' targets: the method's error in any case."""
+    """Mean squared error, display sRGB, of the images of the surfels' own radiance against the views' targets."""
     views = viewpoints.views
     projections = [project(view.camera, surfels.geometry_for(view.camera)) for view in views]
     own = torch.stack([own_radiance(view.camera, surfels) for view in views], 1)
@@ -175,12 +176,12 @@ def scene_under(
     variant: RaySettings,
     offset: float | None = None,
 ) -> ProbeScene:
-    """A model as it is relit. Targets of the views are dropped: they show another light.
+    """A model under a new light, traced for a probe. The views lose their targets, which show the training light.
 
-    ``albedo``: linear, as it will be relit. ``variant``: rays as relighting traces them. ``offset``: where rays start,
-    in standard deviations; None: as in relighting, because what rays meet close by is in the images too, and nothing is
-    learnt that could compensate its absence. L_ind is that of light that has met one surface, as in relighting; the
-    surfels' own radiance belongs to another light.
+    ``albedo``: linear, scaled for relighting. ``variant``: rays of relighting. ``offset``: distance from their surfel
+    at which rays start, in its standard deviations; None: as in relighting, because images contain the effect of close
+    occluders too, and nothing is learnt that could compensate for it. L_ind is the light scattered by one surface, as
+    in relighting; the surfels' own radiance belongs to the training light.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
@@ -194,30 +195,32 @@ def scene_under(
 def plan_for_light(
     scene: ProbeScene, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
 ) -> Findings:
-    """What relighting may leave out of a scene of ``scene_under``, beside an error of ``mse`` (``model_error``).
+    """The plan for relighting a scene of ``scene_under``, with its evidence.
 
-    ``spread``, ``drawn``: relighting's directions over the hemisphere and from the light.
+    ``mse``: the model's own error (``model_error``). ``spread``, ``drawn``: numbers of relighting's directions over the
+    hemisphere and from the light. ``decibel``: tolerated loss, dB of PSNR. Raises NumericalFailure if a
+    surfel in a view has a radiance that is not finite.
     """
-    # Every surfel is traced once, as in a step that does nothing but refresh.
+    # Every surfel is traced once, as in a step that only refreshes the cached light.
     step = Step(len(scene.surfels), 0, spread + drawn, 1)
-    found = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
+    findings = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
     light = EnvironmentMap(scene.environment)
-    sampling = decide_light_sampling(scene.surfels, light, found.tolerance, spread, drawn, seed)
-    plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
-    return Findings(plan, (*found.evidence, sampling), found.tolerance)
+    sampling = decide_light_sampling(scene.surfels, light, findings.tolerance, spread, drawn, seed)
+    plan: EffectPlan = replace(findings.plan, light_sampling=sampling.verdict == "on")
+    return Findings(plan, (*findings.evidence, sampling), findings.tolerance)
 
 
 def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the training images."""
+    """Each surfel's share of the training images (``image_share``)."""
     return image_share((view.camera for view in scene.train), surfels)
 
 
 def training_viewpoints(
     run: Run[Variant, Budget], surfels: Surfels, share: Float[Tensor, " surfels"] | None = None
 ) -> Viewpoints:
-    """Training views that a probe looks from, evenly spread over their list, with their images on black.
+    """The training views of a probe: PROBE_VIEWS of them, evenly spread over the list, with their images on black.
 
-    ``share``: ``training_share`` of the surfels where it is known already.
+    ``share``: ``training_share`` of the surfels, if it was computed before.
     """
     scene = run.scene
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
@@ -234,10 +237,9 @@ def probe_relighting(
     share: Float[Tensor, " surfels"] | None = None,
     offset: float | None = None,
 ) -> tuple[ProbeScene, Findings]:
-    """What relighting a model by ``light`` may leave out, and the scene that was probed.
+    """Probes a model under ``light``: the scene of the probe, and the plan for relighting with its evidence.
 
-    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations; None: where those of
-    the variant do.
+    ``share``: see ``training_viewpoints``. ``offset``: see ``scene_under``.
     """
     surfels, device = model.surfels, model.surfels.centre.device
     viewpoints = training_viewpoints(run, surfels, share)

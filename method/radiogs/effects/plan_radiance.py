@@ -1,4 +1,4 @@
-"""Radiance of surfels under different plans, from the same directions, so that differences carry no sampling noise."""
+"""Radiance of surfels under different plans, along the same directions, so that differences have no sampling noise."""
 
 from functools import cached_property
 
@@ -26,11 +26,11 @@ from .probe_scene import ProbeScene
 
 
 class PlanRadiance:
-    """Radiance that the surfels of a scene send towards its views, under any plan.
+    """Outgoing radiance of a scene's surfels towards its views, under any plan.
 
-    ``albedo``, ``roughness_logit`` and ``environment`` are leaves, so that gradients can be compared too. Each set of
-    directions is shaded once, with white surfaces; a plan combines the parts and multiplies by the albedo, which
-    depends on the plan too (see ``lambert_albedo``).
+    ``albedo``, ``roughness_logit`` and ``environment`` are leaves of the graph, so that gradients can be compared. Each
+    set of directions is shaded once, for white surfaces; a plan combines the parts and multiplies them by the albedo,
+    which also depends on the plan (see ``lambert_albedo``).
     """
 
     def __init__(self, scene: ProbeScene) -> None:
@@ -49,30 +49,33 @@ class PlanRadiance:
 
     @property
     def leaves(self) -> dict[str, Tensor]:
-        """The quantities whose gradients are compared."""
+        """The tensors whose gradients are compared, by name."""
         return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
 
     def shaded(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
-        """L_PBR under a plan; ``sharp``: as if every surface had the roughness ``ProbeScene.sharpest``."""
+        """L_PBR under a plan, linear RGB; ``sharp``: with the roughness ``ProbeScene.sharpest`` on every surface.
+
+        Raises UsageError for a plan or a roughness that the scene was not traced for.
+        """
         traced = plan.traced if plan.traces else False
         shiny = plan.specular_at if plan.specular else False
         parts, free = self._parts(plan.samples, sharp)
-        met = parts if plan.bounces else self._first
-        seen, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
+        by_bounces = parts if plan.bounces else self._first
+        occluded, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
         diffuse, specular = (
-            _where(seen, parts[:, :, direct], free[:, :, direct])
-            + _where(lit, met[:, :, indirect], free[:, :, indirect])
+            _where(occluded, parts[:, :, direct], free[:, :, direct])
+            + _where(lit, by_bounces[:, :, indirect], free[:, :, indirect])
             for direct, indirect in ((DIFFUSE_DIRECT, DIFFUSE_INDIRECT), (SPECULAR_DIRECT, SPECULAR_INDIRECT))
         )
-        scattered = lambert_albedo(self.albedo, self._materials(sharp).roughness, plan.specular_among(self.albedo))
-        return scattered[:, None] * diffuse + _where(shiny, specular, 0.0)
+        albedo = lambert_albedo(self.albedo, self._materials(sharp).roughness, plan.specular_among(self.albedo))
+        return albedo[:, None] * diffuse + _where(shiny, specular, 0.0)
 
     def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
-        """L_G, the surfels' own radiance, with harmonics up to ``degree``."""
+        """L_G, the surfels' own radiance, linear RGB, with harmonics up to ``degree``."""
         return surfel_radiance(self.scene.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
 
     def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
-        """The four parts shaded from traced light, and from what stands for it."""
+        """The four parts of white surfaces, shaded from traced light, and from its untraced substitute."""
         if sharp:
             return self._sharp
         return self._whole if samples == 1 else self._half
@@ -95,7 +98,11 @@ class PlanRadiance:
     def _first(self) -> Tensor:
         incident, first = self.scene.incident, self.scene.first
         if first is None:
-            raise UsageError("bounces of a scene that was traced without them")
+            raise UsageError(
+                "a plan without bounces for a scene that was traced without them",
+                "The light scattered by one surface alone was not traced.",
+                "Trace the scene with bounces=True.",
+            )
         once = Incident(incident.direction, incident.weight, incident.visibility, first)
         return self._lit(once)
 
@@ -110,13 +117,17 @@ class PlanRadiance:
         logit = self.roughness_logit
         if sharp:
             if self.scene.sharpest is None:
-                raise UsageError("another roughness of a scene whose materials are final")
+                raise UsageError(
+                    "another roughness for a scene whose materials are final",
+                    "The scene has no roughness that training may still reach.",
+                    "Set ProbeScene.sharpest.",
+                )
             logit = torch.full_like(logit, roughness_to_logit(self.scene.sharpest))
         return Surfels.of(self.scene.surfels.parameters() | {"roughness_logit": logit})
 
 
 def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
-    """``one`` for the chosen surfels, ``other`` for the rest. None: all are chosen; False: none is."""
+    """``one`` for the chosen surfels, ``other`` for the rest. ``chosen``: None: all; False: none."""
     if chosen is None:
         return one
     if isinstance(chosen, bool):

@@ -1,4 +1,4 @@
-"""The plan of a training: fixed, or decided by probes at a few iterations that depend on the budget alone."""
+"""The plan of a training: fixed, or decided by probes at a few iterations, which depend only on the budget."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,38 +22,39 @@ from .staleness import Staleness, decide_refresh
 from .step_cost import Step
 
 DIRECTIONS = 16
-"""Directions that a probe traces from every surfel, or half of those of training if that is less: two probes are then
-1 % of the rays of a training with preset tiny. Halving fewer samples costs more, so such a probe errs to the safe
-side."""
+"""Largest number of directions that a probe traces from every surfel; it is at most half of training's. Two probes then
+take 1 % of the rays of a training with preset tiny. With fewer samples, halving them costs more, so such a probe errs
+on the safe side."""
 
 PROBE_VIEWS = 8
-"""Training views that a probe looks from, one of each eighth of their list."""
+"""Number of training views of a probe: one from each eighth of their list."""
 
 STEPS_A_PROBE = 400
-"""Least number of steps for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13 steps, and
-probes are to stay under 3 %."""
+"""Least number of steps for each probe after the second. With preset tiny a probe takes as long as 10 to 13 steps, so
+that probes stay below 3 % of the time."""
 
 
 @runtime_checkable
 class PosedImage(Protocol):
-    """A training view as a probe needs it: a camera and its image."""
+    """A training view for a probe: a camera and its image."""
 
     @property
     def camera(self) -> Camera:
-        """Where it was taken from."""
+        """The camera that took the image."""
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
-        """Its image in display sRGB on a grey background."""
+        """The image in display sRGB, composited on a grey background."""
 
 
 class Planner:
-    """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
+    """Stores the plan. With ``effects`` "auto", decides it by two or three probes, evenly spread over ``iterations``.
 
-    ``rays`` and ``straight``: as the variant traces rays and encodes images for display (``splatting.displayed``).
+    ``samples``: directions of each surfel in training. ``rays``, ``straight``: the variant's rays, and its encoding of
+    images for display (``kernels.image.display.displayed``).
 
-    Surfels whose rays a probe takes away keep the light of a last tracing (``EffectPlan.kept``). Every probe has a seed
-    of its own, made from the training's seed and the iteration: probes are independent, and a training that is resumed
-    decides as it would have.
+    Surfels that lose their rays by a probe keep the light of their last tracing (``EffectPlan.kept``). The seed of each
+    probe follows from the training's seed and the iteration: probes are independent, and a resumed training makes the
+    same decisions.
     """
 
     def __init__(
@@ -66,10 +67,10 @@ class Planner:
         self.evidence: tuple[Evidence, ...] = ()
         self.share: Float[Tensor, " surfels"] | None = None
         probes = min(PROBES, max(2, iterations // STEPS_A_PROBE)) if self.auto else 0
-        self.at = frozenset(iterations * place // probes for place in range(probes))
+        self.at = frozenset(iterations * index // probes for index in range(probes))
 
     def due(self, iteration: int) -> bool:
-        """Whether to probe before this iteration."""
+        """Whether a probe is due before this iteration."""
         return iteration in self.at
 
     def observe(
@@ -82,25 +83,24 @@ class Planner:
         stale: Staleness | None = None,
         kept: KeptLight | None = None,
     ) -> bool:
-        """Probe, and adopt the plan that follows; returns whether it traces other rays than the plan before.
+        """Probe, and adopt the resulting plan; returns whether it traces other rays than the plan before.
 
-        ``stale``: how far the cached incident light was off before its last refresh, where that is known. ``kept``:
-        the light of the surfels that went without rays until now. If the probe meets a value that is not finite,
-        everything is on.
+        ``stale``: error of the cached incident light before its last refresh, if it is known. ``kept``: the light of
+        the surfels that had no rays until now. If the probe finds a value that is not finite, all effects are on.
         """
         before = self.plan
         occasion = Occasion(1_000_003 * (self.seed + 1) + iteration, iteration, before)
         try:
-            found = probe(self.scene(surfels, environment, views, occasion.seed, kept), step, occasion)
+            findings = probe(self.scene(surfels, environment, views, occasion.seed, kept), step, occasion)
             if stale is not None:
-                found = with_refresh(found, stale, step, occasion)
+                findings = with_refresh(findings, stale, step, occasion)
         except NumericalFailure as failure:
             self.plan = EffectPlan()
             why = f"the probe failed: {failure.what}"
             self.evidence += (Evidence("plan", "on", why, iteration, occasion.seed, 0.0, None),)
             return not same_rays(before, self.plan)
-        self.plan = replace(found.plan, kept=not found.plan.traces_all)
-        self.evidence += found.evidence
+        self.plan = replace(findings.plan, kept=not findings.plan.traces_all)
+        self.evidence += findings.evidence
         return not same_rays(before, self.plan)
 
     def scene(
@@ -111,10 +111,10 @@ class Planner:
         seed: int,
         kept: KeptLight | None = None,
     ) -> ProbeScene:
-        """What a probe with this seed looks at; materials are still being learnt.
+        """The scene of a probe with this seed; materials are still being learnt.
 
-        Surfels with ``kept`` light are not traced: their light is compared with what rays of training find now. The
-        model has been fitted to that light, and to what its rays met close by.
+        Surfels with ``kept`` light are not traced by the probe: their kept light is compared with light that training's
+        rays trace now. The model has been fitted to the kept light, which includes occluders close to a surfel.
         """
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
         if self.share is None:
@@ -124,16 +124,16 @@ class Planner:
         others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
         rays = ProbeRays(self.samples, generator, self.rays)
         scene = trace_scene(surfels, environment, viewpoints, rays, among=others)
-        # Below the horizon lies the surface itself, also for rays that start beyond it.
+        # Directions below the horizon are occluded by the surface itself, also where rays start beyond it.
         clear = scene.incident.visibility * scene.untraced.visibility
         incident, untraced = replace(scene.incident, visibility=clear), scene.untraced
         if kept is not None:
-            places = torch.nonzero(kept.mask)[:, 0]
-            incident, untraced = incident.replaced(places, kept.anew), untraced.replaced(places, kept.light)
+            index = torch.nonzero(kept.mask)[:, 0]
+            incident, untraced = incident.replaced(index, kept.anew), untraced.replaced(index, kept.light)
         return replace(scene, incident=incident, untraced=untraced, sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
         return {
             "plan": self.plan.state(),
             "evidence": [each.plain() for each in self.evidence],
@@ -148,25 +148,25 @@ class Planner:
 
 
 def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]:
-    """PROBE_VIEWS of the views, one drawn from each of as many equal parts of their list."""
+    """PROBE_VIEWS of the views, one drawn from each of that many equal parts of their list."""
     generator, count = torch.Generator().manual_seed(seed), min(PROBE_VIEWS, len(views))
     drawn = []
-    for place in range(count):
-        low, high = (len(views) * end // count for end in (place, place + 1))
+    for index in range(count):
+        low, high = (len(views) * end // count for end in (index, index + 1))
         view = views[int(torch.randint(low, high, (), generator=generator))]
         drawn.append(ProbeView(view.camera, view.over(0.0)))
     return tuple(drawn)
 
 
-def with_refresh(found: Findings, stale: Staleness, step: Step, occasion: Occasion) -> Findings:
-    """The findings with the refresh interval decided too."""
-    factor, record = decide_refresh(stale, found.tolerance, step, occasion, level_of(len(IN_TRAINING)))
-    plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
-    return replace(found, plan=plan, evidence=(*found.evidence, record))
+def with_refresh(findings: Findings, stale: Staleness, step: Step, occasion: Occasion) -> Findings:
+    """The findings with a decision about the refresh interval added."""
+    factor, record = decide_refresh(stale, findings.tolerance, step, occasion, level_of(len(IN_TRAINING)))
+    plan = replace(findings.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
+    return replace(findings, plan=plan, evidence=(*findings.evidence, record))
 
 
 def same_rays(first: EffectPlan, second: EffectPlan) -> bool:
-    """Whether incident light that was gathered under one plan serves under the other."""
+    """Whether both plans trace the same rays, so that the incident light of one is valid for the other."""
     one, other = first.traced, second.traced
     masks = one is other if one is None or other is None else torch.equal(one, other)
     fields = ("visibility", "indirect", "samples")

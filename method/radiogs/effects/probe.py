@@ -1,4 +1,4 @@
-"""One probe: every effect is measured on the same images and decided; then the whole plan is measured once more."""
+"""A probe: measures and decides every effect on the same images, then measures the whole plan once more."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from .substitutes import combined, partial_plans, partial_ray_plans, plan_withou
 from .tolerance import TOLERANCE_DB, Tolerance
 
 LEVEL = 0.01
-"""Probability that any bound of a run is too low, over all effects and probes."""
+"""Probability that any bound of a run is wrong, over all effects and probes."""
 
 PROBES = 3
 """Number of probes in a run, at most."""
@@ -24,31 +24,37 @@ IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples
 """Effects that probes during training measure in images."""
 
 COARSE_STEP = 2
-"""Use every k-th view for the coarse first pass; it shows of most effects that they are needed."""
+"""Use every k-th view for the coarse first pass, which shows for most effects that they are needed."""
 
 
 @dataclass(frozen=True)
 class Occasion:
-    """When a probe is made: its seed, the iteration of training, and the plan until then (for hysteresis)."""
+    """The time of a probe, and its seed."""
 
     seed: int
+    """Seed of the probe's directions and resamples."""
     iteration: int = 0
+    """Iteration of training."""
     before: EffectPlan = field(default_factory=EffectPlan)
+    """The plan until now, for hysteresis."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What a probe has found: the plan, an ``Evidence`` for each effect, and one for the plan as a whole."""
+    """The result of a probe."""
 
     plan: EffectPlan
+    """The effects to simulate."""
     evidence: tuple[Evidence, ...]
+    """A record for each effect, and one for the plan as a whole."""
     tolerance: Tolerance
+    """The tolerated loss, with the method's own error."""
 
 
 def level_of(effects: int) -> float:
-    """Level of each bound with which all bounds hold together with an error of LEVEL.
+    """Level of each bound such that all bounds of a run hold together with an error of LEVEL.
 
-    Each effect has two tries: left out altogether, and in part, in an order that ends at the first refusal.
+    Each effect is tried twice: left out completely, and in part, in an order that ends at the first refusal.
     """
     return sidak(LEVEL, 2 * effects * PROBES)
 
@@ -61,57 +67,66 @@ def probe(
     decibel: float = TOLERANCE_DB,
     mse: float | None = None,
 ) -> Findings:
-    """Measure and decide. ``mse``: the method's own error, where the views have no targets to measure it against.
+    """Measures ``effects`` on the scene and decides about each of them and about the whole plan.
 
-    Bounds hold with an error of LEVEL together over ``effects`` and PROBES.
+    ``decibel``: tolerated loss, dB of PSNR. ``mse``: the method's own error, display sRGB, if the views have no
+    targets; None: it is measured. All bounds of ``effects`` and PROBES hold together with an error of LEVEL. Raises
+    NumericalFailure if a surfel in a view has a radiance that is not finite.
     """
     few = replace(scene, views=scene.views[::COARSE_STEP])
     coarse = Assessment(few, step, occasion.seed, LEVEL, decibel, mse)
     assessment, measured = _measured_where_promising(coarse, scene, level_of(len(effects)), effects)
     decisions = {
-        effect: _decided(assessment, occasion.before, [found for found in measured if found.effect == effect])
+        effect: _decided(assessment, occasion.before, [each for each in measured if each.effect == effect])
         for effect in effects
     }
-    chosen = {effect: found.plan for effect, found in decisions.items() if found.verdict != "on"}
+    chosen = {effect: decision.plan for effect, decision in decisions.items() if decision.verdict != "on"}
     plan, whole, left_out = accepted_plan(assessment, chosen, occasion.before, occasion.iteration)
     for effect in chosen.keys() - set(left_out):
         decisions[effect] = replace(
-            decisions[effect], verdict="on", why="left out alone it would pass, with others it does not"
+            decisions[effect], verdict="on", why="it passes if left out alone, but not together with others"
         )
     records = [
-        Evidence(effect, found.verdict, found.why, occasion.iteration, occasion.seed, decibel, found.measured)
-        for effect, found in decisions.items()
+        Evidence(effect, each.verdict, each.why, occasion.iteration, occasion.seed, decibel, each.measured)
+        for effect, each in decisions.items()
     ]
     return Findings(plan, (*records, whole), assessment.tolerance)
 
 
 @dataclass(frozen=True)
 class _Substitute:
-    """A plan that leaves an effect out, altogether or in part, and what was measured for it."""
+    """A plan that leaves an effect out, completely or in part, with its measurements."""
 
     effect: str
+    """Name of the effect."""
     plan: EffectPlan
+    """The plan."""
     measured: Measured
+    """Measurements of the plan."""
 
 
 @dataclass(frozen=True)
 class _Decision:
-    """What was decided for one effect. measured: for ``plan``, or for leaving the effect out altogether."""
+    """The decision about one effect."""
 
     plan: EffectPlan
+    """The chosen plan; for the verdict "on", the plan without the effect, which was refused."""
     verdict: Verdict
+    """The verdict."""
     why: str
+    """The reason, in words."""
     measured: Measured
+    """Measurements of ``plan``."""
 
 
 def _measured_where_promising(
     coarse: Assessment, scene: ProbeScene, level: float, effects: Sequence[str]
 ) -> tuple[Assessment, list[_Substitute]]:
-    """A coarse pass over few views, then all plans of the effects that may pass, from all views, with a ``level``.
+    """The assessment to decide with, and the measured plans: by a coarse pass over few views, then over all views.
 
-    The coarse pass measures the most careful and the boldest plan of each effect. What it refuses needs no bound: to
-    keep an effect is never wrong. Rays are not part of it: which surfels may go without depends on what all views see.
-    Returns the assessment that is to decide, too.
+    The coarse pass measures the most careful and the boldest plan of each effect. An effect that it refuses needs no
+    bound, because to keep an effect is never wrong. Rays are not part of it: the surfels that need no rays depend on
+    all views. All plans of the other effects are then measured from all views, with bounds of error ``level``.
     """
     assessment = coarse
     plans = {
@@ -120,22 +135,23 @@ def _measured_where_promising(
         if effect != "visibility"
     }
     ends = [(effect, plan) for effect, each in plans.items() for plan in (*each[:-1][:1], each[-1])]
-    measured = [_Substitute(*end, found) for end, found in zip(ends, assessment.measure(ends), strict=True)]
+    measured = [_Substitute(*end, values) for end, values in zip(ends, assessment.measure(ends), strict=True)]
     promising = {each.effect for each in measured if each.measured.contribution < assessment.tolerance.decibel}
-    asked: list[tuple[str, EffectPlan]] = []
+    candidates: list[tuple[str, EffectPlan]] = []
     if promising or "visibility" in effects:
         assessment = coarse.of(scene, level)
     if "visibility" in effects:
         fewer = partial_ray_plans(assessment.radiance, OFF_BELOW * assessment.tolerance.error)
-        asked = [("visibility", plan) for plan in (*fewer, plan_without("visibility"))]
-    asked += [(effect, plan) for effect, each in plans.items() if effect in promising for plan in each]
+        candidates = [("visibility", plan) for plan in (*fewer, plan_without("visibility"))]
+    candidates += [(effect, plan) for effect, each in plans.items() if effect in promising for plan in each]
     refused = [each for each in measured if each.effect not in promising]
-    substitutes = [_Substitute(*each, found) for each, found in zip(asked, assessment.measure(asked), strict=True)]
+    values = assessment.measure(candidates)
+    substitutes = [_Substitute(*each, value) for each, value in zip(candidates, values, strict=True)]
     return assessment, [*substitutes, *refused]
 
 
 def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_Substitute]) -> _Decision:
-    """The plan without the effect, if it passes; else the boldest of the partial plans up to the first refusal."""
+    """The plan without the effect, if it passes; else the boldest partial plan before the first refusal."""
     *careful, bold = substitutes
     decision = _Decision(bold.plan, *assessment.decided(bold.effect, bold.plan, bold.measured, before))
     if decision.verdict == "off" or bold.measured.share < LEAST_SHARE:
@@ -143,7 +159,7 @@ def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_
     passed = []
     for each in careful:
         if assessment.by_images(each.effect, each.plan, each.measured, before)[0] == "on":
-            # A plan that saves little is not refused by its images, and a bolder one may save enough.
+            # This plan is refused for its small saving, not for its images; a bolder one may save enough.
             if each.measured.share < LEAST_SHARE:
                 continue
             break
@@ -158,10 +174,10 @@ def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_
 def accepted_plan(
     assessment: Assessment, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
 ) -> tuple[EffectPlan, Evidence, list[str]]:
-    """All chosen plans combined, if that passes; else without the one that saves least, and so on.
+    """The accepted plan, its record, and the effects that it leaves out.
 
-    Effects interact: without indirect light, rays that some surfels keep for it only darken them. Returns the plan, its
-    record, and the effects that it leaves out.
+    It combines all chosen plans, if the combination passes; if not, the plan that saves least is dropped, and so on.
+    Effects interact: without indirect light, rays that some surfels keep for it only darken them.
     """
     left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect], EffectPlan()))
     seed, decibel = assessment.seed, assessment.tolerance.decibel

@@ -1,4 +1,4 @@
-"""What a probe looks at: surfels, their light, the views they are seen from, and the light that arrives at them."""
+"""The scene of a probe: surfels, their light, the views of them, and the light that arrives at them."""
 
 from dataclasses import dataclass, replace
 
@@ -17,53 +17,57 @@ from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 from ..rays import RaySettings
 
 PROBE_OFFSET = 6.66
-"""Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
-densest surfel has fallen to 1/255. Surfels whose footprints overlap sample one surface, and trained ones are tilted
-against it: rays that start at one standard deviation, as in training, find 13 % of the sky hidden at the median surfel
-of the trained ``convex`` sphere, and leaving that out costs 0.3 dB; from the rim of the footprint 0.17, from here 0.02.
-On ``corner`` it costs more than 7 dB wherever they start (docs/effects.md)."""
+"""Distance from their surfel at which a probe's rays start, in its standard deviations: twice sqrt(2 ln 255), the
+distance at which the opacity of the densest surfel has fallen to 1/255. Surfels with overlapping footprints sample one
+surface, and trained ones are tilted against it. With rays that start at one standard deviation, as in training, 13 % of
+the sky is occluded at the median surfel of the trained ``convex`` sphere, and leaving that out costs 0.3 dB; from the
+rim of the footprint it costs 0.17 dB, from this distance 0.02 dB. On ``corner`` it costs more than 7 dB from any
+distance (docs/effects.md)."""
 
 
 SHARP_ROUGHNESS = 0.2
-"""The roughness that training may still give to any surface; the specular lobe is assessed at it too."""
+"""A roughness that training may still reach on any surface; the specular lobe is assessed at this roughness too."""
 
 
 @dataclass(frozen=True)
 class ProbeView:
-    """A camera, and the image [height, width, 3] that it took, display sRGB on black; None where there is none."""
+    """A view of a probe."""
 
     camera: Camera
+    """The camera."""
     target: Float[Tensor, "height width 3"] | None
+    """The training image of this camera, display sRGB on black; None if there is none."""
 
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """Where a model is seen from.
-
-    views: those that a probe compares images of. share: how much of all training images each surfel is
-    (``image_share``). straight: how images are encoded for display, as in training (``splatting.displayed``).
-    """
+    """The views of a probe, and each surfel's share of the training images."""
 
     views: tuple[ProbeView, ...]
+    """The views whose images a probe compares."""
     share: Float[Tensor, " surfels"]
+    """Share of each surfel in all training images (``image_share``)."""
     straight: bool
+    """Whether straight radiance is encoded for display (``kernels.image.display.displayed``), as in training."""
 
 
 @dataclass(frozen=True)
 class ProbeRays:
-    """The rays that a probe traces from every surfel.
-
-    samples: directions spread over the hemisphere. variant: rays as the method's variant traces them, which says how
-    low they go and whether they meet surfels from behind. offset: where rays start, in standard deviations; None: where
-    those of the variant do. drawn: as many more directions from the light, combined by the balance heuristic; a sun is
-    missed by those over the hemisphere.
-    """
+    """The rays that a probe traces from every surfel."""
 
     samples: int
+    """Number of directions spread over the hemisphere."""
     generator: torch.Generator
+    """Draws the directions."""
     variant: RaySettings
+    """Rays of the method's variant: how low they go, and whether they hit surfels from behind."""
     offset: float | None = PROBE_OFFSET
+    """Distance from their surfel at which rays start, in its standard deviations; None: as in ``variant``."""
     drawn: int = 0
+    """Number of additional directions drawn from the light, combined by the balance heuristic.
+
+    Directions over the hemisphere alone miss a sun.
+    """
 
     def tracer(self, surfels: Surfels) -> SurfelTracer:
         """A tracer of these surfels."""
@@ -74,7 +78,7 @@ class ProbeRays:
     def directions(
         self, normal: Float[Tensor, "surfels 3"], light: EnvironmentMap
     ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
-        """Unit directions away from surfels with these unit normals, and the solid angles that they stand for."""
+        """Unit directions away from surfels with these unit normals, and their solid angles (weights), steradians."""
         if not self.drawn:
             return hemisphere_directions(normal, self.samples, self.generator, self.variant.floor)
         sampler = LightSampler(light)
@@ -83,46 +87,51 @@ class ProbeRays:
 
 @dataclass(frozen=True)
 class KeptLight:
-    """The light that some surfels keep since their rays were left out, and what rays find now.
-
-    mask: which surfels. light and anew: for those alone, along the same directions, so that they differ by time only.
-    """
+    """The light of surfels without rays: as they keep it, and traced now along the same directions."""
 
     mask: Bool[Tensor, " surfels"]
+    """The surfels that keep their light."""
     light: Incident
+    """The light that these surfels keep."""
     anew: Incident
+    """The light on these surfels, traced now."""
 
 
 @dataclass(frozen=True)
 class ProbeScene:
-    """A model, the views that it is seen from, and the light that arrives at it; nothing of it has a gradient.
-
-    share, straight: see ``Viewpoints``. incident: traced with everything on. untraced: what stands for it where no rays
-    are traced, along the same directions. first: of the incident radiance, what has met one surface only; None where it
-    was not traced. sharpest: the roughness that any surface may still be given in training, at which its lobe is
-    assessed too; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
-    """
+    """A model, its views, and the light that arrives at it. No tensor has a gradient."""
 
     surfels: Surfels
+    """The surfels with their materials."""
     environment: Float[Tensor, "rows columns 3"]
+    """Linear radiance of the distant light, latitude-longitude (see ``scene.light``)."""
     views: tuple[ProbeView, ...]
+    """See ``Viewpoints``."""
     share: Float[Tensor, " surfels"]
+    """See ``Viewpoints``."""
     straight: bool
+    """See ``Viewpoints``."""
     incident: Incident
+    """Light that arrives at the surfels, traced with all effects on."""
     untraced: Incident
+    """Its substitute without rays, along the same directions."""
     first: Float[Tensor, "surfels samples 3"] | None = None
+    """The part of the incident radiance that one surface has scattered, linear RGB; None if it was not traced."""
     sharpest: float | None = None
+    """Roughness that training may still reach on any surface, for the specular lobe; None: materials are final."""
     given_light: bool = False
+    """Whether the light is given; a learnt light may compensate changes by a factor."""
 
     @property
     def occlusion(self) -> Float[Tensor, " surfels"]:
-        """Share of the cosine-weighted hemisphere from which no distant light comes."""
+        """Share of the cosine-weighted hemisphere in which distant light is occluded."""
         cosine = (self.incident.direction * self.surfels.frame[:, None, :, 2]).sum(-1).clamp(min=0)
         flow = cosine * self.incident.weight
         return 1 - (flow * self.incident.visibility).sum(1) / flow.sum(1)
 
 
 RAYS_AT_ONCE = 1 << 18
+"""Rays that are traced together."""
 
 
 @torch.no_grad()
@@ -134,9 +143,11 @@ def trace_scene(
     bounces: bool = False,
     among: Int[Tensor, " chosen"] | None = None,
 ) -> ProbeScene:
-    """Trace rays from every surfel; with ``bounces`` once more, to surfaces lit by what the first rays found visible.
+    """Traces rays from every surfel along the directions of ``rays``, and returns the scene with this light.
 
-    ``among``: trace these surfels only, and leave the others dark.
+    ``environment``: linear radiance of the light. ``bounces``: whether to also trace ``ProbeScene.first``, for which
+    each surfel sends the distant light that it scatters. ``among``: indices of the surfels to trace (None: all); the
+    others are dark. Raises NumericalFailure if a ray hits a surfel with values that are not finite.
     """
     surfels = Surfels.of(surfels.plain())
     environment = environment.detach()
@@ -164,7 +175,7 @@ def _traced(
     direction: Float[Tensor, "surfels samples 3"],
     sent: Float[Tensor, "surfels 3"],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """V, L_ind from the surfels' own radiance, and L_ind if they ``sent`` that radiance; 0 where not traced."""
+    """V, L_ind from the surfels' own radiance, and L_ind from the radiance ``sent``; 0 where not traced."""
     visibility = torch.zeros_like(direction[..., 0])
     radiance, features = torch.zeros_like(direction), torch.zeros_like(direction)
     for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ():

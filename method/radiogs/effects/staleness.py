@@ -1,4 +1,4 @@
-"""How stale the cached incident light becomes between two refreshes, and whether they may come less often."""
+"""Staleness of the cached incident light between two refreshes, and the decision about their interval."""
 
 from dataclasses import dataclass, replace
 
@@ -24,15 +24,16 @@ CHECKED = 256
 """Number of surfels whose cached directions are traced again."""
 
 LATER = 2
-"""Factor by which the interval is stretched at a time. An error that grows steadily doubles with the interval, and its
-square is four times as large."""
+"""Factor by which one decision changes the interval. An error that grows steadily doubles with the interval, and its
+square grows fourfold."""
 
 
 @dataclass(frozen=True)
 class Staleness:
-    """Squared change of some surfels' radiance along their normals when traced again, display sRGB."""
+    """Error of the cached incident light."""
 
     error: Float[Tensor, " checked"]
+    """Squared change, display sRGB, of the radiance of CHECKED surfels along their normals after a new trace."""
 
 
 @torch.no_grad()
@@ -44,7 +45,10 @@ def staleness(
     plan: EffectPlan,
     generator: torch.Generator,
 ) -> Staleness:
-    """Trace the cached directions of CHECKED surfels again; the directions are the same, so that only time differs."""
+    """Traces the cached directions of CHECKED surfels again, so that the change is due to time alone.
+
+    ``environment``: linear radiance of the light. ``plan``: the effects that are traced.
+    """
     drawn = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)
     index = drawn[plan.traced_among(drawn)[:CHECKED]]
     old = cached.of(index)
@@ -61,9 +65,9 @@ def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) ->
 def decide_refresh(
     stale: Staleness, tolerance: Tolerance, step: Step, occasion: Occasion, level: float
 ) -> tuple[int, Evidence]:
-    """The factor of the refresh interval from now on, one step up or down at a time, and the evidence for it.
+    """The new factor of the refresh interval, at most one step LATER away from the present one, and its evidence.
 
-    ``level``: error of the bounds.
+    ``level``: error probability of the bounds.
     """
     grown = LATER**2 * stale.error
     below, above = bootstrap_t(grown[None], level, torch.Generator().manual_seed(occasion.seed))

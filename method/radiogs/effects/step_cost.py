@@ -1,4 +1,4 @@
-"""How much of a step's work each effect takes, counted, not timed: decisions must not depend on a machine's load."""
+"""The work of a step under a plan. It is counted, not timed: decisions must not depend on a machine's load."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,24 +6,26 @@ from dataclasses import dataclass
 from radiogs_core.transport.plan import EffectPlan
 
 MICROSECONDS = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
-"""Microseconds of one CPU core for each, forward and backward. surfels: for each surfel, everything in a step that no
-plan changes. Only the ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
+"""Microseconds of one CPU core for one unit of each kind of work, forward and backward. ``surfels`` is the work for a
+surfel that no plan changes. Only the ratios matter, to decide whether an effect takes more than LEAST_SHARE of a
+step."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """The size of a step of stage 2, from the budget alone.
-
-    surfels: all of them. chosen: N_g. samples: N_s. interval: steps from one refresh of the incident light to the next.
-    """
+    """The size of a step of stage 2, by the budget."""
 
     surfels: int
+    """Number of all surfels."""
     chosen: int
+    """Number of surfels in L_rad (N_g)."""
     samples: int
+    """Directions of each surfel (N_s)."""
     interval: int
+    """Steps from one refresh of all incident light to the next."""
 
     def work(self, plan: EffectPlan) -> dict[str, float]:
-        """Amounts of work of a step under a plan, by the names of MICROSECONDS."""
+        """Amounts of work of a step under a plan, by the kinds of MICROSECONDS."""
         samples = max(1, self.samples // plan.samples)
         traced = 0.0
         if plan.traces:
@@ -34,7 +36,7 @@ class Step:
         chosen = min(self.chosen, self.surfels)
         shaded = (self.surfels + 2 * chosen) * samples
         rays = traced * samples * (chosen + self.surfels / (self.interval * plan.refresh))
-        # Without indirect light a ray still finds what hides the light, but reads no harmonics.
+        # Without indirect light a ray still finds occluders, but reads no harmonics.
         read = rays * HITS if plan.indirect else 0.0
         return {
             "rays": rays,
@@ -45,15 +47,15 @@ class Step:
         }
 
     def saving(self, plan: EffectPlan, beside: EffectPlan) -> float:
-        """Share of the work of a step under ``beside`` that ``plan`` saves."""
+        """Share of a step's work under ``beside`` that is saved under ``plan``."""
         whole = cost(self.work(beside))
         return 1 - cost(self.work(plan)) / whole
 
 
 HITS = 4.0
-"""Surfels that a ray blends, on average."""
+"""Average number of surfels that a ray blends."""
 
 
 def cost(work: Mapping[str, float]) -> float:
-    """Microseconds that amounts of work take."""
+    """Microseconds for amounts of work, by the kinds of MICROSECONDS."""
     return sum(MICROSECONDS[name] * amount for name, amount in work.items())

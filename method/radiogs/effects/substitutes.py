@@ -1,4 +1,4 @@
-"""Plans that leave an effect out: altogether, or where it does not matter; and several such plans combined."""
+"""Plans that leave an effect out, completely or where it does not matter, and combinations of such plans."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,17 +12,17 @@ from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from .plan_radiance import PlanRadiance
 
 RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
-"""Partial plans for rays: without those of the surfels that together change the images by no more than such a multiple
-of the tolerated error. ``partial_ray_plans`` overestimates the change, so multiples above one are tried too."""
+"""Partial plans for rays: each leaves out the rays of the surfels that together change the images by at most this
+multiple of the tolerated error. ``partial_ray_plans`` overestimates the change, so multiples above one are tried."""
 
 ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
-"""Partial plans for specular lobes: only on surfels smoother than one of these."""
+"""Partial plans for specular lobes: each has lobes only on surfels with a roughness below this value."""
 
 
 def plan_without(effect: str) -> EffectPlan:
-    """The plan in which nothing of the effect is left.
+    """The plan that leaves one effect out completely.
 
-    Rays serve visibility and indirect light alike; so visibility is only left out together with indirect light.
+    The same rays give visibility and indirect light, so visibility is left out only together with indirect light.
     """
     if effect == "visibility":
         return EffectPlan().without("indirect").without("visibility")
@@ -30,7 +30,7 @@ def plan_without(effect: str) -> EffectPlan:
 
 
 def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
-    """Plans that leave part of the effect out; each leaves out more than the one before."""
+    """Plans that leave part of an effect out, in ascending order; empty for an effect that has no parts."""
     if effect == "specular":
         return [EffectPlan(specular_at=surfels.roughness < edge) for edge in ROUGHNESS_EDGES]
     if effect == "view-dependence":
@@ -39,22 +39,22 @@ def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
 
 
 def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPlan]:
-    """For each of RAY_SHARES, the plan without rays of the surfels whose rays matter least to the images.
+    """For each of RAY_SHARES, the plan without the rays of the surfels that matter least to the images.
 
-    ``tolerated``: mean squared error, display sRGB. A surfel changes the images by at most its share of them times the
-    square of its largest change towards any view (``image_share``). Many surfels of a trained model lie unseen below
-    its surface, where most of the sky is hidden: on ``convex`` with preset small 59 % of the surfels, which are 1 % of
-    the images.
+    ``tolerated``: mean squared error, display sRGB. A surfel changes the squared error of the images by at most its
+    share of them times the square of its largest change towards any view (``image_share``). Many surfels of a trained
+    model lie unseen below its surface, where most of the sky is occluded: on ``convex`` with preset small 59 % of the
+    surfels, with 1 % of the images.
     """
     without = radiance.shaded(plan_without("visibility")).detach()
     change = srgb_encode(without) - srgb_encode(radiance.shaded(EffectPlan()).detach())
     error = radiance.scene.share * change.square().mean(-1).amax(1)
-    ordered, place = error.sort()
+    ordered, index = error.sort()
     together = ordered.cumsum(0)
     plans = []
     for share in RAY_SHARES:
         traced = torch.ones_like(error, dtype=torch.bool)
-        traced[place[together <= share * tolerated]] = False
+        traced[index[together <= share * tolerated]] = False
         plans.append(EffectPlan(traced=traced))
     return plans
 
@@ -69,16 +69,16 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     "samples": ("samples",),
     "refresh": ("refresh",),
 }
-"""The fields of a plan that say how each effect is left out."""
+"""The fields of a plan that describe how each effect is left out."""
 
 
 def restricted_to(plan: EffectPlan, effect: str) -> EffectPlan:
-    """The plan that leaves out of one effect what ``plan`` does, and nothing else."""
+    """The plan that reduces one effect as ``plan`` does, with all other effects on."""
     return replace(EffectPlan(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
 
 
 def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
-    """The plan that leaves out what either plan does; where both have a mask of rays, that of ``second``."""
+    """The plan that leaves out everything that either plan leaves out; masks of ``second`` take precedence."""
     traced = None
     if first.traces and second.traces:
         traced = first.traced if second.traced is None else second.traced

@@ -1,7 +1,7 @@
-"""Stage 2 with a choice of effects, around RadioGS's own: the plan, what it leaves out of each step, and its probes.
+"""Stage 2 with a choice of effects: subclasses of RadioGS's own stage, shader and cache that follow a plan.
 
-``invert``, ``shaders`` and ``incident_cache`` know nothing of plans; the subclasses here trace and shade what a plan
-simulates, and probe anew when the planner says so.
+``invert``, ``shaders`` and ``incident_cache`` do not depend on plans; the subclasses here trace and shade only the
+effects of the plan, and probe again when the planner has a probe due.
 """
 
 from collections.abc import Mapping
@@ -36,10 +36,11 @@ from .staleness import Staleness, staleness
 from .step_cost import Step
 
 NO_RAYS = EffectPlan(visibility=False, indirect=False)
+"""The plan in which no ray is traced."""
 
 
 class PlannedInverseRendering(InverseRendering):
-    """Stage 2 that simulates what a plan says."""
+    """Stage 2 that simulates the effects of a plan."""
 
     def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
         variant, budget = run.variant, run.budget
@@ -51,7 +52,7 @@ class PlannedInverseRendering(InverseRendering):
         super().__init__(run, initialised)
 
     def make_shader(self) -> Shader:
-        """Eq. 8 as the plan has it."""
+        """Eq. 8 with the effects of the plan."""
         policy = IncidentPolicy.of(self.variant.incident)
         self.cache = PlannedIncidentCache(
             self.start.surfels, RaySettings.of(self.variant), policy, self.budget, self.generator, self.planner
@@ -60,19 +61,19 @@ class PlannedInverseRendering(InverseRendering):
 
     @property
     def model(self) -> Model:
-        """The surfels and the light as they are now, with the plan and its evidence."""
+        """The present surfels and light, with the plan and its evidence."""
         evidence = tuple(each.plain() for each in self.planner.evidence)
         return replace(super().model, plan=self.planner.plan, evidence=evidence)
 
     def visible_model(self) -> Model:
-        """The model with as many harmonics of the surfels' radiance as the plan has."""
+        """The model with harmonics of the surfels' radiance up to the plan's degree, with gradient."""
         model, degree = super().visible_model(), self.planner.plan.sh_degree
         if degree < HIGHEST_DEGREE:
             model.surfels.sh = model.surfels.sh[:, : (degree + 1) ** 2]
         return model
 
     def begin_step(self) -> None:
-        """Probe which effects the scene needs now, where the planner says so."""
+        """Probe the effects that the scene needs now, if a probe is due."""
         if self.planner.due(self.iteration):
             # The first probe uses stage 1's materials and light: stage 2's start values are uninformative.
             self._plan_anew(self.model if self.iteration else self._initial_model())
@@ -81,30 +82,28 @@ class PlannedInverseRendering(InverseRendering):
         light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
         return Model(surfels_of(self.initialised, self.device), light)
 
-    def _plan_anew(self, probed: Model) -> None:
-        """Adopt the plan that a probe finds; a new plan starts with new incident light."""
-        budget, surfels, cache = self.budget, probed.surfels, self.cache
+    def _plan_anew(self, model: Model) -> None:
+        """Probe ``model`` and adopt the resulting plan; a plan with other rays starts with new incident light."""
+        budget, surfels, cache = self.budget, model.surfels, self.cache
         step = Step(len(surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
         with part("probe"):
-            stale = self._staleness(probed) if self.iteration else None
+            stale = self._staleness(model) if self.iteration else None
             kept = cache.kept(surfels, self.planner.samples)
-            other_rays = self.planner.observe(
-                surfels, probed.environment, self.views, step, self.iteration, stale, kept
-            )
+            other_rays = self.planner.observe(surfels, model.environment, self.views, step, self.iteration, stale, kept)
         if not self.iteration or (other_rays and cache.policy.traced_again):
             cache.renew(self.model.surfels, self.iteration)
 
-    def _staleness(self, probed: Model) -> Staleness | None:
-        """The change of the kept light by now; None where none is ever traced again."""
+    def _staleness(self, model: Model) -> Staleness | None:
+        """The staleness of the cached light; None if light is never traced again."""
         cache, plan = self.cache, self.planner.plan
         if not (plan.traces and cache.policy.traced_again):
             return None
-        cache.tracer.follow(probed.surfels)
+        cache.tracer.follow(model.surfels)
         drawn = torch.Generator(self.generator.device).manual_seed(self.seed + self.iteration)
-        return staleness(cache.tracer, probed.surfels, probed.environment, cache.incident, plan, drawn)
+        return staleness(cache.tracer, model.surfels, model.environment, cache.incident, plan, drawn)
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
         return super().state() | {"effects": self.planner.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -114,12 +113,12 @@ class PlannedInverseRendering(InverseRendering):
 
 
 class PlannedMonteCarlo(MonteCarlo):
-    """Eq. 8 with specular lobes where the plan has them."""
+    """Eq. 8 with specular lobes on the surfels where the plan has them."""
 
     cache: "PlannedIncidentCache"
 
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
-        """L_rad over N_g random surfels."""
+        """L_rad over N_g random surfels, with the effects of the plan."""
         surfels, plan = model.surfels, self.cache.plan
         index = self.drawn(surfels)
         incident = self.cache.light_on(index, surfels, iteration)
@@ -131,7 +130,7 @@ class PlannedMonteCarlo(MonteCarlo):
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
     ) -> Float[Tensor, "surfels 3"]:
-        """The Monte-Carlo sum of every surfel over the light that is kept."""
+        """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
         surfels, specular_at = model.surfels, self.cache.plan.specular_among(model.surfels.albedo_logit)
         parts = shade_surfels(
             surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular_at
@@ -140,9 +139,9 @@ class PlannedMonteCarlo(MonteCarlo):
 
 
 class PlannedIncidentCache(IncidentCache):
-    """V and L_ind as far as the plan has them, with substitutes for what it leaves out.
+    """V and L_ind if the plan traces them, and their substitutes if not.
 
-    A plan that keeps light (``EffectPlan.kept``) leaves surfels without rays the light of their last tracing.
+    Under a plan that keeps light (``EffectPlan.kept``), surfels without rays keep the light of their last tracing.
     """
 
     def __init__(
@@ -160,12 +159,12 @@ class PlannedIncidentCache(IncidentCache):
 
     @property
     def plan(self) -> EffectPlan:
-        """The planner's plan now."""
+        """The planner's present plan."""
         return self.planner.plan
 
     @property
     def samples(self) -> int:
-        """Directions of each surfel under the plan."""
+        """Number of directions of each surfel under the plan."""
         return max(1, self.budget.incident_samples // self.plan.samples)
 
     @property
@@ -174,7 +173,7 @@ class PlannedIncidentCache(IncidentCache):
         return self.budget.refresh_interval * self.plan.refresh
 
     def refresh(self, surfels: Surfels, iteration: int) -> None:
-        """Trace anew the light on the surfels that the plan traces."""
+        """Trace the light again on the surfels that the plan traces."""
         if not self.plan.kept:
             self.renew(surfels, iteration)
             return
@@ -188,13 +187,13 @@ class PlannedIncidentCache(IncidentCache):
         self.traced_at = iteration
 
     def gathered(self, surfels: Surfels) -> Incident:
-        """The light on all surfels along new directions; none is traced before a probe that may find it needless."""
+        """The light on all surfels along new directions; before the first probe, no ray is traced."""
         plan = self.plan.at_once if self.begun or not self.planner.due(0) else NO_RAYS
         self.tracer.follow(surfels)
         return gather_incident(self.tracer, surfels, self.samples, self.generator, self.rays.floor, plan)
 
     def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
-        """The light on some surfels: traced now where the plan traces, kept elsewhere if the plan keeps light."""
+        """The light on the surfels ``index``: traced now if the plan traces it, else their kept light."""
         if not self.plan.kept:
             return super().traced(index, surfels)
         kept, chosen = self.incident.of(index), self.plan.traced_among(index)
@@ -206,11 +205,11 @@ class PlannedIncidentCache(IncidentCache):
         direction: Float[Tensor, "chosen samples 3"],
         weight: Float[Tensor, "chosen samples"],
     ) -> Incident:
-        """The light on some surfels along given directions, as the plan has it."""
+        """The light on the surfels ``index`` along given unit directions, with the effects of the plan."""
         return self._as_bright(index, self.tracer.incident(index, direction, weight, self.plan))
 
     def _as_bright(self, index: Int[Tensor, " chosen"], fresh: Incident) -> Incident:
-        """With kept light and L_ind off, occluders get the mean radiance of the last tracing."""
+        """``fresh``; with kept light and L_ind off, occluders get the mean radiance of the last tracing."""
         if not self.plan.kept or self.plan.indirect:
             return fresh
         before = self.incident.of(index)
@@ -221,7 +220,10 @@ class PlannedIncidentCache(IncidentCache):
 
     @torch.no_grad()
     def kept(self, surfels: Surfels, directions: int) -> KeptLight | None:
-        """The light of the surfels that go without rays, along so many of its directions, and the same traced anew."""
+        """The kept light of the surfels without rays, along ``directions`` of its directions, and the same traced now.
+
+        None if all surfels have rays.
+        """
         mask = self.plan.without_rays(surfels.centre)
         if not self.plan.kept or not mask.any():
             return None

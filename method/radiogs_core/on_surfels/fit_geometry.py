@@ -1,7 +1,8 @@
 """``fit_geometry``: surfels from posed images by novel-view synthesis alone, with the losses of 2DGS.
 
-The first stage of every surfel method: what a method learns besides (its own shading of the same surfels) is a
-``Shading`` that it hands to the stage. Surfels that make up little of every image are found in all training views.
+It is the first stage of every method on surfels. A method that learns more from the same images (materials and light,
+by its own shading of the surfels) passes a ``Shading``. Density control removes surfels that contribute little to all
+training views.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,32 +37,35 @@ DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
 """Parameters of surfels whose rates fall in the later part of the stage."""
 
 SHAPE = ("rotation", "log_scale")
-"""Those of them that stay as they start while surfels do not move yet."""
+"""The parameters of ``DECAYING`` that are frozen while only colours are learnt (``schedule.moving_from``)."""
 
 
 @runtime_checkable
 class Shading(Protocol):
-    """What is learnt from the same images besides the surfels' radiance: materials, and the light on them."""
+    """Materials and light that are learnt from the training images together with the surfels' radiance."""
 
     tensors: Mapping[str, Tensor]
-    """Tensors to be learnt besides the surfels, by name, as they start."""
+    """Initial values, by name, of the tensors that are learnt in addition to the surfels."""
     rates: Mapping[str, float]
-    """Learning rates of these, and of the surfels' materials by their raw parameters' names."""
+    """Learning rates of these tensors, and of the surfels' materials by the names of their raw parameters."""
     image_weight: float
-    """Weight of the losses of ``images``, beside that of the surfels' own radiance."""
+    """Weight of the reconstruction losses of ``images``; the loss of the surfels' own radiance has weight 1."""
     geometry_gradient: bool
-    """Whether the images' losses have gradient to the surfels' places, rotations, scales and opacities."""
+    """Whether these losses have gradient to the surfels' positions, rotations, scales and opacities."""
 
     def images(
         self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """Linear radiance of each surfel towards the camera by name, to be compared with the training image, and
-        further weighted losses by name. ``own``: L_G of each surfel towards the camera, with gradient to its
-        harmonics alone; ``tensors`` as learnt so far; ``progress``: share of the stage that is done."""
+        """Two mappings by name: linear radiance of each surfel towards the camera, and further weighted losses.
+
+        Each radiance is blended and compared with the training image. ``own``: L_G of each surfel towards the camera,
+        [surfels, 3], with gradient to its harmonics alone. ``tensors``: the present values of ``Shading.tensors``.
+        ``progress``: share of the stage's steps that are done.
+        """
 
 
 class NoShading:
-    """Novel-view synthesis alone: materials stay as they start."""
+    """Novel-view synthesis alone: the materials keep their initial values."""
 
     tensors: Mapping[str, Tensor] = {}
     rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
@@ -71,12 +75,12 @@ class NoShading:
     def images(
         self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """Nothing."""
+        """No images and no losses."""
         return {}, {}
 
 
 class FitGeometry(SurfelStage[Any, Any]):
-    """Surfels from the training views of a scene. A ``contract.Stage``; what it hands on is its state."""
+    """Learns surfels from the training views of a scene. A ``contract.Stage``; its product is its state."""
 
     name = "geometry"
 
@@ -102,7 +106,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         )  # fmt: skip
 
     def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
-        """Drawn on the CPU, so that every kind of device starts with the same surfels."""
+        """``count`` initial surfels, drawn on the CPU, so that every device starts with the same ones."""
         generator, linear = torch.Generator().manual_seed(self.seed), self.learning.colour == "linear"
         if scene.surrounded:
             around = self.learning.surroundings
@@ -124,7 +128,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         }
 
     def position_rate(self) -> float:
-        """World units a step: none at first, geometric between the first and the last rate, then constant."""
+        """Learning rate of positions, world units: 0 at first, then a geometric decay, then constant."""
         if self._still():
             return 0.0
         rates, until = self.learning.rates, self.learning.schedule.position_decay_until
@@ -132,24 +136,24 @@ class FitGeometry(SurfelStage[Any, Any]):
         return rates.position ** (1 - progress) * rates.position_end**progress * self.unit_rate
 
     def _still(self) -> bool:
-        """Whether surfels only take their colours yet, where they start on swept surfaces."""
+        """Whether only colours are learnt now; True at first for surfels that start on swept surfaces."""
         swept = self.space is None and self.learning.start.points == "swept"
         return swept and self.iteration < self.learning.schedule.moving_from * self.iterations
 
     @property
     def surfels(self) -> Surfels:
-        """What is learnt so far."""
+        """The surfels in their present state."""
         return self.optimiser.surfels
 
     def begin_step(self) -> None:
-        """Positions fall by their own schedule, the other rates of surfels from ``schedule.decay_from`` on."""
+        """Set the learning rates of this step; after ``schedule.decay_from``, all but that of positions decay."""
         begin, end = self.learning.schedule.decay_from, self.learning.rates.end_share
         progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin))
         rates = self._rates(self.geometry_rate)
         self.optimiser.set_rate("centre", rates["centre"])
         for name in DECAYING:
-            held = self._still() and name in SHAPE
-            self.optimiser.set_rate(name, 0.0 if held else rates[name] * end**progress)
+            frozen = self._still() and name in SHAPE
+            self.optimiser.set_rate(name, 0.0 if frozen else rates[name] * end**progress)
 
     def move(self, view: TrainingView) -> None:
         """Step the optimiser, then add and remove surfels when density control is due."""
@@ -159,7 +163,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         before = centre.detach().clone() if self.space is not None else None
         self.optimiser.step()
         if self.space is not None and before is not None:
-            with torch.no_grad():  # what lies beyond the cameras moves as far as it looks
+            with torch.no_grad():  # beyond the cameras, a step is stretched with the distance
                 centre.copy_(before + (centre - before) * self.space.stretch(before)[:, None])
         done = self.iteration + 1
         if self.density.due(done, self.iterations):
@@ -168,7 +172,7 @@ class FitGeometry(SurfelStage[Any, Any]):
             self.optimiser.replace(*changed)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name; ``touched`` then says which surfels the view shows."""
+        """The weighted losses of the next step by name; sets ``touched``, the mask of surfels that the view shows."""
         surfels = self.optimiser.surfels.with_cached_frames()
         surfels.sh = surfels.sh[:, : self._coefficients()]
         weights, camera = self.learning.weights, view.camera
@@ -195,7 +199,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         return self.learning.weights.normal_late if late else self.learning.weights.normal
 
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """Every blended image against the training image, on the background whose turn it is; the first is L_G's."""
+        """Reconstruction loss of each blended image on this step's background; the first image is L_G."""
         backgrounds, weights = self.learning.backgrounds, self.learning.weights
         background = backgrounds[self.iteration % len(backgrounds)]
         target = view.over(background)
@@ -204,14 +208,14 @@ class FitGeometry(SurfelStage[Any, Any]):
         composited = [self._composited(own[None], seen.alpha, background)]
         if others:
             composited.append(self._composited(torch.stack(others), covered, background))
-        found = reconstruction(torch.cat(composited), target, weights.absolute, weights.similarity)
-        radiance, *shaded = zip(seen.images, found.unbind(), strict=True)
+        losses = reconstruction(torch.cat(composited), target, weights.absolute, weights.similarity)
+        radiance, *shaded = zip(seen.images, losses.unbind(), strict=True)
         return dict([radiance]) | {name: self.shading.image_weight * loss for name, loss in shaded}
 
     def _composited(
         self, blended: Float[Tensor, "images height width 3"], alpha: Float[Tensor, "height width"], background: float
     ) -> Float[Tensor, "images height width 3"]:
-        """Blended images in display sRGB, over a grey background."""
+        """The blended images in display sRGB, composited on a grey background."""
         if self.learning.colour == "linear":
             return displayed(blended, alpha, self.learning.encoding == "straight", background)
         return composite(blended, alpha, background)
@@ -221,7 +225,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         return (degree + 1) ** 2
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
         return super().state() | {"density": self.density.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -230,14 +234,15 @@ class FitGeometry(SurfelStage[Any, Any]):
         self.density.restore(state["density"])
 
     def product(self) -> dict[str, Any]:
-        """What the next stage begins from: the state (see ``surfels_of``)."""
+        """The state, from which the next stage begins (see ``surfels_of``)."""
         return self.state()
 
 
 def fit_geometry(learning: GeometryLearning, budget: object, view_share: float = 1.0) -> StageSpec[Any, Any]:
-    """The stage for ``Method.stages``: methods that ask for the same geometry train it once.
+    """Stage 1 for ``Method.stages``. Methods with equal arguments share one training of it.
 
     ``budget``: a ``GeometryBudget``; a budget with flat fields works for one more release (``GeometryBudget.of``).
+    ``view_share``: share of the training views that are used, in (0, 1].
     """
     half = GeometryBudget.of(budget)
     return StageSpec(
@@ -253,26 +258,27 @@ def fit_geometry(learning: GeometryLearning, budget: object, view_share: float =
 
 
 def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
-    """The surfels in a stage's saved state."""
+    """The surfels in the state of ``FitGeometry``, on ``device``."""
     tensors = {name: value.to(device) for name, value in state["optimiser"]["tensors"].items()}
     tensors["sh"] = torch.cat([tensors["sh"], tensors.pop("sh_rest")], 1)
     return Surfels.of({name: tensors[name] for name in Surfels.names()})
 
 
 def require_some(surfels: Surfels, iteration: int) -> None:
-    """Raises DataError where density control has left no surfel: there is nothing to learn any more."""
+    """Raises DataError if density control has removed all surfels, because nothing is left to learn."""
     if len(surfels) == 0:
         raise DataError(
             f"no surfel is left after step {iteration} of stage 1",
             "All of them were too faint, too large, or too small to show in any training view.",
-            "Look at the scene (radiogs-bench datasets check), or begin with more surfels: a larger preset.",
+            "Check the scene (radiogs-bench datasets check), or use a larger preset, which begins with more surfels.",
         )
 
 
 def mean_distortion(seen: Splat, depth_unit: float, surrounded: bool) -> Float[Tensor, ""]:
-    """Mean distortion over pixels (2DGS); in a scene with surroundings, that of disparity beyond the cameras' distance.
+    """Mean over pixels of the depth distortion (2DGS).
 
-    ``depth_unit``: the cameras' mean distance from the scene's centre, world units.
+    In a scene with surroundings (``surrounded``), depths beyond ``depth_unit`` count as disparity. ``depth_unit``: mean
+    distance of the cameras from the scene's centre, world units.
     """
     if not surrounded:
         return seen.distortion.mean()
@@ -281,12 +287,12 @@ def mean_distortion(seen: Splat, depth_unit: float, surrounded: bool) -> Float[T
 
 
 def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:
-    """A blended image in display sRGB, over a grey background."""
+    """A blended image in display sRGB, composited on a grey background."""
     return display + background * (1 - alpha)[..., None]
 
 
 def largest_contribution(surfels: Surfels, views: Sequence[TrainingView]) -> Float[Tensor, " surfels"]:
-    """The sum of a surfel's blending weights over the pixels of a view, in the view where it is largest; pixels."""
+    """Largest sum, over the views, of each surfel's blending weights in the pixels of one view; in pixels."""
     largest = torch.zeros_like(surfels.opacity_logit, requires_grad=False)
     for view in views:
         largest = torch.maximum(largest, blending_weights(view.camera, surfels))

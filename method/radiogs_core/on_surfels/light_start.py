@@ -39,7 +39,7 @@ POINTS = 2400
 """Number of points that are drawn from all training views together."""
 
 FEWEST_POINTS = 64
-"""Least number of points for which a light is estimated: with fewer, hardly any pixel is opaque."""
+"""Least number of points from which a light is estimated: with fewer, hardly any pixel is opaque."""
 
 DIRECTIONS = 1024
 """Rays from each point. With fewer, few rays hit a sun of some degrees, and their noise makes the albedo vary: the
@@ -100,7 +100,10 @@ def starting_model(
     generator: torch.Generator,
     two_sided: bool = True,
 ) -> LitSurfels:
-    """The surfels that stage 1 has learnt with starting materials, and a light; see ``starting_light_and_albedo``."""
+    """The initial model of stage 2: the surfels of stage 1 with initial materials, and an initial light.
+
+    See ``starting_light_and_albedo`` for the arguments.
+    """
     light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided)
     surfels = learnt.with_material(start.albedo, start.roughness)
     return LitSurfels(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
@@ -114,16 +117,16 @@ def starting_light_and_albedo(
     generator: torch.Generator,
     two_sided: bool = True,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
-    """A light of ``rows`` rows and the albedo of the surfels that stage 1 has learnt, both linear.
+    """The initial light, [rows, 2 rows, 3], and the initial albedo of the surfels ``learnt`` by stage 1, linear RGB.
 
-    Both are constant where ``start`` says so, and where too few points are seen to look for another light.
-    ``two_sided``: whether rays meet surfels from behind (see ``light_and_albedo``).
+    Both are constant if ``start.light`` is "constant", and if too few points are seen for a search. ``two_sided``:
+    whether rays also hit surfels from behind (see ``light_and_albedo``).
     """
-    found = None
+    estimate = None
     if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
-    if found is not None:
-        return found
+        estimate = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
+    if estimate is not None:
+        return estimate
     level = white_light(views, start.white, start.brightest)
     return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
 
@@ -169,7 +172,7 @@ def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Te
 @torch.no_grad()
 def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator) -> SeenPoints:
     """Points seen by random pixels that show a single surface, with positions and normals blended from the surfels."""
-    found = []
+    samples = []
     for view in views:
         camera = view.camera
         seen = splat(camera, surfels, {}, depth_unit=1.0)
@@ -180,8 +183,8 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
         chosen = usable[order[: -(-POINTS // len(views))]]
         position = camera.centre + camera.ray_directions() * seen.depth[..., None]
         maps = (position, normalize(seen.normal, dim=-1), srgb_decode(view.image))
-        found.append([values.reshape(-1, 3)[chosen] for values in maps])
-    return SeenPoints(*(torch.cat(values) for values in zip(*found, strict=True)))
+        samples.append([values.reshape(-1, 3)[chosen] for values in maps])
+    return SeenPoints(*(torch.cat(values) for values in zip(*samples, strict=True)))
 
 
 @torch.no_grad()
@@ -329,5 +332,5 @@ def white_light(views: tuple[TrainingView, ...], white: float, brightest: float)
 
     ``brightest``: quantile of the covered pixels' linear brightness that counts as the brightest.
     """
-    found = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), brightest)
-    return max(found or 0.0, LINEAR_KNEE) / white
+    brightness = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), brightest)
+    return max(brightness or 0.0, LINEAR_KNEE) / white

@@ -1,4 +1,4 @@
-"""The contract of a method on shared surfels: the shared stage of geometry, then a stage of its own."""
+"""``SurfelMethod``: a ``contract.Method`` with the shared stage of geometry and one stage of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,13 +27,13 @@ class SurfelMethod(Generic[V, B]):
     presets: Mapping[str, B]
     """Budgets by name."""
     begin: Callable[[Run[V, B], Mapping[str, Any]], Stage]
-    """Makes the stage of inverse rendering from a run and the product of the shared stage."""
+    """Makes the stage of inverse rendering from a run and the product of the stage of geometry."""
     trained: Callable[[Mapping[str, Any], Run[V, B]], Trained]
     """Makes the trained model from the product of inverse rendering."""
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The module that shows models; see ``contract.Method``."""
+        """The module that renders trained models; see ``contract.Method``."""
         return (f"{self.package}.showing",)
 
     def stages(self, variant: V, budget: B) -> Sequence[StageSpec[V, B]]:

@@ -13,15 +13,15 @@ from ..surfels.surfels import Surfels
 
 @runtime_checkable
 class SurfelModel(Protocol):
-    """Surfels, and the light that they were seen under, however a method parametrises it."""
+    """Surfels and the light of the training views, in any parametrisation."""
 
     @property
     def surfels(self) -> Surfels:
-        """The surfels."""
+        """The surfels with their materials."""
 
     @property
     def environment(self) -> Float[Tensor, "height width 3"]:
-        """Linear radiance, latitude-longitude (see ``scene.light``)."""
+        """Linear radiance of the light, latitude-longitude (see ``scene.light``)."""
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors and values, without gradient history."""
@@ -38,7 +38,7 @@ class LitSurfels:
 
     @property
     def environment(self) -> Float[Tensor, "height width 3"]:
-        """Linear radiance of the recovered light; its logarithm is what is learnt, so it is always positive."""
+        """Linear radiance of the recovered light. It is always positive, because its logarithm is learnt."""
         return self.log_environment.exp()
 
     def tensors(self) -> dict[str, Any]:
@@ -47,12 +47,12 @@ class LitSurfels:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "LitSurfels":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for a tensor of the wrong shape or with values not finite."""
         return cls(restored_surfels(tensors["surfels"]), restored_map(tensors, "log_environment"))
 
 
 def restored_logit(tensors: Mapping[str, Any], name: str, surfels: Surfels) -> Float[Tensor, " surfels"] | None:
-    """A stored value for each surfel, or None where it was not learnt. Raises DataError as ``LitSurfels.of`` does."""
+    """A stored logit for each surfel, or None if it was not learnt. Raises DataError as ``LitSurfels.of`` does."""
     if name not in tensors:
         return None
     logit = finite_tensor(tensors, name)

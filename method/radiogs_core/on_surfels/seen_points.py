@@ -1,4 +1,4 @@
-"""The surface points that pixels see: materials blended by the rasterizer, at its expected depth."""
+"""Surface points seen by pixels: blended materials at the rasterizer's expected depth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,30 +14,26 @@ from ..transport.splatting import Splat, splat
 
 @dataclass(frozen=True)
 class SeenPoints:
-    """One surface point for each of some pixels; linear, not multiplied by coverage.
-
-    position: world. normal: unit, in the world; zero where blended normals cancel, and no light is received there.
-    outgoing: unit, towards the camera. width: standard deviation of the surfels that are seen, world units.
-    """
+    """One surface point for each selected pixel; values are divided by coverage."""
 
     position: Float[Tensor, "points 3"]
-    """World units."""
+    """Position in the world."""
     normal: Float[Tensor, "points 3"]
-    """Unit, in the world; zero where blended normals cancel, and no light is received there."""
+    """Unit normal in the world; zero where blended normals cancel, and such a point receives no light."""
     albedo: Float[Tensor, "points 3"]
-    """Linear diffuse albedo."""
+    """Diffuse albedo, linear RGB."""
     roughness: Float[Tensor, " points"]
     """Perceptual roughness."""
     outgoing: Float[Tensor, "points 3"]
-    """Unit, towards the camera."""
+    """Unit direction towards the camera."""
     width: Float[Tensor, " points"]
-    """Standard deviation of the surfels that are seen, world units."""
+    """Blended standard deviation (of the longer axis) of the surfels, world units."""
 
     def __len__(self) -> int:
         return len(self.position)
 
     def of(self, index: Int[Tensor, " chosen"]) -> "SeenPoints":
-        """Some of the points."""
+        """The points with these indices."""
         return SeenPoints(
             self.position[index], self.normal[index], self.albedo[index],
             self.roughness[index], self.outgoing[index], self.width[index],
@@ -51,9 +47,9 @@ def seen_surfels(
     further: Mapping[str, Float[Tensor, "surfels _"]],
     depth_unit: float = 1.0,
 ) -> Splat:
-    """The blended maps that ``seen_points`` reads, and ``further`` channels, in one pass.
+    """Blends, in one pass, the maps that ``seen_points`` reads and the ``further`` channels.
 
-    ``albedo`` is given apart, because relighting scales it.
+    ``albedo`` (linear) is an argument of its own, because relighting scales it.
     """
     width = surfels.scale.detach().amax(-1, keepdim=True)
     materials = {"albedo": albedo, "roughness": surfels.roughness[:, None], "width": width}
@@ -61,12 +57,12 @@ def seen_surfels(
 
 
 def covered_pixels(seen: Splat) -> Int[Tensor, " pixels"]:
-    """The pixels (row * width + column) that see any surfel, in order."""
+    """Indices (row * width + column) of the pixels with positive coverage, in ascending order."""
     return torch.nonzero(seen.alpha.flatten() > 0)[:, 0]
 
 
 def seen_points(camera: Camera, seen: Splat, pixels: Int[Tensor, " points"]) -> SeenPoints:
-    """The points that ``pixels`` (row * width + column) see; each of them has to see some surfel."""
+    """The points seen by ``pixels`` (row * width + column), each of which must have positive coverage."""
     rays = camera.ray_directions().flatten(0, 1)[pixels]
     alpha = seen.alpha.flatten()[pixels, None]
     albedo, roughness, width = (

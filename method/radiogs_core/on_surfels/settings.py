@@ -1,7 +1,7 @@
-"""Settings that all methods on surfels have: stage 1's half of a budget, and the common fields of budget and variant.
+"""Settings of all methods on surfels: the budget of stage 1, and the common fields of budgets and variants.
 
-A method's own ``Budget`` and ``Variant`` are subclasses; stage 1 is the same value in all of them, so that rows of
-different methods start from the same surfels.
+A method's own ``Budget`` and ``Variant`` are subclasses. They share the settings of stage 1, so that rows of different
+methods start from the same surfels.
 """
 
 import warnings
@@ -15,22 +15,22 @@ from ..learning.geometry import GeometryLearning
 
 @dataclass(frozen=True, kw_only=True)
 class GeometryBudget:
-    """How much work stage 1 may do."""
+    """The amount of work of stage 1."""
 
     steps: int
-    """Optimisation steps."""
+    """Number of optimisation steps."""
     initial_surfels: int
-    """Surfels to start with."""
+    """Number of surfels at the start."""
     maximum_surfels: int
-    """Number of surfels that density control never exceeds."""
+    """Largest number of surfels that density control may reach."""
     densify_interval: int
     """Steps between two rounds of density control."""
     rate: float
-    """Factor of the learning rate of positions, and by its root of that of rotations: short runs take longer steps."""
+    """Factor of the learning rate of positions; its square root is that of rotations. Short runs need larger steps."""
 
     @classmethod
     def of(cls, budget: Any) -> "GeometryBudget":
-        """The value itself; a budget with flat fields of the former names is converted, with a warning."""
+        """``budget`` as a GeometryBudget; one with flat fields is converted, with a FutureWarning."""
         if isinstance(budget, cls):
             return budget
         warnings.warn(
@@ -49,7 +49,7 @@ GEOMETRY_PRESETS: Mapping[str, GeometryBudget] = {
         steps=40_000, initial_surfels=100_000, maximum_surfels=2_000_000, densify_interval=500, rate=1.0
     ),
 }
-"""Stage 1 by preset. The paper has density control in 5 % to 62.5 % of its steps (25,000 of 40,000)."""
+"""Budgets of stage 1 by preset. In the paper, density control runs from 5 % to 62.5 % of the 40,000 steps."""
 
 RENAMED: Mapping[str, str] = {
     "initialise_iterations": "geometry.steps",
@@ -58,24 +58,24 @@ RENAMED: Mapping[str, str] = {
     "densify_interval": "geometry.densify_interval",
     "geometry_rate": "geometry.rate",
 }
-"""Fields of budgets that had another name; suites may use the old one, with a warning."""
+"""Present names of budget fields by their former names; suites may use a former name, with a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SurfelBudget:
-    """How much work a run of a method on surfels may do."""
+    """The amount of work of a run of a method on surfels."""
 
     renamed: ClassVar[Mapping[str, str]] = RENAMED
-    """Fields by their former names."""
+    """Present names of fields by their former names."""
     shown_only: ClassVar[tuple[str, ...]] = ()
-    """Fields that training does not read: runs that differ in these alone share the trained model."""
+    """Fields that training does not read: runs that differ only in these share the trained model."""
 
     name: str
     """Name of the preset."""
     geometry: GeometryBudget
-    """Stage 1."""
+    """Budget of stage 1."""
     inverse_iterations: int
-    """Steps of stage 2."""
+    """Number of steps of stage 2."""
     light_height: int
     """Rows of the learnt environment map; it has twice as many columns."""
 
@@ -90,13 +90,16 @@ def by_name(*budgets: BudgetT) -> dict[str, BudgetT]:
 
 @dataclass(frozen=True)
 class SurfelVariant:
-    """The settings that an ablation of a method on surfels may change; the defaults are the full method."""
+    """The settings that an ablation of a method on surfels may change; the defaults are the full method.
+
+    Raises UsageError for a value out of range.
+    """
 
     shown_only: ClassVar[tuple[str, ...]] = ()
-    """Fields that training does not read: cells that differ in these alone share the trained model."""
+    """Fields that training does not read: cells that differ only in these share the trained model."""
 
     view_share: float = 1.0
-    """Share of the training views that both stages may see, in (0, 1]."""
+    """Share of the training views that both stages use, in (0, 1]."""
     geometry: GeometryLearning = field(default_factory=GeometryLearning)
     """Weights, rates and schedule of stage 1."""
 
@@ -105,7 +108,7 @@ class SurfelVariant:
             raise UsageError(f"view_share: {self.view_share} is not above 0 and at most 1")
 
     def require(self, wanted: str, *names: str) -> None:
-        """Raise UsageError unless all these fields are "above zero" or "zero or above"; None passes."""
+        """Raises UsageError unless all these fields are None or as ``wanted``: "above zero" or "zero or above"."""
         for name in names:
             value = getattr(self, name)
             if value is not None and (value < 0 or (value == 0 and wanted == "above zero")):
@@ -113,7 +116,7 @@ class SurfelVariant:
 
     @property
     def straight(self) -> bool:
-        """Whether images are encoded for display by straight radiance (see ``splatting.displayed``)."""
+        """Whether images are encoded for display from straight radiance (``kernels.image.display.displayed``)."""
         return self.geometry.encoding == "straight"
 
     def of_training(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The split sum of what blends into surface points: the kernel's two parts, in one of two frames, with metal."""
+"""Split-sum shading of surface points: diffuse and specular part, two lookup frames, and metallic surfaces."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,41 +11,45 @@ from ..kernels.shade.brdf import FRESNEL_NORMAL
 from ..transport.splitsum import PrefilteredLight, brdf_table, split_sum_radiance
 
 Frame = Literal["oriented", "as_shipped"]
-"""How a new light is looked up: as its map is meant, Z up; or by a lookup for Y up along unchanged directions, as the
-published codes of GS-IR and GI-GS do."""
+"""Frame in which a light map is looked up: "oriented" is its own frame, Z up; "as_shipped" is a lookup for Y up along
+unchanged directions, as in the published codes of GS-IR and GI-GS."""
 
 
 @dataclass(frozen=True)
 class Reflected:
-    """Linear radiance towards the camera by unoccluded light from afar; zero where a point is seen from behind."""
+    """Linear radiance towards the camera under unoccluded distant light; zero for points seen from behind."""
 
     diffuse: Float[Tensor, "points 3"]
+    """Diffuse part, linear RGB."""
     specular: Float[Tensor, "points 3"]
+    """Specular part, linear RGB."""
 
     @property
     def radiance(self) -> Float[Tensor, "points 3"]:
-        """Both parts, unoccluded."""
+        """Sum of both parts, without occlusion."""
         return self.diffuse + self.specular
 
     def occluded(self, openness: Float[Tensor, " points"]) -> Float[Tensor, "points 3"]:
-        """Both parts, where a share ``openness`` of the light reaches the point; lobes are never occluded."""
+        """Sum of both parts, with the diffuse part times ``openness``; the specular part is never occluded."""
         return self.diffuse * openness[:, None] + self.specular
 
 
 @dataclass(frozen=True)
 class SplitSumLight:
-    """A filtered light and the frame that it is looked up in (see ``Frame``)."""
+    """A prefiltered light and its lookup frame."""
 
     filtered: PrefilteredLight
+    """The prefiltered light."""
     frame: Frame = "oriented"
+    """The lookup frame."""
 
     def ready(self) -> "SplitSumLight":
-        """The same light with its maps made: the first frame, which is timed, must not wait for them."""
+        """This light, with its maps computed now: the first frame, which is timed, must not wait for them."""
         _ = self.filtered.both
         return self
 
     def along(self, direction: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-        """World directions as the map is looked up: for "as_shipped", (-z, -x, y).
+        """World directions in the lookup frame: (-z, -x, y) for "as_shipped".
 
         The lookup for Y up reads u = 1/2 + atan2(x, -z) / 2 pi and v = acos(y) / pi; the map, Z up, has that texel
         along (-z, -x, y) (see ``scene.light``).
@@ -63,9 +67,10 @@ class SplitSumLight:
         roughness: Float[Tensor, " points"],
         metallic: Float[Tensor, " points"] | None = None,
     ) -> Reflected:
-        """Albedo times E(normal), and S(mirrored, roughness) (F0 A + B); gradient to all.
+        """Diffuse part albedo E(normal) and specular part S(mirrored, roughness) (F0 A + B), with gradient to all.
 
-        normal, outgoing: unit, in the world. metallic: see ``normal_reflectance``; None: F0 = 0.04.
+        normal, outgoing: unit, in the world. albedo: linear. roughness: perceptual. metallic: in [0, 1], see
+        ``normal_reflectance``; None: F0 = 0.04.
         """
         # The split sum turns with its light: turned directions under the map are the map, turned back, over the world.
         diffuse, specular = split_sum_radiance(
@@ -79,7 +84,7 @@ class SplitSumLight:
 def normal_reflectance(
     albedo: Float[Tensor, "points 3"], metallic: Float[Tensor, " points"]
 ) -> Float[Tensor, "points 3"]:
-    """F0 = 0.04 (1 - m) + m albedo."""
+    """Reflectance at normal incidence, F0 = 0.04 (1 - m) + m albedo, linear RGB; m: ``metallic``, in [0, 1]."""
     return FRESNEL_NORMAL * (1 - metallic[:, None]) + metallic[:, None] * albedo
 
 
@@ -89,9 +94,9 @@ def metallic_factor(
     metallic: Float[Tensor, " points"],
     cosine: Float[Tensor, " points"],
 ) -> Float[Tensor, "points 3"]:
-    """(F0 A + B) / (0.04 A + B): what turns the kernel's lobe into that of ``normal_reflectance``.
+    """(F0 A + B) / (0.04 A + B): the factor from a dielectric specular lobe to that of ``normal_reflectance``.
 
-    1 where the table has no lobe at all, that is, seen exactly from the edge.
+    1 where the lobe is zero, which is at an exactly grazing view. ``cosine``: n.wo.
     """
     scale, bias = brdf_integrals(cosine, roughness).unbind(-1)
     dielectric = FRESNEL_NORMAL * scale + bias
@@ -101,7 +106,7 @@ def metallic_factor(
 
 
 def brdf_integrals(cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"]) -> Float[Tensor, "points 2"]:
-    """A and B of ``splitsum.brdf_table`` at n.wo and roughness, bilinear; gradient to both."""
+    """A and B of ``splitsum.brdf_table``, bilinear in ``cosine`` (n.wo) and ``roughness``, with gradient to both."""
     table = brdf_table().to(roughness)
     last = len(table) - 1
     (row, below), (column, beyond) = (_cell(value, last) for value in (cosine, roughness))
@@ -112,7 +117,7 @@ def brdf_integrals(cosine: Float[Tensor, " points"], roughness: Float[Tensor, " 
 
 
 def _cell(value: Float[Tensor, " points"], last: int) -> tuple[Tensor, Tensor]:
-    """The entry of a table at or below a value in [0, 1], and the share [points, 1] of the way to the next."""
-    place = value.clamp(0, 1) * last
-    entry = place.detach().floor().clamp(max=last - 1)
-    return entry.long(), (place - entry)[:, None]
+    """Index of the table entry at or below a value in [0, 1], and the fraction, [points, 1], to the next entry."""
+    position = value.clamp(0, 1) * last
+    entry = position.detach().floor().clamp(max=last - 1)
+    return entry.long(), (position - entry)[:, None]

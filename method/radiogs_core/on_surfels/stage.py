@@ -1,4 +1,4 @@
-"""The loop of a stage on surfels: views in turn, losses, the backward pass, a step of Adam, and resuming."""
+"""The training loop of a stage on surfels: views in turn, losses, backward pass, Adam step, and resuming."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,13 +16,13 @@ from ..surfels.optimiser import SurfelOptimiser
 class SurfelStage(ABC, Generic[VariantT, BudgetT]):
     """Learns surfels, and further tensors, from the training views of a scene; a ``contract.Stage``.
 
-    A subclass makes ``optimiser`` in its ``__init__``, from what its parameters start as, and gives the ``losses`` of a
-    step and the ``product``. It may change what is drawn or scheduled before a step (``begin_step``).
+    A subclass makes ``optimiser`` in its ``__init__``, from the initial values of its parameters, and implements
+    ``losses`` and ``product``. It may override ``begin_step``, which runs before the losses of each step.
     """
 
     name = "invert"
     optimiser: SurfelOptimiser
-    """All that is learnt, with its learning rates."""
+    """The surfels and tensors that are learnt, with their learning rates."""
 
     def __init__(self, run: Run[VariantT, BudgetT], iterations: int, view_share: float) -> None:
         self.variant, self.budget, self.seed, self.device = run.variant, run.budget, run.seed, run.device
@@ -32,7 +32,10 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
         self.generator = torch.Generator(run.device).manual_seed(run.seed)
 
     def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name. Raises NumericalFailure."""
+        """Take one optimisation step; returns the weighted losses by name.
+
+        Raises NumericalFailure for a loss or gradient that is not finite.
+        """
         self.begin_step()
         view = view_at(self.views, self.iteration, self.seed)
         losses = self.losses(view)
@@ -42,14 +45,14 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
         return values
 
     def begin_step(self) -> None:
-        """Set what this step's place in the schedule decides, before its losses; nothing by default."""
+        """Apply the schedule of this step, such as learning rates; does nothing by default."""
 
     @abstractmethod
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``."""
+        """The weighted losses of the next step, on ``view``, by name."""
 
     def move(self, view: TrainingView) -> None:
-        """Step the optimiser by the gradients of the losses that ``view`` gave."""
+        """Step the optimiser with the gradients of the losses of ``view``."""
         self.optimiser.step()
 
     @abstractmethod
@@ -57,7 +60,7 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
         """The input of the next stage, or of ``Method.restore``, as plain tensors."""
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
         return {
             "iteration": self.iteration,
             "optimiser": self.optimiser.state(),

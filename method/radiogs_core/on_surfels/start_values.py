@@ -1,6 +1,6 @@
-"""Starting values of materials and light in stage 2, and settings of the search for the light (``light_start``).
+"""Initial values of materials and light in stage 2, and settings of the search for the light (``light_start``).
 
-They are apart from the search, so that a stage that only stores them does not depend on it.
+They have a module of their own, so that a stage that only stores them does not depend on the search.
 """
 
 import math
@@ -19,8 +19,8 @@ class LightStart:
     neighbours: int = 8
     """Number of nearest points that each point is compared with."""
     far: int = 8
-    """Number of random points that each point is compared with too. Distant points have different irradiance, so they
-    constrain the light more than neighbours do."""
+    """Number of random points that each point is compared with in addition. Distant points have different irradiance,
+    so they constrain the light more than neighbours do."""
     far_share: float = 0.3
     """Share of these random pairs in the variation."""
     other_paint: float = 0.3
@@ -53,19 +53,19 @@ class LightStart:
 
 @dataclass(frozen=True)
 class StartValues:
-    """The light and the materials that a stage starts with; each method's subclass has its own values."""
+    """Initial light and materials of a stage; each method's subclass has its own defaults."""
 
     light: Literal["least-variation", "constant"] = "least-variation"
-    """The light under which albedo varies least, with the albedo that follows from it; or a constant light and a
-    constant albedo, as in the published scripts."""
+    """"least-variation": the light under which albedo varies least, and the albedo under it. "constant": a constant
+    light and a constant albedo, as in the published scripts."""
     search: LightStart = field(default_factory=LightStart)
-    """How the light of least variation is found."""
+    """Settings of the search for the light of least variation."""
     albedo: float = 0.5
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Linear diffuse albedo of all channels, with a constant light."""
     roughness: float = 0.5
     """Perceptual roughness r."""
     white: float = 0.8
-    """Albedo of white paint. A constant light starts so that the brightest surfaces seen are that under it; the scripts
-    start at fixed radiances, whatever the images' exposure."""
+    """Albedo of white paint. A constant light has the radiance that gives the brightest surfaces this albedo; the
+    scripts start at fixed radiances, whatever the images' exposure."""
     brightest: float = 0.98
     """Quantile of the covered pixels that counts as the brightest."""

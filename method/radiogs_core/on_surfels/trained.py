@@ -1,6 +1,6 @@
-"""A trained model on surfels as the harness shows it: its maps, its export, and the labels of a run.
+"""A trained model on surfels for the harness: its maps, its export, and the labels of a run.
 
-Training never imports this module: a new label or map trains nothing anew.
+Training never imports this module, so that a new label or map does not invalidate trained models.
 """
 
 from abc import ABC, abstractmethod
@@ -22,7 +22,7 @@ from ..transport.splatting import Splat
 from .model import SurfelModel
 
 INCIDENT = "incident"
-"""The mean indirect radiance that arrives; it is rendered where it is asked for, under the recovered light alone."""
+"""Name of the map of mean incident indirect radiance; it is rendered on request, under the recovered light only."""
 
 SHOWN: Mapping[str, MapKind] = {
     "image": MapKind("display"),
@@ -37,12 +37,13 @@ SHOWN: Mapping[str, MapKind] = {
 """Maps of every rendering, all composited on black."""
 
 SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {**SHOWN, INCIDENT: MapKind("linear")}
+"""Maps of a model that can also render ``incident``."""
 
 ModelT = TypeVar("ModelT", bound=SurfelModel)
 
 
 class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
-    """A model, and the run that it was trained in; see ``radiogs_core.contract.Trained``."""
+    """A model and the run that trained it; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: ModelT, run: Run[VariantT, BudgetT], labels: Mapping[str, str]) -> None:
         self.model, self.run, self.labels = model, run, dict(labels)
@@ -54,12 +55,12 @@ class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
 
     @property
     def surfels(self) -> Surfels:
-        """The surfels that other programs get."""
+        """The surfels that ``export`` writes."""
         return self.model.surfels
 
     def facts(self) -> dict[str, Any]:
-        """``surfels``: how many. ``labels``: differences from the published method, by name. ``remarks``: the same in
-        sentences.
+        """``surfels``: their number. ``labels``: differences from the published method, by name. ``remarks``: the
+        labels as sentences.
         """
         remarks = [f"{name}: {value}" for name, value in self.labels.items()]
         return {"surfels": len(self.model.surfels), "labels": self.labels, "remarks": remarks}
@@ -76,7 +77,7 @@ class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
         albedo_scale: Float[Tensor, "3"] | None = None,
         after_step: Callable[[], None] = lambda: None,
     ) -> Prepared:
-        """Shaded as it was trained, or relit. Raises DataError for a light that is not finite."""
+        """The model under its recovered light (None) or relit. Raises DataError for a light that is not finite."""
         if light is None:
             return self.as_trained()
         require_finite_light(light)
@@ -86,33 +87,33 @@ class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
 
     @abstractmethod
     def as_trained(self) -> Prepared:
-        """Under the recovered light."""
+        """The model under its recovered light."""
 
     @abstractmethod
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """Under another light, which is finite and on the model's device.
+        """The model under another ``light``, which is finite and on the model's device.
 
-        Albedo is multiplied by ``albedo_scale``; ``after_step``: see ``contract.Trained.prepare``.
+        The albedo is multiplied by ``albedo_scale``. ``after_step``: see ``contract.Trained.prepare``.
         """
 
 
 @runtime_checkable
 class Renderer(Protocol):
-    """Draws the maps of a view."""
+    """Renders the maps of a view."""
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """All maps that cost nothing extra, and those of ``further``, by name, [height, width, channels], on black.
+        """Maps by name, [height, width, channels], on black: those without extra cost, and those of ``further``.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
-        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world z-depth): one
-        channel. normal: unit in the world, zero where empty.
+        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (z-depth, world
+        units): one channel. normal: unit, in the world; zero where nothing is covered.
         """
 
 
 class Shown:
-    """A model under one light, which shows the maps of ``offers`` among those that a renderer draws."""
+    """A model under one light (``contract.Prepared``): the maps of a renderer that are listed in ``offers``."""
 
     timed = True
 
@@ -123,14 +124,14 @@ class Shown:
         self.default = frozenset(offers) - {INCIDENT}
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view."""
+        """The maps of one view; see ``contract.Prepared.render``."""
         wanted = self.default.union(further).intersection(self.offers)
         maps = self.renderer.render(camera, *further)
         return {name: values for name, values in maps.items() if name in wanted}
 
 
 def blended_maps(seen: Splat) -> dict[str, Float[Tensor, "height width _"]]:
-    """The maps that shading does not change, of surfels blended with the channels ``albedo`` and ``roughness``."""
+    """The maps that do not depend on shading; ``seen`` has the channels ``albedo`` and ``roughness``."""
     return {
         "albedo": seen.images["albedo"],
         "roughness": seen.images["roughness"],
@@ -147,7 +148,7 @@ def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"
 
 
 def reduced(budget: object, published: object, *names: str) -> dict[str, str]:
-    """The label ``reduced``, of the fields of a budget that differ from the published ones; empty if none does."""
+    """The label ``reduced``: the named fields of a budget that differ from the published ones; empty if none does."""
     lower = sorted(
         f"{name} {getattr(budget, name)} (published: {getattr(published, name)})"
         for name in names
@@ -157,7 +158,7 @@ def reduced(budget: object, published: object, *names: str) -> dict[str, str]:
 
 
 def light_start(light: str, published: str) -> str:
-    """The label of the light that stage 2 starts with (``StartValues.light``), beside the published one."""
+    """The label of stage 2's initial light (``StartValues.light``), which also names the ``published`` one."""
     if light == "least-variation":
         return f"shared: the light of least albedo variation (published: {published})"
     return f"constant, by the images' exposure (published: {published})"

@@ -11,7 +11,16 @@ from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering, rates_of
 from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
-from radiogs.oracle import DARKEST, FROZEN, SPACING, Start, given_geometry, known_radiance, log_radiance, replaced
+from radiogs.oracle import (
+    DARKEST,
+    FROZEN,
+    SPACING,
+    Start,
+    given_geometry,
+    known_radiance,
+    log_radiance,
+    with_given_parts,
+)
 from radiogs.rays import KnownIndirectTracer, Nearest
 from radiogs.relighting import RelitByRays, relight
 from radiogs.settings import Variant
@@ -116,11 +125,11 @@ def test_given_light_is_the_true_one_at_its_own_resolution_and_zeros_are_raised(
 @pytest.mark.parametrize("with_geometry", [False, True])
 def test_given_materials_are_those_of_the_nearest_true_surface(with_geometry: bool) -> None:
     start = start_of(learnt((-1.0, 0.0, 0.0), (1.0, 0.1, 0.0), (-0.7, 0.5, 0.2)))
-    given = replaced(start, ("geometry", "albedo") if with_geometry else ("albedo",), KNOWN, 0).surfels
+    given = with_given_parts(start, ("geometry", "albedo") if with_geometry else ("albedo",), KNOWN, 0).surfels
     for surface, side in ((LEFT, given.centre[:, 0] < 0), (RIGHT, given.centre[:, 0] > 0)):
         assert torch.allclose(given.albedo[side], torch.tensor(surface.albedo), atol=1e-4)
     assert torch.allclose(given.roughness, torch.tensor(0.6))  # was not given
-    rough = replaced(start, ("roughness",), KNOWN, 0).surfels
+    rough = with_given_parts(start, ("roughness",), KNOWN, 0).surfels
     assert torch.allclose(rough.roughness, torch.tensor([LEFT.roughness, RIGHT.roughness, LEFT.roughness]), atol=1e-4)
     assert torch.equal(rough.albedo, start.surfels.albedo)
 

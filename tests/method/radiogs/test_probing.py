@@ -17,12 +17,12 @@ from radiogs.effects.probing import (
     EFFECTS,
     Decay,
     bounces_needed,
-    findings_of,
-    findings_under,
+    decide_own_light_sampling,
+    probe_run,
     probe_scene,
-    probed,
-    sampling_of,
-    scattered,
+    relighting_findings,
+    scatter,
+    training_findings,
     true_model,
 )
 from radiogs.settings import PRESETS, Variant
@@ -45,7 +45,7 @@ def run(name: str, seed: int) -> Run:
 def found_on(name: str, seed: int) -> tuple[ProbeScene, Findings, Decay]:
     """As a probe of the scene has it."""
     scene, decay = probe_scene(run(name, seed))
-    return scene, findings_of(scene, run(name, seed)), decay
+    return scene, training_findings(scene, run(name, seed)), decay
 
 
 def records(found: Findings) -> dict[str, Evidence]:
@@ -166,13 +166,13 @@ def test_an_even_light_is_not_drawn_from_and_a_sun_is(
 ) -> None:
     scene, found, _ = found_on(name, seed)
     lit = replace(load_scene(name), training_light=EnvironmentMap(light()))
-    assert sampling_of(replace(run(name, seed), scene=lit), scene, found).verdict == verdict
+    assert decide_own_light_sampling(replace(run(name, seed), scene=lit), scene, found).verdict == verdict
 
 
 @pytest.mark.parametrize(("name", "verdict"), [("convex", "on"), ("occluder", "off")])
 def test_the_wide_suns_of_the_generated_skies_are_drawn_from_where_it_shows(name: str, verdict: str) -> None:
     scene, found, _ = found_on(name, 0)
-    assert sampling_of(run(name, 0), scene, found).verdict == verdict
+    assert decide_own_light_sampling(run(name, 0), scene, found).verdict == verdict
 
 
 def test_under_a_wide_sun_drawn_directions_help_but_as_many_spread_ones_help_more() -> None:
@@ -198,7 +198,7 @@ def test_light_in_a_closed_room_decays_by_its_albedo() -> None:
     """Light that all walls send alike arrives everywhere alike: each bounce has the albedo of the one before."""
     walls = surfels_of_room(1.0, 0.2, 0.6)
     direction, weight = hemisphere_directions(walls.frame[..., 2], 32, torch.Generator().manual_seed(0))
-    total, decay = scattered(walls, torch.ones_like(walls.albedo), direction, weight, 4)
+    total, decay = scatter(walls, torch.ones_like(walls.albedo), direction, weight, 4)
     for place, energy in enumerate(decay.energy, start=1):
         assert energy == pytest.approx(0.6**place, rel=0.03 * place)
     assert float(total.mean()) == pytest.approx(sum(0.6**place for place in range(5)), rel=0.05)
@@ -218,7 +218,7 @@ def test_relighting_by_a_sun_of_half_a_degree_keeps_the_shadow_that_it_throws(se
     """One direction in 94 000 over a hemisphere meets it: a probe has to draw from the light as well."""
     radiance, sun = sun_and_sky(512)
     light = EnvironmentMap(radiance)
-    seen, found = findings_under(run("occluder", seed), None, light)
+    seen, found = relighting_findings(run("occluder", seed), None, light)
     incident, plan = seen.incident, found.plan
     assert plan.visibility
     facing = seen.surfels.frame[..., 2] @ sun > 0.1
@@ -228,7 +228,7 @@ def test_relighting_by_a_sun_of_half_a_degree_keeps_the_shadow_that_it_throws(se
     assert int(shadowed.sum()) > 20
     kept = torch.ones_like(shadowed) if plan.traced is None else plan.traced
     assert float(kept[shadowed].double().mean()) > 0.95
-    assert not findings_under(run("convex", seed), None, light)[1].plan.traces
+    assert not relighting_findings(run("convex", seed), None, light)[1].plan.traces
 
 
 def test_surfels_of_a_scene_have_its_materials() -> None:
@@ -239,7 +239,7 @@ def test_surfels_of_a_scene_have_its_materials() -> None:
 
 def test_a_probe_is_plain_data_with_an_image_for_each_effect() -> None:
     """A probe has the values that a command line prints and draws without knowing the method."""
-    found = probed(run("patchwork", 0), None, None)
+    found = probe_run(run("patchwork", 0), None, None)
     assert [record.effect for record in found.records] == [*EFFECTS, "plan", "light-sampling"]
     assert json.loads(json.dumps(found.plain(), allow_nan=False)) == found.plain()
     assert set(found.differences) == set(EFFECTS)

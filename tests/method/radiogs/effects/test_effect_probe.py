@@ -154,8 +154,8 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
         def __init__(self) -> None:
             self.step, self.seed, self.tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
 
-        def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Any]:
-            return [None] * len(asked_of)
+        def measure(self, reductions: Sequence[tuple[str, EffectPlan]]) -> list[Any]:
+            return [None] * len(reductions)
 
         def decided(self, effect: str, plan: EffectPlan, measured: Any, before: EffectPlan) -> tuple[Any, str, Any]:
             left_out = {
