@@ -40,6 +40,21 @@ class SeenPoints:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Shaded:
+    """Outgoing radiance of surface points towards the camera, linear."""
+
+    direct: Float[Tensor, "points 3"]
+    """Radiance of direct light: reflected once."""
+    indirect: Float[Tensor, "points 3"]
+    """Radiance of indirect light: reflected more than once."""
+
+    @property
+    def radiance(self) -> Float[Tensor, "points 3"]:
+        """Sum of direct and indirect radiance."""
+        return self.direct + self.indirect
+
+
 def seen_surfels(
     camera: Camera,
     surfels: Surfels,

@@ -22,7 +22,7 @@ from known_ball import BALL
 from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
 from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
-from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -63,8 +63,8 @@ def random_light() -> EnvironmentMap:
 def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
     """The rays start at a share of each surfel's size."""
     model = irgs.Model(surfels, random_light().radiance.log())
-    new = NewLight(surfels, surfels.albedo, irgs.grey(), Rays(), (16, 8), True)
-    lights = (RecoveredLight(model, Rays(), 16, "traced"), new)
+    new = NewLight(surfels, surfels.albedo, irgs.grey(), RaySettings(), (16, 8), True)
+    lights = (RecoveredLight(model, RaySettings(), 16, "traced"), new)
     return [Renderer(surfels, surfels.albedo, light, 0).render(camera) for light in lights]
 
 
@@ -80,7 +80,7 @@ def by_gi_gs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
     """Marches through the frame."""
     marches = gi_gs.march(thick=1.0)
     lengths = (scale * value for value in (marches.radius, marches.bias, marches.thick, marches.far))
-    how = gi_gs.shader(marches=type(marches)(marches.grid, marches.places, *lengths))
+    how = gi_gs.shader(marches=type(marches)(marches.grid, marches.distances, *lengths))
     return [gi_gs.shown(surfels, camera, gi_gs.light_of(random_light().radiance), how)]
 
 

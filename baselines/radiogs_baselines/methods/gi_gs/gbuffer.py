@@ -1,4 +1,4 @@
-"""What a frame knows of the scene: one surface point for each covered pixel, and the depth map around them."""
+"""The G-buffer of a frame: one surface point for each covered pixel, and the depth map of all pixels."""
 
 from dataclasses import dataclass
 
@@ -13,28 +13,35 @@ from radiogs_core.transport.splatting import SOLID_ALPHA, Splat, splat
 
 @dataclass(frozen=True)
 class GBuffer:
-    """Linear values of the covered part of each pixel; gradient to albedo, roughness and metallic alone.
+    """Surface attributes of the covered pixels; only albedo, roughness and metallic have a gradient.
 
-    pixel: row * width + column. place: in the camera's space (right, down, forward), world units. normal: unit, in the
-    world; zero where blended normals cancel, and such a point is black. outgoing: unit, in the world, towards the
-    camera. depth: z-depth of all pixels, world units; infinite where there is no surface.
+    Attributes are those of the covered part of each pixel: blended values divided by coverage.
     """
 
     camera: Camera
+    """Camera of the frame."""
     pixel: Int[Tensor, " points"]
-    place: Float[Tensor, "points 3"]
+    """Index of each point's pixel, row * width + column."""
+    position: Float[Tensor, "points 3"]
+    """Positions in the camera's axes (right, down, forward), relative to its centre, world units."""
     normal: Float[Tensor, "points 3"]
+    """Unit normals, world axes; zero where blended normals cancel, and such a point is shaded black."""
     outgoing: Float[Tensor, "points 3"]
+    """Unit directions towards the camera, world axes."""
     albedo: Float[Tensor, "points 3"]
+    """Linear diffuse albedo."""
     roughness: Float[Tensor, " points"]
+    """Perceptual roughness r."""
     metallic: Float[Tensor, " points"]
+    """Metalness in [0, 1]."""
     depth: Float[Tensor, "height width"]
+    """z-depth of all pixels, world units; infinite where there is no surface."""
 
     def __len__(self) -> int:
         return len(self.pixel)
 
     def image(self, values: Float[Tensor, "points channels"]) -> Float[Tensor, "height width channels"]:
-        """Values of the points as an image, zero where nothing is seen."""
+        """Scatter values of the points into an image; pixels without a point are zero."""
         flat = values.new_zeros(self.depth.numel(), values.shape[-1]).index_copy(0, self.pixel, values)
         return flat.view(*self.depth.shape, -1)
 
@@ -45,13 +52,16 @@ def seen_materials(
     albedo: Float[Tensor, "surfels 3"],
     metallic: Float[Tensor, " surfels"],
 ) -> Splat:
-    """The blended maps that ``gbuffer`` reads, in one pass. ``albedo`` is given apart: relighting scales it."""
+    """Blend the maps that ``gbuffer`` reads, in one pass.
+
+    ``albedo`` is linear; it is a parameter of its own because relighting scales the recovered albedo.
+    """
     materials = {"albedo": albedo, "roughness": surfels.roughness[:, None], "metallic": metallic[:, None]}
     return splat(camera, surfels, materials, depth_unit=1.0)
 
 
 def gbuffer(camera: Camera, seen: Splat) -> GBuffer:
-    """The frame that ``seen_materials`` has blended."""
+    """Build the G-buffer from the maps of ``seen_materials``."""
     alpha = seen.alpha.flatten()
     pixel = torch.nonzero(alpha.detach() > 0)[:, 0]
     albedo, roughness, metallic = (
@@ -63,7 +73,7 @@ def gbuffer(camera: Camera, seen: Splat) -> GBuffer:
     return GBuffer(
         camera=camera,
         pixel=pixel,
-        place=(rays @ camera.axes) * depth.flatten()[pixel, None],
+        position=(rays @ camera.axes) * depth.flatten()[pixel, None],
         normal=normal * torch.where(length > 0, length, torch.inf).rsqrt(),
         outgoing=-torch.nn.functional.normalize(rays, dim=-1),
         albedo=albedo,

@@ -1,4 +1,4 @@
-"""What GI-GS recovers: surfels with their materials, and the light that they were seen under."""
+"""The model that GI-GS recovers: surfels with materials, and the light of the training images."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from radiogs_core.surfels.restoring import restored_map, restored_surfels
 
 @dataclass(frozen=True)
 class Model(LitSurfels):
-    """Surfels, a light, and the share of metal of each surfel where it is learnt."""
+    """Surfels, a light, and the metalness of each surfel if the variant learns it."""
 
     metallic_logit: Float[Tensor, " surfels"] | None = None
-    """Logit of the share of metal; None where none is learnt."""
+    """Logit of the metalness; None if the variant does not learn it."""
 
     @property
     def metallic(self) -> Float[Tensor, " surfels"]:
-        """Share of metal in [0, 1]; 0 where none is learnt."""
+        """Metalness in [0, 1]; 0 if the variant does not learn it."""
         if self.metallic_logit is None:
             return torch.zeros_like(self.surfels.roughness_logit)
         return self.metallic_logit.sigmoid()
@@ -33,7 +33,7 @@ class Model(LitSurfels):
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         surfels = restored_surfels(tensors["surfels"])
         metallic = restored_logit(tensors, "metallic_logit", surfels)
         return cls(surfels, restored_map(tensors, "log_environment"), metallic)

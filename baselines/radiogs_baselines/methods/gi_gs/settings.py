@@ -1,6 +1,7 @@
 """Settings of GI-GS: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Defaults are those of its script, which are GS-IR's, where nothing else is said; shares are of the stage's iterations.
+Unless a field says otherwise, defaults are those of the published script, which are GS-IR's; shares of the stage are
+shares of its iterations.
 """
 
 from dataclasses import dataclass, field
@@ -14,27 +15,27 @@ from radiogs_core.on_surfels.start_values import StartValues
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do. Every frame gathers light from every pixel along a grid of directions (``grid``)."""
+    """Computational effort of a run. Every frame marches from every pixel along a grid of directions (``grid``)."""
 
     shown_only = ("render_azimuths", "render_heights")
 
     azimuths: int
-    """Azimuths of the grid in training."""
+    """Azimuths of the grid of directions in training."""
     heights: int
-    """Heights of the grid in training; the first is the normal and the last the horizon, and neither counts."""
+    """Polar angles of the grid in training, normal and horizon included; these two have no weight."""
     march_steps: int
-    """Points a radius at which each direction is looked up."""
+    """Steps of a march in one radius."""
     render_azimuths: int
-    """Azimuths of the grid of frames that are shown."""
+    """Azimuths of the grid in rendered frames after training."""
     render_heights: int
-    """Heights of the grid of frames that are shown."""
+    """Polar angles of the grid in rendered frames after training."""
 
     def __post_init__(self) -> None:
         for name in ("heights", "render_heights"):
             if getattr(self, name) < 3:
                 raise UsageError(
                     f"{name}: {getattr(self, name)} is less than 3",
-                    "The first one is the normal and the last one the horizon; neither counts.",
+                    "The first polar angle is the normal and the last the horizon; neither has a weight.",
                 )
 
 
@@ -93,9 +94,9 @@ class MaterialWeights:
     shaded: float = 1.0
     """L1 between the shaded image and the training image, display sRGB."""
     variation: float = 1.0
-    """Squared differences of neighbouring pixels' albedo, roughness and metallic."""
+    """Squared differences of albedo, roughness and metalness between neighbouring pixels."""
     plainness: float = 0.001
-    """Distance of roughness from 1 and of metallic from 0."""
+    """Distance of roughness from 1 and of metalness from 0."""
     light_smoothness: float = 0.01
     """Squared differences of neighbouring texels' log-radiance."""
 
@@ -107,25 +108,26 @@ class MaterialRates:
     albedo: float = 0.05
     """Rate of the albedo's logits at the start."""
     albedo_end: float = 0.05 * 10**-0.5
-    """The same at the end, geometric in between: the script falls to a tenth in 10,000 steps and stops after 5,000."""
+    """Rate of the albedo's logits at the end, with geometric decay in between: the published script decays to a tenth
+    in 10,000 steps and stops after 5,000."""
     roughness: float = 0.05
     """Rate of the roughness' logits."""
     metallic: float = 0.05
-    """Rate of the metallic's logits."""
+    """Rate of the metalness' logits."""
     light: float = 0.05
     """Rate of the light's log-radiance."""
 
 
 @dataclass(frozen=True)
 class MaterialStart(StartValues):
-    """What materials and light start as."""
+    """Initial materials and light."""
 
     albedo: float = 0.73
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Initial linear diffuse albedo of all channels, under a constant light."""
     roughness: float = 0.73
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
     metallic: float = 0.73
-    """Share of metal, where it is learnt."""
+    """Initial metalness, if it is learnt."""
 
 
 @dataclass(frozen=True)
@@ -137,17 +139,17 @@ class MaterialLearning:
     rates: MaterialRates = field(default_factory=MaterialRates)
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
-    """What materials and light start as."""
+    """Initial materials and light."""
 
 
 Sum = Literal["display", "linear"]
-"""Where direct and indirect light are added up: as display sRGB, each encoded by itself, or as linear radiance."""
+"""Colour space in which direct and indirect light are added: display sRGB, each encoded separately, or linear."""
 
 WHOLE_MARCH = 16
-"""Steps in a radius that ``Variant.start`` counts in: those of the published script."""
+"""Steps in a radius of the published script; ``Variant.start`` is given in these."""
 
 README_START = 64
-"""First step of the march in the published README's command for training; beyond the last one."""
+"""First step of the march in the training command of the published README; it lies beyond the last step."""
 
 
 @dataclass(frozen=True)
@@ -157,34 +159,33 @@ class Variant(SurfelVariant):
     shown_only = ("relight_indirect", "frame")
 
     indirect: bool = True
-    """Whether training, and images under the recovered light, have the bounce that is gathered on the screen."""
+    """Whether training, and images under the recovered light, include the screen-space bounce."""
     relight_indirect: bool = True
-    """Whether relit images have that bounce."""
+    """Whether relit images include the screen-space bounce."""
     occlusion: bool = True
-    """Whether training, and images under the recovered light, have the occlusion found on the screen."""
+    """Whether training, and images under the recovered light, include screen-space occlusion."""
     sum: Sum = "display"
-    """Where direct and indirect light are added (see ``Sum``)."""
+    """Colour space in which direct and indirect light are added (see ``Sum``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     metallic: bool = False
-    """Whether a share of metal is learnt for each surfel: it colours the lobe by the albedo, and metal sends no
-    bounce."""
+    """Whether each surfel has a learnt metalness: it tints the specular lobe by the albedo and reduces the bounce."""
     start: int = 8
-    """First step of each march, in sixteenths of the radius; nearer surfaces are not hit. From 16 on nothing is."""
+    """First step of each march, in sixteenths of the radius; nearer surfaces are not hit. From 16 on, none is hit."""
     readme_bug: bool = False
-    """Whether training marches from ``README_START`` on, as the published README's command says: it then finds nothing,
-    but images are shown with what ``start`` finds."""
+    """Whether training marches start at ``README_START``, as in the published README's command: training then finds no
+    occluder, while rendered images still use ``start``."""
     radius: float = 0.176
     """Length of a march (the script's 0.8)."""
     bias: float = 0.0022
-    """Distance behind the marched point up to which a surface counts as hit (the script's 0.01)."""
+    """Distance behind the marched position up to which a surface counts as hit (the script's 0.01)."""
     thick: float = 0.011
-    """Distance before the marched point up to which a surface counts as hit (the script's 0.05)."""
+    """Distance before the marched position up to which a surface counts as hit (the script's 0.05)."""
     far: float = 22.0
     """Depth over which the radius grows: it is multiplied by (1 + depth / far)^2 (the script's 100)."""
     lr_scale: float = 1.0
-    """Share of the learning rates that stage 1 ends with at which geometry moves in stage 2, through the blending of
-    the maps alone; at 0 it is frozen."""
+    """Factor on stage 1's final learning rates of geometry in stage 2, whose gradient comes only from the blending of
+    the maps; at 0 geometry is frozen."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and starting values of stage 2."""
 

@@ -1,7 +1,7 @@
-"""A whole frame, shaded under a light: the split sum, with occlusion and one bounce that are found in the frame itself.
+"""Shading of a whole frame: the split sum, with occlusion and one bounce found in the frame itself.
 
-The marches of ``marching`` say which pixels each direction meets. From them come the open share of the hemisphere and
-the light of other pixels; the display image adds direct and gathered light up.
+``marching`` finds the pixel that each direction hits. The hits give the open share of the hemisphere and the light that
+arrives from other pixels; the image is the sum of direct and gathered light.
 """
 
 from dataclasses import dataclass
@@ -16,85 +16,87 @@ from radiogs_core.on_surfels.split_sum import Reflected, SplitSumLight, normal_r
 
 from .gbuffer import GBuffer
 from .grid import GATHERED, Grid
-from .marching import LOOKUPS_AT_ONCE, NOTHING, March
+from .marching import LOOKUPS_AT_ONCE, NO_HIT, March
 from .settings import Sum
 
 
 @dataclass(frozen=True)
 class Shader:
-    """How frames are shaded. occlusion, indirect: whether the frame hides light, and whether it sends a bounce.
-
-    sum, straight: see ``summed``.
-    """
+    """Shades frames with screen-space occlusion and one screen-space bounce."""
 
     march: March
+    """Directions and lengths of the marches."""
     occlusion: bool
+    """Whether surfaces in the frame occlude the light."""
     indirect: bool
+    """Whether surfaces in the frame send a bounce."""
     sum: Sum
+    """Colour space in which direct and indirect light are added (see ``summed``)."""
     straight: bool
+    """Whether display encoding precedes the multiplication by coverage (see ``splatting.displayed``)."""
 
     def shade(
         self, buffer: GBuffer, alpha: Float[Tensor, "height width"], light: SplitSumLight
     ) -> dict[str, Float[Tensor, "height width 3"]]:
         """Maps of the frame on black, by name.
 
-        ``direct``, ``indirect``: linear outgoing radiance; the second one is the median of each pixel and its
-        neighbours. ``incident``: mean over the hemisphere of the radiance that arrives from other pixels. ``image``:
-        the sum in display sRGB, not clipped. What other pixels send is their direct image as it is displayed, at most
-        1; it has no gradient, nor has the occlusion.
+        ``direct``, ``indirect``: linear outgoing radiance; ``indirect`` is median-filtered over each pixel and its
+        neighbours. ``incident``: mean over the hemisphere of the radiance that arrives from other pixels, linear.
+        ``image``: the sum in display sRGB, not clipped. Other pixels send their direct radiance, clipped to [0, 1].
+        Neither that radiance nor the occlusion has a gradient.
         """
-        grid = self.march.grid.like(buffer.place)
-        met = self._met(buffer)
+        grid = self.march.grid.like(buffer.position)
+        hits = self._hit_pixels(buffer)
         reflected = reflect(buffer, light)
-        open_share = openness(met, grid) if self.occlusion else torch.ones_like(buffer.roughness)
+        open_share = openness(hits, grid) if self.occlusion else torch.ones_like(buffer.roughness)
         direct = buffer.image(reflected.occluded(open_share))
         sent = direct.detach().clamp(0, 1) if self.indirect else torch.zeros_like(direct)
-        indirect = median(buffer.image(bounce(buffer, gathered(met, sent, grid))))
-        incident = buffer.image(mean_radiance(met, sent, grid))
+        indirect = median(buffer.image(bounce(buffer, gathered(hits, sent, grid))))
+        incident = buffer.image(mean_radiance(hits, sent, grid))
         coverage = alpha[..., None]
         maps = {"direct": direct, "indirect": indirect, "incident": incident}
         maps = {name: values * coverage for name, values in maps.items()}
         return maps | {"image": summed(maps["direct"], maps["indirect"], alpha, self.sum, self.straight)}
 
-    def _met(self, buffer: GBuffer) -> Int[Tensor, "points directions"]:
+    def _hit_pixels(self, buffer: GBuffer) -> Int[Tensor, "points directions"]:
         if self.occlusion or self.indirect:
-            return self.march.met(buffer)
+            return self.march.hit_pixels(buffer)
         shape = len(buffer), len(self.march.grid.direction)
-        return torch.full(shape, NOTHING, dtype=torch.int32, device=buffer.place.device)
+        return torch.full(shape, NO_HIT, dtype=torch.int32, device=buffer.position.device)
 
 
-def openness(met: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor, " points"]:
-    """O: the cosine-weighted share of each point's directions that meets nothing, in [0, 1]."""
-    share = grid.share
-    return torch.cat([(some == NOTHING).to(share) @ share for some in _parts(met)]).clamp(0, 1)
+def openness(hits: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor, " points"]:
+    """O: the cosine-weighted share of each point's directions that hit no surface, in [0, 1]."""
+    weight = grid.cosine_weight
+    return torch.cat([(some == NO_HIT).to(weight) @ weight for some in _parts(hits)]).clamp(0, 1)
 
 
 def gathered(
-    met: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
+    hits: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
 ) -> Float[Tensor, "points 3"]:
-    """Irradiance over pi from the pixels that are met, by their linear radiance; see ``grid.GATHERED``."""
-    return GATHERED * _weighted(met, radiance, grid.share)
+    """Irradiance over pi from the hit pixels, which send linear ``radiance``; scaled by ``grid.GATHERED``."""
+    return GATHERED * _weighted(hits, radiance, grid.cosine_weight)
 
 
 def mean_radiance(
-    met: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
+    hits: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
 ) -> Float[Tensor, "points 3"]:
-    """The same without a cosine: mean radiance over the hemisphere."""
-    return _weighted(met, radiance, grid.spread)
+    """Mean over the hemisphere, without a cosine, of the radiance from the hit pixels; linear."""
+    return _weighted(hits, radiance, grid.uniform_weight)
 
 
-def _weighted(met: Tensor, radiance: Tensor, weight: Tensor) -> Tensor:
-    # Pixel -1 is a black one.
+def _weighted(hits: Tensor, radiance: Tensor, weight: Tensor) -> Tensor:
+    # Index -1 (NO_HIT) reads the appended black pixel.
     padded = torch.cat([radiance.flatten(0, 1), radiance.new_zeros(1, 3)])
-    return torch.cat([(padded[some.long()] * weight[:, None]).sum(1) for some in _parts(met)])
+    return torch.cat([(padded[some.long()] * weight[:, None]).sum(1) for some in _parts(hits)])
 
 
-def _parts(met: Tensor) -> tuple[Tensor, ...]:
-    return met.split(max(1, LOOKUPS_AT_ONCE // met.shape[1]))
+def _parts(hits: Tensor) -> tuple[Tensor, ...]:
+    return hits.split(max(1, LOOKUPS_AT_ONCE // hits.shape[1]))
 
 
 def median(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "height width channels"]:
-    """The median of each pixel and its eight neighbours, channel by channel; beyond the border is black."""
+    """Median of each pixel and its eight neighbours, channel by channel; pixels beyond the border count as black."""
     padded = pad(image, (0, 0, 1, 1, 1, 1))
     height, width = image.shape[:2]
     around = [padded[row : row + height, column : column + width] for row in range(3) for column in range(3)]
@@ -108,9 +110,9 @@ def summed(
     where: Sum,
     straight: bool,
 ) -> Float[Tensor, "height width 3"]:
-    """The display-sRGB image on black of two linear radiances, both multiplied by coverage; not clipped.
+    """Display-sRGB image on black of two linear radiance maps, both multiplied by coverage; not clipped.
 
-    ``where`` "display", as published: sRGB(direct) + sRGB(indirect), which is more than sRGB(direct + indirect).
+    ``where`` "display", as published: sRGB(direct) + sRGB(indirect), which is brighter than sRGB(direct + indirect).
     ``straight``: see ``splatting.displayed``.
     """
     if where == "linear":
@@ -119,14 +121,14 @@ def summed(
 
 
 def reflect(buffer: GBuffer, light: SplitSumLight) -> Reflected:
-    """The split sum, unoccluded. Gradient to the materials and to the light."""
+    """Unoccluded split sum of each point; gradient to the materials and to the light."""
     return light.reflected(buffer.normal, buffer.outgoing, buffer.albedo, buffer.roughness, buffer.metallic)
 
 
 def bounce(buffer: GBuffer, gathered: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-    """Linear diffuse radiance by gathered irradiance over pi: k_D albedo times that; gradient to the albedo alone.
+    """Linear diffuse radiance of one bounce: k_D albedo ``gathered``, where ``gathered`` is irradiance over pi.
 
-    k_D = (1 - F(n.v)) (1 - metallic), by Schlick's F.
+    k_D = (1 - F(n.v)) (1 - metallic), with Schlick's F. Only the albedo has a gradient.
     """
     cosine = (buffer.normal * buffer.outgoing).sum(-1)
     head_on = normal_reflectance(buffer.albedo, buffer.metallic)

@@ -1,7 +1,6 @@
-"""A trained GI-GS model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained GI-GS model, under the recovered light and relit.
 
-Each frame is shaded with what it shows of itself. Labels say where a run differs from the published method; they go
-with its results.
+Occlusion and bounce of each frame come from the frame itself. Labels state how a run differs from the published method.
 """
 
 from collections.abc import Callable
@@ -35,13 +34,13 @@ Maps = dict[str, Float[Tensor, "height width _"]]
 
 
 class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
-    """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def as_trained(self) -> Prepared:
-        """Shaded as in training."""
+        """Rendering under the recovered light, shaded as in training."""
         own = self._shader(self.run.variant.occlusion, self.run.variant.indirect)
         light = SplitSumLight(PrefilteredLight(self.model.environment.detach())).ready()
         return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), SHOWN_WITH_INCIDENT)
@@ -49,7 +48,7 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """Without occlusion, and with the bounce of the frame under the new light."""
+        """Rendering under ``light``, without occlusion and with the frame's bounce under that light."""
         new = SplitSumLight(PrefilteredLight(light.radiance), self.run.variant.frame).ready()
         shader = self._shader(occlusion=False, indirect=self.run.variant.relight_indirect)
         return Shown(Renderer(self.model, self.model.surfels.albedo.detach() * albedo_scale, new, shader))
@@ -62,10 +61,7 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
 
 
 class Renderer:
-    """A model under a light, ready to be seen from any camera.
-
-    ``albedo`` is given apart, because relighting scales it.
-    """
+    """Renders a model under one light. ``albedo`` (linear) may differ from the model's: relighting scales it."""
 
     def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, shader: Shader) -> None:
         self.model, self.albedo, self.light, self.shader = model, albedo, light, shader
@@ -89,11 +85,11 @@ class Renderer:
 PAPER = PRESETS["paper"]
 
 PUBLISHED_LENGTHS = {"radius": 0.8, "bias": 0.01, "thick": 0.05, "far": 100.0}
-"""In the world units of TensoIR's scenes."""
+"""Lengths of the published script, in the world units of TensoIR's scenes."""
 
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    """Labels by name. ``extent``: the scene's, world units."""
+    """Differences from the published method, by name. ``extent``: the scene's extent, world units."""
     lengths = (
         f"{name} {extent * getattr(variant, name):.3g} (published: {value:g})"
         for name, value in PUBLISHED_LENGTHS.items()
@@ -120,7 +116,7 @@ def _moves(variant: Variant) -> str:
 
 
 def _start(variant: Variant) -> str:
-    shown = f"marches begin at {variant.start} of 16 steps"
+    begin = f"marches begin at {variant.start} of 16 steps"
     if variant.readme_bug:
-        return f"{shown} where images are shown, at {variant.training_start} in training, as the README's command says"
-    return f"{shown} (published: 8; its README's command trains with 64, which finds nothing)"
+        return f"{begin} where images are shown, at {variant.training_start} in training, as the README's command says"
+    return f"{begin} (published: 8; its README's command trains with 64, which finds nothing)"

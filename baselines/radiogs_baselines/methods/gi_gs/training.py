@@ -1,6 +1,6 @@
-"""Stage 2 of GI-GS: materials and light from images of whole frames, shaded with what each frame shows of itself.
+"""Stage 2 of GI-GS: materials and light from whole frames, with screen-space occlusion and bounce.
 
-It starts from the surfels of stage 1 with new materials and a new light. All losses are of one frame.
+It starts from the surfels of stage 1 with new materials and a new light. Every loss is computed on one frame.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ from .shading import Shader
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+    """Stage 2: keeps geometry and radiance of stage 1 and learns new materials and light. A ``contract.Stage``."""
 
     def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
         variant, budget, extent = run.variant, run.budget, run.scene.extent
@@ -48,18 +48,18 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         tensors = self.optimiser.tensors
         surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
         return Model(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
 
     def begin_step(self) -> None:
-        """Set the rate of albedo, which falls geometrically over the stage."""
+        """Set the learning rate of albedo, which decays geometrically over the stage."""
         rates, progress = self.variant.materials.rates, self.iteration / self.iterations
         self.optimiser.set_rate("albedo_logit", rates.albedo ** (1 - progress) * rates.albedo_end**progress)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``."""
+        """Weighted losses of a step on ``view``, by name."""
         model, weights = self.model, self.variant.materials.weights
         seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
         buffer, target = gbuffer(view.camera, seen), view.over(0.0)
@@ -73,7 +73,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         }
 
     def _materials(self, buffer: GBuffer) -> Tensor:
-        """Albedo, roughness and, where it is learnt, metallic, as one image."""
+        """Albedo, roughness and, if learnt, metalness as one image [height, width, 4 or 5]."""
         metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
         return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
 
@@ -85,7 +85,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
     """Mean L1 between the shaded image and the training image on black, display sRGB.
 
-    Where the target is saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    Where the target is saturated, a brighter image is no error, as in ``learning.losses.reconstruction``.
     """
     found = torch.where(target >= 1, image.clamp(max=1), image)
     return (found - target).abs().mean()
@@ -96,9 +96,9 @@ def variation(
     target: Float[Tensor, "height width 3"],
     solid: Bool[Tensor, "height width"],
 ) -> Float[Tensor, ""]:
-    """Squared differences of neighbouring pixels, where both are solid, down and across; averaged over all pixels.
+    """Squared differences between vertical and horizontal neighbours that are both solid; mean over all pixels.
 
-    They count as exp(-d), where d is the mean distance of the channels of ``target`` (display sRGB) between the two.
+    Each pair is weighted by exp(-d), where d is the mean absolute difference of its ``target`` (display sRGB).
     """
     total = maps.new_zeros(())
     for dim in (0, 1):
@@ -111,7 +111,7 @@ def variation(
 
 
 def plainness(buffer: GBuffer, metallic: bool) -> Float[Tensor, ""]:
-    """Mean of 1 - roughness over the points, and of the share of metal where it is learnt; 0 for no points."""
+    """Mean of 1 - roughness over the points, plus the mean metalness if it is learnt; 0 without points."""
     if not len(buffer):
         return buffer.roughness.new_zeros(())
     rough = (1 - buffer.roughness).mean()
@@ -119,7 +119,7 @@ def plainness(buffer: GBuffer, metallic: bool) -> Float[Tensor, ""]:
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates by raw parameter, at the start; ``extent``: the scene's, world units."""
+    """Initial learning rates by raw parameter; ``extent``: the scene's extent, world units."""
     rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
     return {
         "centre": scale * (before.position_end * extent),
@@ -136,5 +136,5 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 
 def frozen(surfels: Surfels, moves: bool) -> Surfels:
-    """The surfels whose radiance has no gradient, nor, unless it ``moves``, their geometry."""
+    """The surfels without gradient to their radiance and, unless geometry ``moves``, to their geometry."""
     return surfels.detached("sh") if moves else surfels.detached("sh", *GEOMETRY)

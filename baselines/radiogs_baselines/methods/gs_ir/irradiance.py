@@ -1,4 +1,4 @@
-"""The volume of indirect irradiance: gray harmonics on a lattice, learnt from images alone and starting at zero."""
+"""The volume of indirect irradiance: grey harmonics on a lattice, learnt from the images and initialised to zero."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,33 +18,35 @@ COEFFICIENTS = 9
 
 @dataclass(frozen=True)
 class IrradianceVolume:
-    """Harmonics of I at every corner of a lattice, in the basis and signs of 3DGS."""
+    """Spherical harmonics of the indirect irradiance I at every corner of a lattice."""
 
     lattice: Lattice
+    """Positions of the corners."""
     coefficients: Float[Tensor, "corners 9"]
+    """Harmonics of degrees 0 to 2, in the basis and signs of 3DGS."""
 
     @classmethod
     def dark(cls, lattice: Lattice) -> "IrradianceVolume":
-        """Zero everywhere."""
+        """A volume whose harmonics are all zero."""
         return cls(lattice, lattice.low.new_zeros(lattice.corners**3, COEFFICIENTS))
 
-    def at(self, place: Float[Tensor, "points 3"], normal: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
-        """I = max(0, sum of g Y(n)): gray irradiance over pi that arrives at unit ``normal``, linear.
+    def at(self, position: Float[Tensor, "points 3"], normal: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+        """I = max(0, sum of g Y(n)): grey irradiance over pi at world positions with unit normals, linear.
 
-        Gradient to the harmonics alone; at zero, where they start, it is that of what lies above.
+        Gradient to the harmonics only. Where the sum is exactly zero, as at the start, the gradient passes.
         """
-        number, share = self.lattice.around(place.detach())
-        around = self.coefficients.index_select(0, number.flatten()).view(*number.shape, COEFFICIENTS)
+        index, share = self.lattice.around(position.detach())
+        around = self.coefficients.index_select(0, index.flatten()).view(*index.shape, COEFFICIENTS)
         of_three_channels = (share[..., None] * around).sum(1)[..., None].expand(-1, -1, 3)
         return harmonic_sum(of_three_channels, normal.detach()[:, None])[:, 0, 0].clamp(min=0)
 
     def tensors(self) -> dict[str, Any]:
-        """The volume as plain values, without gradient history."""
+        """The lattice and the harmonics as plain values, without gradient history."""
         return {**self.lattice.tensors(), "coefficients": self.coefficients.detach()}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "IrradianceVolume":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         lattice, coefficients = Lattice.of_tensors(tensors), finite_tensor(tensors, "coefficients")
         if coefficients.shape != (lattice.corners**3, COEFFICIENTS):
             raise broken_volume(f"has harmonics of the shape {tuple(coefficients.shape)}, {lattice.corners}^3 corners")

@@ -1,4 +1,4 @@
-"""A lattice of corners over a cube, and trilinear shares of the eight around a place."""
+"""A cubic lattice of corners, and trilinear weights of the eight corners around a position."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,35 +13,35 @@ from radiogs_core.surfels.restoring import finite_tensor
 from radiogs_core.surfels.surfels import Surfels
 
 STRAYS = 0.001
-"""Share of the surfels that may lie beyond either end of each axis: a single one far away makes every cell larger."""
+"""Share of the surfels that may lie outside the lattice at each end of each axis: outliers would enlarge every cell."""
 
 EIGHT = ((0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1))
-"""The corners of a cell by their steps along x, y and z."""
+"""Offsets of a cell's corners from its first one, in steps along x, y and z."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """``corners`` corners along each edge of a cube. Corner (i, j, k) has the number (i corners + j) corners + k.
-
-    low: the cube's lowest corner, world. edge: length of the cube's edge, world units.
-    """
+    """Corners on a regular grid over a cube. Corner (i, j, k) has the index (i corners + j) corners + k."""
 
     low: Float[Tensor, "3"]
+    """The cube's corner of least x, y and z, world."""
     edge: float
+    """Length of the cube's edge, world units."""
     corners: int
+    """Number of corners along each edge."""
 
     @classmethod
     def over(cls, surfels: Surfels, corners: int) -> "Lattice":
-        """Over the smallest cube around the surfels' centres, but for strays, and a cell more on every side.
+        """Lattice over the smallest cube around the surfels' centres without outliers, with one more cell on each side.
 
-        The cube is at least as large as half of the surfels' standard deviations. There have to be a surfel and four
-        corners an edge.
+        The inner cube's edge is at least the median of the surfels' standard deviations. Needs at least one surfel and
+        four corners along an edge.
         """
         ordered = surfels.centre.detach().sort(0).values
         last = len(ordered) - 1
         low, high = ordered[int(STRAYS * last)], ordered[last - int(STRAYS * last)]
         widest = max(float((high - low).max()), float(surfels.scale.detach().median()))
-        edge = widest * (corners - 1) / (corners - 3)  # two of the cells lie outside
+        edge = widest * (corners - 1) / (corners - 3)  # two cells lie outside the inner cube
         return cls((low + high) / 2 - edge / 2, edge, corners)
 
     @property
@@ -51,44 +51,46 @@ class Lattice:
 
     @property
     def half(self) -> float:
-        """How far in front of a surface it is read, world units: nearly half a cell, as published."""
+        """Distance in front of a surface at which volumes are read, world units: nearly half a cell, as published."""
         return self.edge / (2 * self.corners)
 
     def of(self, corners: int) -> "Lattice":
-        """Another number of corners over the same cube."""
+        """Lattice over the same cube with another number of corners."""
         return replace(self, corners=corners)
 
-    def inside(self, place: Float[Tensor, "places 3"]) -> Float[Tensor, "places 3"]:
-        """The nearest place in the cube."""
-        return torch.minimum(torch.maximum(place, self.low), self.low + self.edge)
+    def inside(self, position: Float[Tensor, "positions 3"]) -> Float[Tensor, "positions 3"]:
+        """Positions clamped to the cube."""
+        return torch.minimum(torch.maximum(position, self.low), self.low + self.edge)
 
-    def around(self, place: Float[Tensor, "places 3"]) -> tuple[Int[Tensor, "places 8"], Float[Tensor, "places 8"]]:
-        """Numbers of the corners of the cell that each place lies in, and its trilinear shares, which sum to one.
+    def around(
+        self, position: Float[Tensor, "positions 3"]
+    ) -> tuple[Int[Tensor, "positions 8"], Float[Tensor, "positions 8"]]:
+        """Indices of the eight corners around each position, and their trilinear weights, which sum to one.
 
-        A place outside the cube counts as the nearest one inside.
+        Positions outside the cube are clamped to it.
         """
-        local = ((place - self.low) / self.spacing).clamp(0, self.corners - 1)
+        local = ((position - self.low) / self.spacing).clamp(0, self.corners - 1)
         first = local.detach().floor().clamp(max=self.corners - 2)
         beyond = (local - first)[:, None]
-        step = torch.tensor(EIGHT, device=place.device)
+        step = torch.tensor(EIGHT, device=position.device)
         share = torch.where(step > 0, beyond, 1 - beyond).prod(-1)
         i, j, k = (first.long()[:, None] + step).unbind(-1)
         return (i * self.corners + j) * self.corners + k, share
 
-    def places(self, number: Int[Tensor, "*shape"]) -> Float[Tensor, "*shape 3"]:
-        """Where corners are, world."""
-        column = number % self.corners
-        row = number // self.corners % self.corners
-        layer = number // self.corners**2
+    def positions(self, index: Int[Tensor, "*shape"]) -> Float[Tensor, "*shape 3"]:
+        """World positions of the corners with these indices."""
+        column = index % self.corners
+        row = index // self.corners % self.corners
+        layer = index // self.corners**2
         return self.low + self.spacing * torch.stack([layer, row, column], -1).to(self.low)
 
     def tensors(self) -> dict[str, Any]:
-        """The lattice as plain values."""
+        """The lattice as plain values, for ``of_tensors``."""
         return {"low": self.low, "edge": self.edge, "corners": self.corners}
 
     @classmethod
     def of_tensors(cls, tensors: Mapping[str, Any]) -> "Lattice":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         low, edge, corners = finite_tensor(tensors, "low"), tensors.get("edge"), tensors.get("corners")
         if low.shape != (3,) or not isinstance(edge, float) or not edge > 0:
             raise broken_volume("has no cube")
@@ -98,7 +100,7 @@ class Lattice:
 
 
 def broken_volume(what: str) -> DataError:
-    """The error for a stored volume; ``what`` goes on from "A volume of the stored model"."""
+    """The error for a damaged volume; ``what`` completes the sentence "a volume of the stored model ..."."""
     return DataError(
         f"a volume of the stored model {what}",
         "It was written by another program, or is damaged.",

@@ -1,4 +1,4 @@
-"""GS-IR as the harness knows it: its stages, what each depends on, and its trained model."""
+"""Registers GS-IR with the harness: stages, presets and trained model."""
 
 from radiogs_core.on_surfels.method import SurfelMethod
 

@@ -1,4 +1,4 @@
-"""What GS-IR recovers: surfels with their materials, the light from afar, and the two volumes around the surfels."""
+"""The model that GS-IR recovers: surfels with materials, distant light, and volumes of occlusion and irradiance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ from .occlusion import OcclusionVolume
 
 @dataclass(frozen=True)
 class Model(LitSurfels):
-    """Surfels, a light, and what the variant learns beside them."""
+    """Surfels, a light, and the metalness and volumes that the variant has."""
 
     metallic_logit: Float[Tensor, " surfels"] | None = None
-    """Logit of the metalness; None where none is learnt."""
+    """Logit of the metalness; None if the variant does not learn it."""
     occlusion: OcclusionVolume | None = None
     """Baked occlusion; None for a variant without it."""
     irradiance: IrradianceVolume | None = None
@@ -28,7 +28,7 @@ class Model(LitSurfels):
 
     @property
     def metallic(self) -> Float[Tensor, " surfels"] | None:
-        """Metalness in (0, 1)."""
+        """Metalness in (0, 1); None if the variant does not learn it."""
         return None if self.metallic_logit is None else torch.sigmoid(self.metallic_logit)
 
     def tensors(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class Model(LitSurfels):
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         surfels = restored_surfels(tensors["surfels"])
         metallic = restored_logit(tensors, "metallic_logit", surfels)
         return cls(

@@ -1,4 +1,4 @@
-"""The diffuse pre-filter of GS-IR's code: its approximate areas of texels turn a white sky into 1.05 to 1.12."""
+"""The diffuse pre-filter of GS-IR's code, whose approximate texel areas brighten a white sky to 1.05 to 1.12."""
 
 from functools import cache, cached_property
 
@@ -14,35 +14,36 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 from .settings import TexelAreas
 
 FACE = 16
-"""Texels along an edge of the cube map that the code filters."""
+"""Texels along an edge of the cube map that GS-IR's code filters."""
 
 
 class ApproximatelyFilteredLight(PrefilteredLight):
-    """A light whose diffuse part is summed over a cube map with the areas of ``approximate_areas``."""
+    """A light whose diffuse part is integrated over a cube map with ``approximate_areas``."""
 
     @cached_property
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
-        """Irradiance over pi by normal, 8 % too bright on average."""
+        """Irradiance over pi by normal, linear; 8 % too bright on average."""
         height, width = self.sharp.shape[:2]
         filtered = _approximate_filter(height, width).to(self.sharp) @ self.sharp.reshape(-1, 3)
         return filtered.view(GRID_HEIGHT, GRID_WIDTH, 3)
 
     @cached_property
     def both(self) -> tuple[Float[Tensor, "rows columns 3"], Float[Tensor, "levels rows columns 3"]]:
-        """The approximate ``diffuse``, and the exact ``glossy``."""
+        """The approximate ``diffuse`` and the exact ``glossy``."""
         return self.diffuse, super().both[1]
 
 
 def filtered_light(radiance: Float[Tensor, "height width 3"], areas: TexelAreas) -> PrefilteredLight:
-    """A light, filtered with exact or approximate areas of texels; differentiable in its texels."""
+    """Pre-filter linear ``radiance`` with exact or approximate texel areas; differentiable with respect to it."""
     return PrefilteredLight(radiance) if areas == "exact" else ApproximatelyFilteredLight(radiance)
 
 
 def approximate_areas(face: int = FACE) -> Float[Tensor, "face face"]:
-    """The solid angles that the code gives the texels of a face, float64; six faces of 16 x 16 have 13.59, not 4 pi.
+    """Solid angles, steradian, that GS-IR's code gives the texels of a face, float64.
 
-    Each is a product of the differences of two arcus tangents, at whole numbers of texels from the middle of the face:
-    the texels left of the middle are taken one too far out.
+    Six faces of 16 x 16 texels sum to 13.59 instead of 4 pi. Each solid angle is a product of two differences of
+    arctangents at integer texel offsets from the middle of the face; texels left of the middle are one offset too far
+    out.
     """
     half = face // 2
     away = (torch.arange(face, dtype=torch.float64) - half).abs()
@@ -51,9 +52,9 @@ def approximate_areas(face: int = FACE) -> Float[Tensor, "face face"]:
 
 
 def cube_directions(face: int = FACE) -> Float[Tensor, "6 face face 3"]:
-    """Unit directions of the texels of a cube map by face, row and column, float64, as OpenGL lays its faces out.
+    """Unit directions of a cube map's texels by face, row and column, float64, in OpenGL's layout.
 
-    Which way rows and columns run matters: ``approximate_areas`` are not the same on both sides of a face.
+    The direction of rows and columns matters: ``approximate_areas`` differ between the two sides of a face.
     """
     middle = (2 * torch.arange(face, dtype=torch.float64) + 1) / face - 1
     row, column = torch.meshgrid(middle, middle, indexing="ij")
@@ -67,7 +68,7 @@ def cube_directions(face: int = FACE) -> Float[Tensor, "6 face face 3"]:
 
 @cache
 def _approximate_filter(height: int, width: int) -> Float[Tensor, "grid texels"]:
-    """From the texels of a lat-long map, read bilinearly at those of the cube, to the diffuse grid; float32."""
+    """Matrix from the texels of a lat-long map to the diffuse grid; cube texels read the map bilinearly. float32."""
     direction = cube_directions().view(-1, 3)
     normal = texel_directions(GRID_HEIGHT, GRID_WIDTH).view(-1, 3)
     area = approximate_areas().expand(6, FACE, FACE).reshape(-1)

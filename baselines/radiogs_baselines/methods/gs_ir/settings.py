@@ -1,6 +1,6 @@
 """Settings of GS-IR: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Defaults are those of its scripts for TensoIR's scenes where nothing else is said.
+Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes.
 """
 
 from dataclasses import dataclass, field
@@ -13,16 +13,16 @@ from radiogs_core.on_surfels.start_values import StartValues
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do. A step of stage 2 shades all pixels of one view."""
+    """Computational effort of a run. A step of stage 2 shades all pixels of one view."""
 
     occlusion_corners: int
-    """Corners an edge of the lattice on which occlusion is baked between the stages."""
+    """Corners along an edge of the lattice on which occlusion is baked before stage 2."""
     occlusion_directions: int
-    """Rays from each corner near a surface."""
+    """Rays traced from each corner near a surface."""
     occlusion_samples: int
-    """Directions over which the occlusion of a pixel is a mean."""
+    """Directions over which the occlusion of a pixel is averaged."""
     irradiance_corners: int
-    """Corners an edge of the volume of indirect irradiance."""
+    """Corners along an edge of the volume of indirect irradiance."""
 
 
 PRESETS = by_name(
@@ -76,16 +76,16 @@ class MaterialWeights:
     shaded: float = 1.0
     """L1 between the shaded image and the training image, display sRGB."""
     smoothness: float = 1.0
-    """Squared differences of neighbouring pixels' albedo, roughness and metalness, less at edges of the image."""
+    """Squared differences of albedo, roughness and metalness of neighbouring pixels, down-weighted at image edges."""
     prior: float = 0.001
-    """Mean of 1 - roughness, and of the metalness: materials are rough and not metallic."""
+    """Mean of 1 - roughness plus the mean metalness: prefers rough, non-metallic materials."""
     light_smoothness: float = 0.01
     """Squared differences of neighbouring texels' log-radiance."""
 
 
 @dataclass(frozen=True)
 class MaterialRates:
-    """Adam's learning rates; all are the script's rate of opacities."""
+    """Adam's learning rates; all equal the published script's rate of opacities."""
 
     albedo: float = 0.05
     """Rate of the albedo's logits."""
@@ -101,14 +101,14 @@ class MaterialRates:
 
 @dataclass(frozen=True)
 class MaterialStart(StartValues):
-    """What materials and light start as; irradiance starts at zero."""
+    """Initial materials and light; irradiance starts at zero."""
 
     albedo: float = 0.731
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Initial linear diffuse albedo of all channels, under a constant light."""
     roughness: float = 0.742
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
     metallic: float = 0.731
-    """Metalness, where there is one."""
+    """Initial metalness, if it is learnt."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class MaterialLearning:
     rates: MaterialRates = field(default_factory=MaterialRates)
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
-    """What materials and light start as."""
+    """Initial materials and light."""
 
 
 TexelAreas = Literal["exact", "approximate"]
-"""Solid angles of texels in the diffuse pre-filter: as they are, or those of GS-IR's code, 8 % too large."""
+"""Solid angles of texels in the diffuse pre-filter: exact, or those of GS-IR's code, which are 8 % too large."""
 
 
 @dataclass(frozen=True)
@@ -136,20 +136,20 @@ class Variant(SurfelVariant):
     occlusion: bool = True
     """Whether the diffuse part is occluded, O L_env + (1 - O) L_ind; otherwise O = 1."""
     indirect: bool = True
-    """Whether a volume of irradiance is learnt; otherwise L_ind = 0. Without occlusion there is none, either."""
+    """Whether a volume of irradiance is learnt; otherwise L_ind = 0. Without occlusion L_ind is 0, too."""
     tau: float | None = 0.055
     """Distance from which on geometry does not occlude (the script's 0.25 is 0.055 of TensoIR's); None: no limit."""
     nearest: float = 0.0
-    """Distance up to which geometry does not occlude; the published rasterizer leaves out what is nearer than 0.2,
-    which is 0.044 of TensoIR's."""
+    """Distance up to which geometry does not occlude; the published rasterizer skips Gaussians nearer than 0.2, which
+    is 0.044 of TensoIR's."""
     metallic: bool = False
-    """Whether a metalness is learnt that mixes F0 from 0.04 and the albedo."""
+    """Whether a metalness is learnt, which interpolates F0 between 0.04 and the albedo."""
     texel_areas: TexelAreas = "exact"
     """Solid angles of texels in the diffuse pre-filter (see ``TexelAreas``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     lr_scale: float = 1.0
-    """Share of the rates that stage 1 ends with at which geometry moves in stage 2; at 0 it is frozen."""
+    """Factor on stage 1's final learning rates of geometry in stage 2; at 0 geometry is frozen."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and starting values of stage 2."""
 

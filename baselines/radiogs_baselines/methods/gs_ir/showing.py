@@ -1,6 +1,6 @@
-"""A trained GS-IR model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained GS-IR model, under the recovered light and relit.
 
-Labels say where a run differs from the published method; they go with its results.
+Labels state how a run differs from the published method.
 """
 
 from collections.abc import Callable
@@ -25,21 +25,21 @@ from .shading import Shaded, View
 
 
 class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
-    """Surfels with materials, a light and two volumes, and what they were trained on; see ``contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def facts(self) -> dict[str, Any]:
-        """``probes``: how many. The rest: see ``TrainedOnSurfels``."""
+        """Adds ``probes``, the number of occlusion probes, to the facts of ``TrainedOnSurfels``."""
         occlusion = self.model.occlusion
         return super().facts() | {"probes": 0 if occlusion is None else len(occlusion.coefficients)}
 
     def export(self, folder: Path) -> list[Path]:
-        """Write ``surfels.ply`` and, as far as there are any, ``metallic.npy`` [surfels] and ``volumes.npz``.
+        """Write ``surfels.ply`` and, if the model has them, ``metallic.npy`` [surfels] and ``volumes.npz``.
 
-        Volumes: ``occlusion`` and ``irradiance``, harmonics [corners, corners, corners, coefficients] along x, y and z
-        in 3DGS's basis, over the cube from ``low`` with edge ``edge``, world units. Raises OSError.
+        Arrays of ``volumes.npz``: ``occlusion`` and ``irradiance``, harmonics [corners, corners, corners, coefficients]
+        along x, y and z in 3DGS's basis, over the cube from ``low`` with edge ``edge``, world units. Raises OSError.
         """
         written = super().export(folder)
         if self.model.metallic is not None:
@@ -61,14 +61,14 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         return {name: value.cpu().numpy() for name, value in found.items()}
 
     def as_trained(self) -> Prepared:
-        """With both volumes."""
+        """Rendering under the recovered light, with both volumes."""
         light = self._filtered(self.model.environment.detach(), "oriented")
         return Shown(_AsTrained(self.model, light, self.run))
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """Without occlusion or indirect light."""
+        """Rendering under ``light``, without occlusion and indirect light."""
         albedo = self.model.surfels.albedo.detach() * albedo_scale
         new = self._filtered(light.radiance, self.run.variant.frame)
         return Shown(_Relit(self.model, albedo, new, self.run.variant.straight))
@@ -118,7 +118,7 @@ PAPER = PRESETS["paper"]
 
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    """Labels by name. ``extent``: the scene's, world units."""
+    """Differences from the published method, by name. ``extent``: the scene's extent, world units."""
     labels = {
         "geometry": "surfels of this project and their normals in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",

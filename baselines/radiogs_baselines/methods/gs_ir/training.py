@@ -1,7 +1,7 @@
-"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading, under occlusion baked before.
+"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading with baked occlusion.
 
-It starts from the surfels of stage 1 with new materials, a new light and no irradiance yet. Occlusion is baked once,
-before the first step: rays from the corners of a lattice that surfels are near.
+It starts from the surfels of stage 1 with new materials, a new light and zero irradiance. Occlusion is baked once,
+before the first step, by rays from the lattice corners near surfels.
 """
 
 from collections.abc import Mapping
@@ -34,11 +34,11 @@ from .settings import Budget, Variant
 from .shading import View
 
 MATERIALS = ("albedo", "roughness", "metallic")
-"""Blended maps that are kept smooth; the last where there is one."""
+"""Blended maps that the smoothness loss reads; metallic only if it is learnt."""
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Bakes occlusion by the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+    """Stage 2: bakes occlusion from stage 1's geometry and learns new materials and light. A ``contract.Stage``."""
 
     def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
         variant, budget, extent = run.variant, run.budget, run.scene.extent
@@ -61,7 +61,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         surfels, tensors = self.optimiser.surfels, self.optimiser.tensors
         return Model(
             surfels if self.variant.lr_scale > 0 else frozen(surfels),
@@ -72,7 +72,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         )
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``."""
+        """Weighted losses of a step on ``view``, by name."""
         weights, model, target = self.variant.materials.weights, self.model, view.over(0.0)
         light = SplitSumLight(filtered_light(model.environment, self.variant.texel_areas))
         shown = View.of(view.camera, model, model.surfels.albedo, self.depth_unit)
@@ -92,11 +92,11 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
 
 CHANNELS = 5
-"""Albedo, roughness and metalness: what the published smoothness is a mean over, whether metalness is learnt or not."""
+"""Channels of albedo, roughness and metalness; the published loss divides by 5 even if metalness is not learnt."""
 
 
 def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
-    """Mean L1 between display-sRGB images. What is brighter than 1 is cut off, and has no gradient."""
+    """Mean L1 between display-sRGB images; values above 1 are clipped and have no gradient."""
     return (image.clamp(0, 1) - target).abs().mean()
 
 
@@ -107,8 +107,8 @@ def material_smoothness(
 ) -> Float[Tensor, ""]:
     """Mean squared difference of neighbouring covered pixels, times exp(-|difference of ``guide``|).
 
-    The mean is over all pairs of pixels along x and along y, and ``CHANNELS`` channels; ``guide`` is the training image
-    in display sRGB, whose channels' differences are averaged.
+    The mean is over all pairs of pixels along x and along y, and over ``CHANNELS`` channels. ``guide`` is the training
+    image in display sRGB; its difference is averaged over channels.
     """
     total = materials.new_zeros(())
     for axis in (0, 1):
@@ -120,13 +120,13 @@ def material_smoothness(
 
 
 def material_prior(roughness: Float[Tensor, " points"], metallic: Float[Tensor, " points"] | None) -> Float[Tensor, ""]:
-    """Mean of 1 - roughness plus that of the metalness; 0 for no points."""
+    """Mean of 1 - roughness plus mean metalness over the points; 0 without points."""
     smooth = 1 - roughness if metallic is None else 1 - roughness + metallic
     return smooth.sum() / max(1, len(smooth))
 
 
 def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float]:
-    """Learning rates by raw parameter; those of geometry are what stage 1 ends with. ``extent``: the scene's."""
+    """Learning rates by raw parameter; geometry has stage 1's final rates. ``extent``: the scene's, world units."""
     rates, before = variant.materials.rates, variant.geometry.rates
     late = variant.lr_scale * before.end_share
     return {
@@ -145,33 +145,35 @@ def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float
 
 
 def frozen(surfels: Surfels) -> Surfels:
-    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    """The surfels with their geometry detached: it gets no gradient and does not change."""
     return surfels.detached(*GEOMETRY)
 
 
 SOLID = 0.5
-"""Opacity along a ray above which its depth is that of an occluder."""
+"""Opacity above which a ray counts as hitting an occluder at its mean depth."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Which occluders a probe knows, by their distance in world units: from ``nearest`` on and nearer than ``tau``."""
+    """Range of distances, world units, within which geometry occludes a probe."""
 
     nearest: float = 0.0
+    """Distance at which rays start; nearer geometry does not occlude."""
     tau: float = torch.inf
+    """Distance from which on geometry does not occlude."""
 
     @classmethod
     def of(cls, variant: Variant, extent: float) -> "Reach":
-        """That of a variant; ``extent``: the scene's, world units."""
+        """The range of a variant; ``extent``: the scene's extent, world units."""
         return cls(variant.nearest * extent, torch.inf if variant.tau is None else variant.tau * extent)
 
     def hidden(
         self, tracer: SurfelTracer, origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"]
     ) -> Bool[Tensor, " rays"]:
-        """Whether each ray is more than half covered and the mean depth of what covers it is less than tau.
+        """Whether each ray has an opacity above ``SOLID`` and a mean depth less than tau.
 
-        Surfels are met from both sides: a probe may lie on either of them. The depth is that of the whole ray, divided
-        by its opacity, as a rasterizer blends it.
+        Rays hit both sides of surfels, because a probe may lie on either side. The mean depth is blended over the whole
+        ray and divided by its opacity, as a rasterizer does.
         """
         surfels, start = tracer.surfels, torch.full_like(origin[:, 0], self.nearest)
         hits = trace(
@@ -185,40 +187,41 @@ class Reach:
 
 @torch.no_grad()
 def bake(surfels: Surfels, lattice: Lattice, reach: Reach, directions: int) -> OcclusionVolume:
-    """The harmonics of M at every corner near a surfel; the other corners inherit the nearest probe, by grid steps.
+    """Bake a probe at every corner near a surfel; the other corners inherit the nearest probe, counted in grid steps.
 
-    M(w) = 0 where ``Reach.hidden``, else 1, along ``directions`` directions that are spread over the sphere. There has
-    to be at least one surfel.
+    A probe holds the harmonics of M(w), which is 0 where ``Reach.hidden`` and 1 elsewhere, from ``directions``
+    directions over the sphere. Needs at least one surfel.
     """
     near = corners_near(surfels, lattice)
     tracer = SurfelTracer(surfels).built()
     direction = sphere_directions(directions, dtype=lattice.low.dtype, device=lattice.low.device)
     onto = projection(direction)
     parts = []
-    for some in lattice.places(near).split(max(1, RAYS_AT_ONCE // directions)):
+    for some in lattice.positions(near).split(max(1, RAYS_AT_ONCE // directions)):
         hidden = reach.hidden(tracer, some.repeat_interleave(directions, 0), direction.repeat(len(some), 1))
         parts.append((~hidden).to(onto).view(len(some), directions) @ onto)
     return OcclusionVolume(lattice, inherited(near, lattice.corners), torch.cat(parts))
 
 
 def corners_near(surfels: Surfels, lattice: Lattice) -> Int[Tensor, " near"]:
-    """Numbers, in order, of the corners of the cells that a surfel touches or is read in.
+    """Sorted indices of the corners of all cells that a surfel touches, or in which shading reads the volume.
 
-    That is at its centre and one standard deviation along each of its axes, and half a cell in front of these places.
+    The tested positions are each surfel's centre, the points one standard deviation along its axes in both directions,
+    and the positions half a cell in front of these.
     """
     along = (
         surfels.frame.detach() * torch.nn.functional.pad(surfels.scale.detach(), (0, 1), value=lattice.half)[:, None]
     )
     tangent_u, tangent_v, ahead = along.unbind(-1)
     on = [surfels.centre.detach() + offset for offset in (0 * ahead, tangent_u, -tangent_u, tangent_v, -tangent_v)]
-    number, _ = lattice.around(torch.cat([*on, *(place + ahead for place in on)]))
-    return torch.unique(number)
+    index, _ = lattice.around(torch.cat([*on, *(position + ahead for position in on)]))
+    return torch.unique(index)
 
 
 def inherited(near: Int[Tensor, " near"], corners: int) -> Int[Tensor, " corners"]:
-    """The probe that each corner reads: its own place in ``near``, or that of a neighbour which has one by now.
+    """Index of the probe that each corner reads: its own index in ``near``, or the probe of the nearest corner there.
 
-    In rounds, by the six neighbours, so that a corner inherits from one of those that are fewest steps away.
+    Probes spread to the six neighbours in rounds, so each corner inherits a probe that is fewest grid steps away.
     """
     probe = torch.full((corners,) * 3, -1, dtype=torch.int64, device=near.device)
     probe.view(-1)[near] = torch.arange(len(near), device=near.device)

@@ -1,4 +1,4 @@
-"""The light that arrives at seen points, traced through the surfels: visibility, and radiance by their harmonics."""
+"""Incident light of surface points, traced through the surfels: visibility, and indirect radiance."""
 
 from dataclasses import dataclass
 
@@ -17,18 +17,17 @@ from .settings import Indirect, Variant
 
 
 @dataclass(frozen=True)
-class Rays:
-    """Where rays from a point start, and whether they meet surfels from behind (see ``Variant``).
-
-    start: world units; None: in the standard deviation of the surfels that the pixel sees.
-    """
+class RaySettings:
+    """How rays from surface points are traced."""
 
     start: float | None = None
+    """Distance from the point at which rays start, world units; None: one standard deviation of the pixel's surfels."""
     two_sided: bool = True
+    """Whether rays hit surfels from behind, too (see ``Variant.two_sided``)."""
 
     @classmethod
-    def of(cls, variant: Variant, extent: float) -> "Rays":
-        """Those of a variant; ``extent``: the scene's, world units."""
+    def of(cls, variant: Variant, extent: float) -> "RaySettings":
+        """Ray settings of a variant; ``extent``: the scene's extent, world units."""
         return cls(None if variant.ray_start is None else variant.ray_start * extent, variant.two_sided)
 
     def trace(
@@ -38,7 +37,7 @@ class Rays:
         direction: Float[Tensor, "points samples 3"],
         features: Float[Tensor, "surfels channels"],
     ) -> Hits:
-        """Rays from the points; flattened to [points * samples]."""
+        """Trace rays from the points along unit world directions; the hits are flattened to [points * samples]."""
         samples = direction.shape[1]
         width = points.width.repeat_interleave(samples)
         start = SELF_OFFSET * width if self.start is None else torch.full_like(width, self.start)
@@ -55,13 +54,13 @@ class Rays:
         weight: Float[Tensor, "points samples"],
         indirect: Indirect,
     ) -> Incident:
-        """V = 1 - A and L_ind = sum_i T_i alpha_i SH_i, with gradient to what ``indirect`` says.
+        """Trace V = 1 - A and L_ind = sum_i T_i alpha_i SH_i (linear), with the gradients that ``indirect`` selects.
 
-        "detached" cuts the gradient of L_ind alone; V keeps it, and has some where geometry is learnt.
+        "detached" removes only the gradient of L_ind; V keeps its gradient to geometry.
         """
         hits = self.trace(tracer, points, direction, tracer.geometry.centre.new_zeros(len(tracer.geometry), 0))
-        visibility, whole = visibility_of(hits)
-        radiance = (hits.radiance * whole[:, None]).view(direction.shape)
+        visibility, finished = visibility_of(hits)
+        radiance = (hits.radiance * finished[:, None]).view(direction.shape)
         if indirect == "detached":
             radiance = radiance.detach()
         elif indirect == "none":
@@ -77,7 +76,7 @@ class Rays:
         features: Float[Tensor, "surfels 7"],
         light: PrefilteredLight,
     ) -> Incident:
-        """V, and L_ind as the split sum at what rays meet (``hit_surface``): the harmonics belong to another light."""
+        """Trace V, and L_ind as the split sum at the hits (``hit_surface``): the harmonics belong to another light."""
         hits = self.trace(tracer, points, direction, features)
-        seen, radiance = hit_radiance(hits, direction.flatten(0, 1), light)
-        return Incident(direction, weight, seen.view(weight.shape), radiance.view(direction.shape))
+        visibility, radiance = hit_radiance(hits, direction.flatten(0, 1), light)
+        return Incident(direction, weight, visibility.view(weight.shape), radiance.view(direction.shape))

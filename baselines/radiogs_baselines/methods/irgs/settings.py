@@ -1,6 +1,7 @@
 """Settings of IRGS: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Defaults are those of its scripts for TensoIR's scenes where nothing else is said; shares are of the stage's iterations.
+Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes; shares of the stage are
+shares of its iterations.
 """
 
 from dataclasses import dataclass, field
@@ -13,20 +14,20 @@ from radiogs_core.on_surfels.start_values import StartValues
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do."""
+    """Computational effort of a run."""
 
     shown_only = ("render_samples", "relight_hemisphere_samples", "relight_light_samples")
 
     pixels: int
-    """Pixels of one view that a step of stage 2 shades."""
+    """Pixels of one view shaded in each step of stage 2."""
     incident_samples: int
-    """Rays of each shaded pixel (N_s)."""
+    """Rays traced from each shaded pixel (N_s)."""
     render_samples: int
-    """Rays of each pixel of an image under the recovered light."""
+    """Rays traced from each pixel of an image under the recovered light."""
     relight_hemisphere_samples: int
-    """Rays of each pixel of a relit image that are spread over the hemisphere."""
+    """Rays of each pixel of a relit image that are spread evenly over the hemisphere."""
     relight_light_samples: int
-    """Rays of each pixel of a relit image that are drawn from the light."""
+    """Rays of each pixel of a relit image whose directions are sampled in proportion to the light's radiance."""
 
 
 PRESETS = by_name(
@@ -79,28 +80,28 @@ PRESETS = by_name(
 
 @dataclass(frozen=True)
 class MaterialWeights:
-    """Weights of the losses; 0 leaves one out. The last three act on geometry alone: only where it is learnt."""
+    """Weights of the losses; 0 leaves one out. The last three act only on geometry (``Variant.lr_scale`` > 0)."""
 
     shaded: float = 1.0
     """L1 between the shaded pixels and the training image, display sRGB."""
     absolute: float = ABSOLUTE_WEIGHT
     """L1 between the image of the surfels' own radiance and the training image, display sRGB."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between these two."""
+    """1 - SSIM between the image of the surfels' own radiance and the training image."""
     albedo_smoothness: float = 2.0
-    """Slopes of the albedo where the image has no edges."""
+    """Gradients of the albedo map, down-weighted at image edges."""
     roughness_smoothness: float = 2.0
-    """Slopes of the roughness where the image has no edges."""
+    """Gradients of the roughness map, down-weighted at image edges."""
     light_prior: float = 0.1
-    """Distance of the direct light's channels from their mean at the shaded pixels: light is nearly white."""
+    """Distance of the direct light's channels from their mean at the shaded pixels: prefers white light."""
     light_smoothness: float = 0.0005
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Squared differences of log-radiance between neighbouring texels."""
     normal: float = 0.05
-    """Distance between the surfels' normals and those of the depth map."""
+    """Distance between the blended normals and the normals of the depth map."""
     mask: float = 0.01
     """Cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
-    """Slopes of the normals where the image has no edges."""
+    """Gradients of the normal map, down-weighted at image edges."""
 
 
 @dataclass(frozen=True)
@@ -121,12 +122,12 @@ class MaterialRates:
 
 @dataclass(frozen=True)
 class MaterialStart(StartValues):
-    """What materials and light start as."""
+    """Initial materials and light."""
 
     albedo: float = 0.3
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Initial linear diffuse albedo of all channels, under a constant light."""
     roughness: float = 0.6
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
 
 
 @dataclass(frozen=True)
@@ -138,13 +139,13 @@ class MaterialLearning:
     rates: MaterialRates = field(default_factory=MaterialRates)
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
-    """What materials and light start as."""
+    """Initial materials and light."""
     normal_from: float = 1_000 / 20_000
-    """Share of the stage after which normals are held to the depth map, where geometry is learnt."""
+    """Share of the stage after which the normal loss is active, if geometry is learnt."""
 
 
 Indirect = Literal["traced", "detached", "none"]
-"""L_ind in training: traced with gradient to the harmonics of the surfels that rays meet, without, or zero."""
+"""L_ind in training: traced with gradient to the hit surfels' harmonics, traced without gradient, or zero."""
 
 
 @dataclass(frozen=True)
@@ -154,20 +155,20 @@ class Variant(SurfelVariant):
     shown_only = ("relight_indirect", "secondary_albedo")
 
     indirect: Indirect = "traced"
-    """L_ind in training (see ``Indirect``); images under the recovered light have the same."""
+    """L_ind in training and in images under the recovered light (see ``Indirect``)."""
     relight_indirect: bool = True
     """Whether relit images have indirect light."""
     secondary_albedo: Literal["recovered", "scaled"] = "recovered"
-    """Albedo by which relighting shades the surfaces that rays hit: as it was recovered, as IRGS's script does, or
-    multiplied by the factor of the visible surfaces' albedo."""
+    """Albedo of the surfaces that rays hit in relighting: the recovered albedo, as in IRGS's script, or the albedo
+    after the protocol's scaling, which visible surfaces always have."""
     lr_scale: float = 0.0
-    """Share of the learning rates of stage 1 at which geometry moves in stage 2. At 0, the value of all of IRGS's
-    scripts, geometry is frozen."""
+    """Factor on stage 1's initial learning rates of geometry in stage 2. At 0, the value of all of IRGS's scripts,
+    geometry is frozen."""
     ray_start: float | None = None
     """Distance from the shaded point at which rays start, in the scene's extents (the script's 0.05 is 0.011 of
-    TensoIR's). None: one standard deviation of the surfels that the pixel sees, blended like their albedo."""
+    TensoIR's). None: one standard deviation of the pixel's surfels, blended like their albedo."""
     two_sided: bool = True
-    """Whether rays also hit surfels from behind, beyond four of those standard deviations."""
+    """Whether rays also hit surfels from behind, beyond four standard deviations from the point."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and starting values of stage 2."""
 

@@ -1,7 +1,6 @@
-"""A trained IRGS model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained IRGS model, under the recovered light and relit.
 
-Every covered pixel is shaded by rays. Labels say where a run differs from the published method; they go with its
-results.
+Rays are traced from every covered pixel. Labels state how a run differs from the published method.
 """
 
 from collections.abc import Callable
@@ -33,7 +32,7 @@ from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from .rays import Rays
+from .rays import RaySettings
 from .settings import PRESETS, Budget, Indirect, Variant
 from .shading import shade_points
 
@@ -41,14 +40,14 @@ Maps = dict[str, Float[Tensor, "height width _"]]
 
 
 class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
-    """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: LitSurfels, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
-        self.rays = Rays.of(run.variant, run.scene.extent)
+        self.rays = RaySettings.of(run.variant, run.scene.extent)
 
     def as_trained(self) -> Prepared:
-        """Rays are traced for each image."""
+        """Rendering under the recovered light; rays are traced for each image."""
         variant, surfels = self.run.variant, self.model.surfels
         own = RecoveredLight(self.model, self.rays, self.run.budget.render_samples, variant.indirect)
         return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), SHOWN_WITH_INCIDENT)
@@ -56,7 +55,7 @@ class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """Rays are traced for each image; what they meet is shaded by the split sum."""
+        """Rendering under ``light``; rays are traced for each image, and their hits are shaded by the split sum."""
         variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
         recovered = surfels.albedo.detach()
         scaled = recovered * albedo_scale
@@ -73,38 +72,46 @@ class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
 
 @runtime_checkable
 class Light(Protocol):
-    """What the points of an image are lit by."""
+    """The light that the renderer shades points with."""
 
     environment: Float[Tensor, "rows columns 3"]
-    """Distant radiance, linear."""
+    """Radiance of the distant light, linear."""
     samples: int
     """Rays from each point."""
 
     def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """What arrives at some points."""
+        """Incident light of ``points``: directions, visibility and indirect radiance."""
 
 
 class RecoveredLight:
-    """The light of training, with the indirect light that training had; the same directions at every point.
+    """The recovered light, with indirect light as in training (``Variant.indirect``).
 
-    ``indirect``: see ``Variant``.
+    Every point has the same directions in its tangent frame.
     """
 
-    def __init__(self, model: LitSurfels, rays: Rays, samples: int, indirect: Indirect) -> None:
+    def __init__(self, model: LitSurfels, rays: RaySettings, samples: int, indirect: Indirect) -> None:
         self.environment, self.samples = model.environment, samples
         self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels).built()
 
     def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """V and L_ind along directions that are spread over the hemisphere."""
+        """V and L_ind along directions spread evenly over the hemisphere."""
         direction, weight = hemisphere_directions(points.normal, self.samples, None)
         return self.rays.incident(self.tracer, points, direction, weight, self.indirect)
 
 
 class NewLight:
-    """Another light: directions are spread over the hemisphere and drawn from it; L_ind is the split sum at hits.
+    """A new light, sampled over the hemisphere and in proportion to its radiance; L_ind is the split sum at hits.
 
-    ``hit_albedo``: of the surfels that rays meet. ``samples``: over the hemisphere, and from the light. ``indirect``:
-    whether there is any. Raises DataError for a light that is not finite.
+    Args:
+        surfels: Surfels that rays are traced through.
+        hit_albedo: Linear albedo of the surfels that rays hit.
+        light: The new light.
+        rays: How rays are traced.
+        samples: Numbers of rays over the hemisphere and from the light.
+        indirect: Whether there is indirect light.
+
+    Raises:
+        DataError: The light is not finite.
     """
 
     def __init__(
@@ -112,7 +119,7 @@ class NewLight:
         surfels: Surfels,
         hit_albedo: Float[Tensor, "surfels 3"],
         light: EnvironmentMap,
-        rays: Rays,
+        rays: RaySettings,
         samples: tuple[int, int],
         indirect: bool,
     ) -> None:
@@ -122,7 +129,7 @@ class NewLight:
         self.features = hit_features(surfels, hit_albedo)
 
     def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """V, and L_ind where there is any."""
+        """V along the sampled directions, and L_ind unless indirect light is off."""
         direction, weight = relighting_directions(points.normal, self.sampler, *self.of_each, generator)
         if not self.indirect:
             return self.rays.incident(self.tracer, points, direction, weight, "none")
@@ -130,9 +137,9 @@ class NewLight:
 
 
 class Renderer:
-    """Surfels under a light, ready to be seen from any camera; ``albedo`` is that of what the camera sees.
+    """Renders surfels under a light; ``albedo`` (linear) is the albedo of the visible surfels.
 
-    The same camera is always shown the same, whatever was rendered before: directions are drawn by ``seed``.
+    The image of a camera does not depend on earlier images: directions are drawn from ``seed`` for each image.
     """
 
     def __init__(
@@ -157,7 +164,7 @@ class Renderer:
         }
 
     def _radiance(self, camera: Camera, seen: Splat) -> Maps:
-        """``direct``, ``indirect`` and ``incident``, so many points at a time as rays fit into memory."""
+        """Maps ``direct``, ``indirect`` and ``incident``, shaded in batches of at most ``RAYS_AT_ONCE`` rays."""
         generator = torch.Generator(seen.alpha.device).manual_seed(self.seed)
         names = ("direct", "indirect", "incident")
         maps = {name: torch.zeros(seen.alpha.numel(), 3, device=seen.alpha.device) for name in names}
@@ -166,8 +173,8 @@ class Renderer:
             incident = self.light.on(points, generator)
             shaded = shade_points(points, incident, self.light.environment)
             alpha, weight = seen.alpha.flatten()[pixels, None], incident.weight[..., None]
-            whole = weight.sum(1)
-            arriving = (weight * incident.radiance).sum(1) / torch.where(whole > 0, whole, 1.0)
+            total = weight.sum(1)
+            arriving = (weight * incident.radiance).sum(1) / torch.where(total > 0, total, 1.0)
             for name, values in zip(names, (shaded.direct, shaded.indirect, arriving), strict=True):
                 maps[name][pixels] = alpha * values
         return {name: values.view(*seen.alpha.shape, 3) for name, values in maps.items()}
@@ -177,7 +184,7 @@ PAPER = PRESETS["paper"]
 
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    """Labels by name. ``extent``: the scene's, world units."""
+    """Differences from the published method, by name. ``extent``: the scene's extent, world units."""
     labels = {
         "geometry": "surfels of this project, traced and rasterised by its kernels",
         "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",

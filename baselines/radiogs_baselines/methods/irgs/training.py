@@ -1,4 +1,4 @@
-"""Stage 2 of IRGS: materials and light by shading random pixels, with rays through the surfels' harmonics.
+"""Stage 2 of IRGS: materials and light by shading random pixels with traced rays.
 
 It starts from the surfels and radiance of stage 1 with new materials and a new light.
 """
@@ -33,13 +33,13 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
-from .rays import Rays
+from .rays import RaySettings
 from .settings import Budget, Variant
 from .shading import mean_direct_light, shade_points
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+    """Stage 2: keeps geometry and radiance of stage 1 and learns new materials and light. A ``contract.Stage``."""
 
     def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
         variant, budget, extent = run.variant, run.budget, run.scene.extent
@@ -50,7 +50,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         )
         light = {"log_environment": start.log_environment}
         self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, extent))
-        self.rays = Rays.of(variant, extent)
+        self.rays = RaySettings.of(variant, extent)
         self.tracer = SurfelTracer(frozen(start.surfels))
 
     @property
@@ -60,11 +60,11 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     @property
     def model(self) -> LitSurfels:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         return LitSurfels(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``; draws pixels and directions."""
+        """Weighted losses of a step on ``view``, by name; draws pixels and directions from the generator."""
         surfels = self.optimiser.surfels if self.moves else frozen(self.optimiser.surfels)
         self._follow(surfels)
         model = LitSurfels(surfels, self.optimiser.tensors["log_environment"])
@@ -83,7 +83,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             self.tracer.recolour(surfels)
 
     def _shaded_losses(self, model: LitSurfels, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """L1 of random covered pixels, shaded by rays, and the neutrality of the direct light that reaches them."""
+        """L1 of random covered pixels, shaded with traced rays, and the neutrality of their direct light."""
         weights = self.variant.materials.weights
         pixels = self._drawn(covered_pixels(seen))
         points = seen_points(view.camera, seen, pixels)
@@ -97,12 +97,12 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         }
 
     def _drawn(self, pixels: Tensor) -> Tensor:
-        """As many of the pixels as the budget has, drawn without repetition."""
+        """At most ``budget.pixels`` of the pixels, drawn without replacement."""
         order = torch.randperm(len(pixels), generator=self.generator, device=pixels.device)
         return pixels[order[: self.budget.pixels]]
 
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """The image of the surfels' own radiance, and the smoothness of the material maps."""
+        """Losses of the surfels' own radiance and of the smoothness of the material maps."""
         weights, images = self.variant.materials.weights, seen.images
         target, mask = view.over(0.0), view.mask[..., None]
         own = displayed(images["radiance"], seen.alpha, self.variant.straight)
@@ -143,10 +143,10 @@ def pixel_loss(
     target: Float[Tensor, "pixels 3"],
     straight: bool = True,
 ) -> Float[Tensor, ""]:
-    """Mean L1 between shaded pixels and the training image on black, display sRGB; 0 for no pixels.
+    """Mean L1 between shaded pixels and the training image on black, display sRGB; 0 without pixels.
 
-    radiance: linear, of the covered part of each pixel. straight: see ``splatting.displayed``. Where the target is
-    saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    ``radiance`` is linear, for the covered part of each pixel; ``straight``: see ``splatting.displayed``. Where the
+    target is saturated, a brighter pixel is no error, as in ``learning.losses.reconstruction``.
     """
     found = displayed((radiance * alpha[:, None])[None], alpha[None], straight)[0]
     found = torch.where(target >= 1, found.clamp(max=1), found)
@@ -154,14 +154,14 @@ def pixel_loss(
 
 
 def neutrality(incident: Incident, environment: Float[Tensor, "rows columns 3"]) -> Float[Tensor, ""]:
-    """Mean distance of the channels of V L_env, averaged over each point's hemisphere, from their mean; 0 for none."""
+    """Mean distance of the channels of V L_env, averaged over each hemisphere, from their mean; 0 without points."""
     if not len(incident.weight):
         return environment.new_zeros(())
     return light_prior(mean_direct_light(incident, environment))
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates by raw parameter; ``extent``: the scene's, world units."""
+    """Learning rates by raw parameter; ``extent``: the scene's extent, world units."""
     rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
     return {
         "centre": scale * (before.position * extent),
@@ -177,5 +177,5 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 
 def frozen(surfels: Surfels) -> Surfels:
-    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    """The surfels with their geometry detached: it gets no gradient and does not change."""
     return surfels.detached(*GEOMETRY)

@@ -1,4 +1,4 @@
-"""The light that arrives: the environment where V lets it through, and each surfel's own harmonics besides."""
+"""Incident light of a surfel: the environment multiplied by V, plus the surfel's local light."""
 
 import torch
 from jaxtyping import Float
@@ -16,13 +16,13 @@ def local_radiance(
 ) -> Float[Tensor, "surfels samples 3"]:
     """max(0, sum_lm h_lm Y_lm(w)): linear radiance from unit ``direction``, in the basis and signs of 3DGS.
 
-    At zero, where it starts, it has the gradient of what lies above.
+    Where the sum is exactly zero, as at the start, the gradient passes.
     """
     return harmonic_sum(harmonics, direction).clamp(min=0)
 
 
 def arriving(table: VisibilityTable, harmonics: Float[Tensor, "surfels 16 3"], local: LocalLight) -> Incident:
-    """V from the table, and the local light in the place of indirect radiance, with gradient to ``harmonics``."""
+    """Incident light with V from the table and local light as its indirect radiance; gradient to ``harmonics``."""
     if local == "none":
         return Incident(table.direction, table.weight, table.visibility, torch.zeros_like(table.direction))
     radiance = local_radiance(harmonics, table.direction)

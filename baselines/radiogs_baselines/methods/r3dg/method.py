@@ -1,4 +1,4 @@
-"""R3DG as the harness knows it: its stages, what each depends on, and its trained model."""
+"""Registers R3DG with the harness: stages, presets and trained model."""
 
 from radiogs_core.on_surfels.method import SurfelMethod
 

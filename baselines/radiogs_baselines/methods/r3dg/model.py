@@ -1,4 +1,4 @@
-"""What R3DG recovers: surfels with their materials, the light from afar, and the light around each surfel."""
+"""The model that R3DG recovers: surfels with materials, distant light, and a local light of each surfel."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,13 +16,14 @@ from radiogs_core.surfels.surfels import Surfels
 
 @dataclass(frozen=True)
 class Model:
-    """surfels: with materials within R3DG's ranges (``training.bounded``). local: harmonics of the radiance that
-    arrives at each (``local_light``). raw_environment: the environment's radiance before its softplus.
-    """
+    """Surfels, distant light and local light."""
 
     surfels: Surfels
+    """Surfels with materials within R3DG's ranges (``training.bounded``)."""
     local: Float[Tensor, "surfels 16 3"]
+    """Harmonics of the local radiance that arrives at each surfel, linear RGB (``local_light``)."""
     raw_environment: Float[Tensor, "height width 3"]
+    """Radiance of the environment map before its softplus."""
 
     @property
     def environment(self) -> Float[Tensor, "height width 3"]:
@@ -36,12 +37,12 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         surfels, local = restored_surfels(tensors["surfels"]), finite_tensor(tensors, "local")
         require_for_each(surfels, "local", local, (COEFFICIENTS, 3))
         return cls(surfels, local, restored_map(tensors, "raw_environment"))
 
 
 def before_softplus(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """x with log(1 + e^x) = ``radiance``, which is above zero; written so that neither small nor large values round."""
+    """Inverse softplus: x with log(1 + e^x) = ``radiance`` > 0, in a form accurate for small and large values."""
     return radiance + torch.log(-torch.expm1(-radiance))

@@ -1,6 +1,6 @@
 """Settings of R3DG: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Defaults are those of its script for Synthetic4Relight where nothing else is said.
+Unless a field says otherwise, defaults are those of the published script for Synthetic4Relight.
 """
 
 from dataclasses import dataclass, field
@@ -14,18 +14,18 @@ from radiogs_core.on_surfels.start_values import StartValues
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do."""
+    """Computational effort of a run."""
 
     shown_only = ("relight_samples",)
 
     incident_samples: int
-    """Directions by which all surfels are shaded (S); visibility along them is traced before stage 2."""
+    """Directions from which each surfel is lit (S); visibility along them is traced before stage 2."""
     retraced_surfels: int
-    """Surfels whose visibility is traced anew in a step, with ``Variant.visibility`` "retraced"."""
+    """Surfels whose visibility is retraced in each step, for ``Variant.visibility`` "retraced"."""
     local_rate: float
-    """Factor of the rates of the local light: short runs take longer steps."""
+    """Factor on the learning rates of the local light; short runs take longer steps."""
     relight_samples: int
-    """Directions of each surfel under another light."""
+    """Directions from which each surfel is lit in relit images."""
 
 
 PRESETS = by_name(
@@ -79,17 +79,17 @@ class MaterialWeights:
     absolute: float = ABSOLUTE_WEIGHT
     """L1 between the shaded image and the training image, display sRGB."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between these two."""
+    """1 - SSIM between the shaded image and the training image."""
     albedo_smoothness: float = 1.0
-    """Slopes of the albedo, encoded for display, where the image has no edges."""
+    """Gradients of the albedo map in display sRGB, down-weighted at image edges."""
     roughness_smoothness: float = 0.5
-    """Slopes of the roughness where the image has no edges."""
+    """Gradients of the roughness map, down-weighted at image edges."""
     irradiance_smoothness: float = 1.0
-    """Slopes of the irradiance, encoded for display, where the normals have no edges."""
+    """Gradients of the irradiance map in display sRGB, down-weighted at edges of the normal map."""
     light_prior: float = 0.01
-    """Distance of the channels of every surfel's irradiance from their mean: light is nearly white."""
+    """Distance of the channels of each surfel's irradiance from their mean: prefers white light."""
     light_smoothness: float = 0.01
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Squared differences of log-radiance between neighbouring texels."""
 
 
 @dataclass(frozen=True)
@@ -101,21 +101,21 @@ class MaterialRates:
     roughness: float = 0.01
     """Rate of the roughness' logits."""
     light: float = 0.1
-    """Rate of the environment map before its softplus."""
+    """Rate of the environment map's raw values, before softplus."""
     local: float = 0.001
     """Rate of the local light's harmonics of degree 0."""
     local_rest: float = 0.001 / 10
-    """Rate of its harmonics of higher degrees."""
+    """Rate of the local light's harmonics of higher degrees."""
 
 
 @dataclass(frozen=True)
 class MaterialStart(StartValues):
-    """What materials and light start as; the local light starts at zero."""
+    """Initial materials and light; the local light starts at zero."""
 
     albedo: float = 0.415
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Initial linear diffuse albedo of all channels, under a constant light."""
     roughness: float = 0.54
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
 
 
 @dataclass(frozen=True)
@@ -127,14 +127,14 @@ class MaterialLearning:
     rates: MaterialRates = field(default_factory=MaterialRates)
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
-    """What materials and light start as."""
+    """Initial materials and light."""
 
 
 LocalLight = Literal["free", "gated", "none"]
-"""The light of a surfel's own harmonics: added as it is, multiplied by 1 - V, or zero."""
+"""Local light of a surfel: unweighted, multiplied by 1 - V, or zero."""
 
 Visibility = Literal["table", "retraced"]
-"""V along directions that are traced once; or, in training, traced anew along directions turned at random."""
+"""Visibility in training: traced once along fixed directions, or retraced along randomly rotated directions."""
 
 
 @dataclass(frozen=True)
@@ -144,21 +144,21 @@ class Variant(SurfelVariant):
     shown_only = ("relight_local_light",)
 
     local_light: LocalLight = "free"
-    """Local light in training (see ``LocalLight``); images and relit images have the same."""
+    """Local light in training and in rendered images (see ``LocalLight``)."""
     relight_local_light: bool = True
-    """Whether relit images keep the local light, which was learnt under the light of training."""
+    """Whether relit images keep the local light, although it was learnt under the training light."""
     visibility: Visibility = "table"
-    """Source of V in training (see ``Visibility``); images are always shown by a table."""
+    """Visibility in training (see ``Visibility``); rendered images always use a table traced once."""
     hidden_below: float = 0.9
-    """Transmittance below which a direction counts as hidden, in [0, 1]; 0.03 is nearly V = 1 - A."""
+    """Transmittance below which V is set to 0, in [0, 1]; 0.03 is nearly V = 1 - A."""
     floor: bool = False
-    """Whether directions have the published heights, none below 10 degrees; otherwise their cosines sum exactly to pi
-    (see ``sampling.hemisphere_directions``)."""
+    """Whether directions have the published elevations, none below 10 degrees; otherwise their weighted cosines sum
+    exactly to pi (see ``sampling.hemisphere_directions``)."""
     ray_start: float | None = None
     """Distance from its surfel at which a ray starts, in the scene's extents (the script's 0.06 is 0.013 of
     Synthetic4Relight's). None: one standard deviation of the surfel."""
     two_sided: bool = True
-    """Whether rays also hit surfels from behind, beyond four of those standard deviations."""
+    """Whether rays also hit surfels from behind, beyond four standard deviations from their origin."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and starting values of stage 2."""
 

@@ -1,6 +1,6 @@
-"""A trained R3DG model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained R3DG model, under the recovered light and relit.
 
-Labels say where a run differs from the published method; they go with its results.
+Labels state how a run differs from the published method.
 """
 
 from collections.abc import Callable
@@ -29,11 +29,11 @@ from radiogs_core.transport.maps import incident_map, shaded_maps
 from .local_light import arriving
 from .model import Model
 from .settings import PRESETS, Budget, LocalLight, Variant
-from .visibility import Rays, VisibilityTable
+from .visibility import RaySettings, VisibilityTable
 
 
 class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
-    """Surfels with materials, a light and local light, and what they were trained on; see ``contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
@@ -45,7 +45,7 @@ class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
         return [*super().export(folder), local]
 
     def as_trained(self) -> Prepared:
-        """V is traced anew, and kept for all images."""
+        """Rendering under the recovered light; V is traced once for all images."""
         samples, local_light = self.run.budget.incident_samples, self.run.variant.local_light
         albedo, incident = self.model.surfels.albedo, self._arriving(samples, local_light)
         own = Renderer(self.model.surfels, albedo, incident, self.model.environment, self.run.variant.straight)
@@ -54,7 +54,7 @@ class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """V is traced once, and the local light stays what it was in training."""
+        """Rendering under ``light``; V is traced once, and the local light of training is kept."""
         variant, surfels = self.run.variant, self.model.surfels
         local_light: LocalLight = variant.local_light if variant.relight_local_light else "none"
         incident = self._arriving(self.run.budget.relight_samples, local_light)
@@ -63,15 +63,14 @@ class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
 
     @torch.no_grad()
     def _arriving(self, samples: int, local_light: LocalLight) -> Incident:
-        table = VisibilityTable(self.model.surfels, Rays.of(self.run.variant, self.run.scene.extent), samples)
+        table = VisibilityTable(self.model.surfels, RaySettings.of(self.run.variant, self.run.scene.extent), samples)
         return arriving(table, self.model.local, local_light)
 
 
 class Renderer:
-    """Surfels under one light; ``albedo`` is given apart, because relighting scales it.
+    """Renders surfels under one light. ``albedo`` (linear) may differ from the surfels': relighting scales it.
 
-    ``indirect`` is the radiance that surfels send out by the local light, and ``incident`` the mean local light that
-    arrives.
+    The map ``indirect`` is the reflected local light, and ``incident`` the mean incident local light; both are linear.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class Renderer:
         self.environment, self.straight = environment, straight
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view; see ``on_surfels.trained.Renderer``."""
+        """Maps of one view; see ``on_surfels.trained.Renderer``."""
         maps = shaded_maps(camera, self.surfels, self.albedo, self.incident, self.environment, straight=self.straight)
         if INCIDENT in further:
             maps[INCIDENT] = incident_map(camera, self.surfels, self.incident)
@@ -97,7 +96,7 @@ PAPER = PRESETS["paper"]
 
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    """Labels by name. ``extent``: the scene's, world units."""
+    """Differences from the published method, by name. ``extent``: the scene's extent, world units."""
     labels = {
         "geometry": "surfels of this project in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",

@@ -1,7 +1,7 @@
 """Stage 2 of R3DG: materials, light and local light from images of shaded surfels; geometry is frozen.
 
 It starts from the surfels of stage 1 with new materials, a new light and no local light. Every surfel is shaded towards
-the camera, and what it sends out is blended. Albedo stays between 0.03 and 0.8, roughness between 0.09 and 0.99.
+the camera, and the radiance is blended. Albedo is limited to [0.03, 0.8] and roughness to [0.09, 0.99].
 """
 
 from collections.abc import Mapping
@@ -44,11 +44,11 @@ from radiogs_core.transport.splatting import (
 from .local_light import arriving
 from .model import Model, before_softplus
 from .settings import Budget, MaterialWeights, Variant
-from .visibility import Rays, VisibilityTable
+from .visibility import RaySettings, VisibilityTable
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+    """Stage 2: keeps geometry and radiance of stage 1 and learns new materials and light. A ``contract.Stage``."""
 
     def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
         variant, budget = run.variant, run.budget
@@ -56,28 +56,28 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         learnt = surfels_of(before, run.device)
         start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
         self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, budget))
-        self.table = VisibilityTable(learnt, Rays.of(variant, run.scene.extent), budget.incident_samples)
+        self.table = VisibilityTable(learnt, RaySettings.of(variant, run.scene.extent), budget.incident_samples)
 
     @property
     def retraces(self) -> bool:
-        """Whether V is traced anew along the way."""
+        """Whether each step retraces V of some surfels."""
         return self.variant.visibility == "retraced"
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         tensors = self.optimiser.tensors
         local = torch.cat([tensors["local"], tensors["local_rest"]], 1)
         return Model(bounded(frozen(self.optimiser.surfels)), local, tensors["raw_environment"])
 
     def begin_step(self) -> None:
-        """Trace V anew at some surfels, drawn at random, where the variant retraces."""
+        """Retrace V of randomly drawn surfels, if the variant does so."""
         if self.retraces:
             order = torch.randperm(len(self.table.normal), generator=self.generator, device=self.table.normal.device)
             self.table.retrace(order[: self.budget.retraced_surfels], self.generator)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``."""
+        """Weighted losses of a step on ``view``, by name."""
         model, weights = self.model, self.variant.materials.weights
         incident = arriving(self.table, model.local, self.variant.local_light)
         lit = light_surfels(view.camera, model.surfels, incident, model.environment)
@@ -86,7 +86,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return images | light_losses(lit.irradiance, model.environment, weights)
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit. A table that is traced once is traced alike when resumed."""
+        """All values needed to resume bit for bit; a table that is traced once is not stored but traced again."""
         return super().state() | {"table": self.table.state() if self.retraces else {}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -107,9 +107,9 @@ def image_losses(
     weights: MaterialWeights,
     geometry: GeometryLearning,
 ) -> dict[str, Tensor]:
-    """Losses of the blended maps by name, weighted; ``target``: the training image on black, display sRGB.
+    """Weighted losses of the blended maps, by name; ``target``: the training image on black, display sRGB.
 
-    Smoothness of albedo and roughness stops at edges of the image, that of the irradiance at edges of the normals.
+    Smoothness of albedo and roughness is down-weighted at image edges, and of irradiance at edges of the normals.
     """
     images, inside = seen.images, None if geometry.across_silhouettes else mask
     shaded = displayed(images["radiance"], seen.alpha, geometry.encoding == "straight")
@@ -127,7 +127,7 @@ def image_losses(
 def light_losses(
     irradiance: Float[Tensor, "surfels 3"], environment: Float[Tensor, "rows columns 3"], weights: MaterialWeights
 ) -> dict[str, Tensor]:
-    """Neutrality of the light on all surfels, the local light included, and smoothness of the environment."""
+    """Weighted losses by name: neutrality of all surfels' irradiance, and smoothness of the environment map."""
     return {
         "light prior": weights.light_prior * light_prior(irradiance),
         "light smoothness": weights.light_smoothness * environment_smoothness(environment),
@@ -135,29 +135,29 @@ def light_losses(
 
 
 def _straight_normal(seen: Splat) -> Float[Tensor, "height width 3"]:
-    """The blended normal without coverage; geometry is frozen."""
+    """The blended normal divided by coverage, without gradient."""
     alpha = seen.alpha.detach()[..., None]
     return seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0)
 
 
 LEARNT = ("albedo_logit", "roughness_logit")
-"""Raw parameters of surfels that stage 2 learns; all others, the harmonics among them, stay as stage 1 left them."""
+"""Raw parameters of surfels that stage 2 learns; all others, including the harmonics, keep their values of stage 1."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """surfels: with logits that ``bounded`` reads. further: the light before its softplus, and the local
-    light's harmonics of degree 0 and above it, by the names of their rates.
-    """
+    """Initial values of stage 2."""
 
     surfels: Surfels
+    """Surfels with the logits that ``bounded`` reads."""
     further: dict[str, Tensor]
+    """Raw values of the other parameters by name: the environment before softplus, and the local light's harmonics."""
 
 
 def start_of(
     learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
 ) -> Start:
-    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    """The surfels of stage 1 with initial materials, and an initial light of ``rows`` rows."""
     start = variant.materials.start
     light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
     roughness = torch.full_like(learnt.roughness_logit, start.roughness)
@@ -179,19 +179,18 @@ def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
 
 
 def frozen(surfels: Surfels) -> Surfels:
-    """The surfels of which materials alone have gradient."""
+    """The surfels with only their materials attached to the gradient."""
     return surfels.detached(*(name for name in Surfels.names() if name not in LEARNT))
 
 
 @dataclass(frozen=True)
 class Lit:
-    """Light on every surfel, linear. radiance: sent towards the camera, zero where it looks from behind.
-
-    irradiance: E = sum_i w_i L_i (n.w_i), of all surfels.
-    """
+    """Radiance and irradiance of every surfel, linear RGB."""
 
     radiance: Float[Tensor, "surfels 3"]
+    """Radiance towards the camera; zero for surfels seen from behind."""
     irradiance: Float[Tensor, "surfels 3"]
+    """E = sum_i w_i L_i (n.w_i), for surfels on both sides."""
 
 
 def light_surfels(
@@ -199,7 +198,8 @@ def light_surfels(
 ) -> Lit:
     """L_o = sum_i w_i (a / pi + f_s) L_i (n.w_i) with L_i = V L_env + L_local, in one pass of the kernel.
 
-    It shades white surfels, so that the irradiance is seen; those that face away, along their normals and without lobe.
+    The kernel shades white surfels, so that its diffuse part is the irradiance over pi. Surfels that face away are
+    shaded towards their normal and without a specular lobe.
     """
     normal, outgoing = surfels.frame[..., 2], towards(camera, surfels)
     facing = (normal * outgoing).sum(-1) > 0
@@ -215,7 +215,7 @@ def light_surfels(
 
 
 def blended(camera: Camera, surfels: Surfels, lit: Lit, depth_unit: float = 1.0) -> Splat:
-    """The maps ``radiance``, ``irradiance``, ``albedo`` and ``roughness``, all multiplied by coverage."""
+    """Blend the maps ``radiance``, ``irradiance``, ``albedo`` and ``roughness``, all multiplied by coverage."""
     channels = {
         "radiance": lit.radiance,
         "irradiance": lit.irradiance,
@@ -229,13 +229,13 @@ ALBEDO_LEAST, ALBEDO_SPAN = 0.03, 0.77
 ROUGHNESS_LEAST, ROUGHNESS_SPAN = 0.09, 0.9
 
 INNERMOST = 0.01
-"""Starting values keep this share of the range away from its ends, where a sigmoid has no slope."""
+"""Least distance of initial values from the ends of their range, as a share of it: there a sigmoid has no gradient."""
 
 
 def bounded(learnt: Surfels) -> Surfels:
     """The surfels whose albedo is 0.03 + 0.77 sigmoid and whose roughness is 0.09 + 0.9 sigmoid of the learnt logits.
 
-    What comes out are surfels like any others (``Surfels.albedo``, ``Surfels.roughness``), with gradient to ``learnt``.
+    The result has these values as ``Surfels.albedo`` and ``Surfels.roughness``, with gradient to ``learnt``.
     """
     albedo = ALBEDO_LEAST + ALBEDO_SPAN * learnt.albedo_logit.sigmoid()
     roughness = ROUGHNESS_LEAST + ROUGHNESS_SPAN * learnt.roughness_logit.sigmoid()
@@ -244,7 +244,7 @@ def bounded(learnt: Surfels) -> Surfels:
 
 
 def learnt_from(surfels: Surfels, albedo: Float[Tensor, "surfels 3"], roughness: Float[Tensor, " surfels"]) -> Surfels:
-    """Surfels with logits for which ``bounded`` gives these materials, or the nearest that lie within the ranges."""
+    """Inverse of ``bounded``: surfels with the logits of these materials, clamped to the ranges."""
     return replace(
         surfels,
         albedo_logit=_logit((albedo - ALBEDO_LEAST) / ALBEDO_SPAN),

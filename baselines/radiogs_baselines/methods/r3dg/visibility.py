@@ -1,4 +1,4 @@
-"""The table of visibility: V of every surfel along fixed directions, traced once."""
+"""The visibility table: V of every surfel along fixed directions, traced once."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,20 +17,21 @@ from .settings import Variant
 
 
 @dataclass(frozen=True)
-class Rays:
-    """Where rays from a surfel start, what they meet, and when they count as stopped (see ``Variant``).
-
-    start: world units; None: in the surfel's own standard deviation.
-    """
+class RaySettings:
+    """How rays from surfels are traced; see the fields of ``Variant``."""
 
     start: float | None = None
+    """Distance from the surfel at which rays start, world units; None: one standard deviation of the surfel."""
     two_sided: bool = True
+    """Whether rays hit surfels from behind, too."""
     hidden_below: float = 0.9
+    """Transmittance below which V is set to 0."""
     floor: bool = False
+    """Whether no direction is below 10 degrees elevation."""
 
     @classmethod
-    def of(cls, variant: Variant, extent: float) -> "Rays":
-        """Those of a variant; ``extent``: the scene's, world units."""
+    def of(cls, variant: Variant, extent: float) -> "RaySettings":
+        """Ray settings of a variant; ``extent``: the scene's extent, world units."""
         start = None if variant.ray_start is None else variant.ray_start * extent
         return cls(start, variant.two_sided, variant.hidden_below, variant.floor)
 
@@ -38,7 +39,7 @@ class Rays:
     def visibility(
         self, tracer: SurfelTracer, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]
     ) -> Float[Tensor, "chosen samples"]:
-        """V from the centres of the surfels ``index``: the transmittance T, or 0 as soon as T < ``hidden_below``."""
+        """V from the centres of the surfels ``index``: the transmittance T, or 0 if T < ``hidden_below``."""
         together = max(1, RAYS_AT_ONCE // direction.shape[1])
         pieces = zip(index.split(together), direction.split(together), strict=True)
         return torch.cat([self._traced(tracer, *piece) for piece in pieces])
@@ -47,21 +48,21 @@ class Rays:
         surfels, samples = tracer.surfels, direction.shape[1]
         width = surfels.scale.amax(-1)[index].repeat_interleave(samples)
         start = SELF_OFFSET * width if self.start is None else torch.full_like(width, self.start)
-        left = trace(
+        transmittance = trace(
             tracer.bvh, tracer.geometry, surfels.sh[:, :1], surfels.sh.new_zeros(len(surfels), 0),
             surfels.centre[index].repeat_interleave(samples, 0), direction.flatten(0, 1), start,
             stop=self.hidden_below, back_from=BACK_OFFSET * width if self.two_sided else None,
         ).transmittance  # fmt: skip
-        return torch.where(left < self.hidden_below, 0.0, left).view(direction.shape[:2])
+        return torch.where(transmittance < self.hidden_below, 0.0, transmittance).view(direction.shape[:2])
 
 
 class VisibilityTable:
-    """Directions of every surfel, the solid angle in steradian that each stands for, and V along them.
+    """Directions of every surfel, their solid angles in steradian, and V along them. No gradient.
 
-    All surfels have the same directions, turned to their normals and spread over the hemisphere. No gradient.
+    All surfels have the same hemisphere of directions, rotated to their normals.
     """
 
-    def __init__(self, surfels: Surfels, rays: Rays, samples: int) -> None:
+    def __init__(self, surfels: Surfels, rays: RaySettings, samples: int) -> None:
         everything = torch.arange(len(surfels), device=surfels.centre.device)
         self.rays, self.tracer = rays, SurfelTracer(surfels.take(everything))
         self.normal = self.tracer.surfels.frame[..., 2]
@@ -69,13 +70,13 @@ class VisibilityTable:
         self.visibility = rays.visibility(self.tracer, everything, self.direction)
 
     def retrace(self, index: Int[Tensor, " chosen"], generator: torch.Generator) -> None:
-        """Turn the directions of some surfels at random and trace them anew."""
+        """Rotate the directions of some surfels about their normals at random and trace V again."""
         direction, _ = hemisphere_directions(self.normal[index], self.weight.shape[1], generator, self.rays.floor)
         self.direction[index] = direction
         self.visibility[index] = self.rays.visibility(self.tracer, index, direction)
 
     def state(self) -> dict[str, Any]:
-        """What ``retrace`` changes."""
+        """The tensors that ``retrace`` changes."""
         return {"direction": self.direction.clone(), "visibility": self.visibility.clone()}
 
     def restore(self, state: Mapping[str, Any]) -> None:

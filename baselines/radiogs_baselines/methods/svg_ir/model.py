@@ -1,4 +1,4 @@
-"""What SVG-IR recovers: materials and normals at the vertices of surfels, a light, and one factor."""
+"""The model that SVG-IR recovers: materials and normals at surfel vertices, a light, and the radiance ratio."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,32 +13,34 @@ from radiogs_core.surfels.restoring import finite_tensor, require_for_each, rest
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 
 VERTEX = ("vertex_albedo_logit", "vertex_roughness_logit", "vertex_offset")
-"""Raw parameters of vertices."""
+"""Names of the raw parameters of vertices."""
 
 LEARNT = (*VERTEX, "log_environment", "ratio")
-"""Raw parameters besides those of the surfels."""
+"""Names of all raw parameters that are not the surfels'."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """Surfels, and what is learnt besides, by raw parameters.
-
-    cached: the surfels as they were when the table of incident light was made. vertex_offset: added to the surfel's
-    unit normal, world axes. log_environment: see ``scene.light``. ratio: the factor on all kept radiance. Albedo and
-    roughness of ``surfels`` have no meaning.
-    """
+    """Surfels, raw parameters of their vertices, and the light."""
 
     surfels: Surfels
+    """Surfels at the current iteration; their own albedo and roughness are unused."""
     cached: Surfels
+    """Surfels of stage 1, from which the table of incident light is traced."""
     vertex_albedo_logit: Float[Tensor, "surfels vertices 3"]
+    """Logits of the vertices' albedo."""
     vertex_roughness_logit: Float[Tensor, "surfels vertices"]
+    """Logits of the vertices' roughness."""
     vertex_offset: Float[Tensor, "surfels vertices 3"]
+    """Offsets added to the surfel's unit normal before normalisation, world axes."""
     log_environment: Float[Tensor, "height width 3"]
+    """Log-radiance of the environment map (see ``scene.light``)."""
     ratio: Float[Tensor, ""]
+    """Factor on the radiance of all entries of the table."""
 
     @property
     def vertices(self) -> int:
-        """Vertices of a surfel."""
+        """Number of vertices of each surfel."""
         return self.vertex_albedo_logit.shape[1]
 
     @property
@@ -53,7 +55,7 @@ class Model:
 
     @property
     def normal(self) -> Float[Tensor, "surfels vertices 3"]:
-        """Unit normals that are shaded with, in the world."""
+        """Unit shading normals, world axes."""
         return normalize(self.surfels.frame[:, None, :, 2] + self.vertex_offset, dim=-1)
 
     @property
@@ -68,7 +70,7 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         surfels, learnt = restored_surfels(tensors["surfels"]), {name: finite_tensor(tensors, name) for name in LEARNT}
         vertices = learnt["vertex_roughness_logit"].shape[-1:]
         for name, rest in ((VERTEX[0], (*vertices, 3)), (VERTEX[1], vertices), (VERTEX[2], (*vertices, 3))):
@@ -77,6 +79,6 @@ class Model:
         return cls(surfels, restored_surfels(tensors["cached"]), **learnt)
 
     def averaged(self) -> Surfels:
-        """Surfels with one material each, the mean of their vertices'."""
+        """Surfels whose material is the mean over their vertices: mean albedo, mean logit of roughness."""
         logit = torch.logit(self.albedo.mean(1))
         return replace(self.surfels, albedo_logit=logit, roughness_logit=self.vertex_roughness_logit.mean(1))

@@ -1,6 +1,7 @@
 """Settings of SVG-IR: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Defaults are those of its script for TensoIR's scenes where nothing else is said; shares are of the stage's iterations.
+Unless a field says otherwise, defaults are those of the published script for TensoIR's scenes; shares of the stage are
+shares of its iterations.
 """
 
 from dataclasses import dataclass, field
@@ -13,16 +14,16 @@ from radiogs_core.on_surfels.start_values import StartValues
 
 @dataclass(frozen=True, kw_only=True)
 class Budget(SurfelBudget):
-    """How much work a run may do."""
+    """Computational effort of a run."""
 
     shown_only = ("relight_samples",)
 
     incident_samples: int
-    """Rays of each surfel in the table that stage 2 shades from (S)."""
+    """Rays of each surfel in stage 2's table of incident light (S)."""
     consistency_surfels: int
-    """Random surfels that a step compares for consistency; all of them if there are fewer."""
+    """Random surfels in each step's consistency loss; all surfels if there are fewer."""
     relight_samples: int
-    """Rays of each surfel under another light."""
+    """Rays of each surfel in the table of a relit model."""
 
 
 PRESETS = by_name(
@@ -72,23 +73,23 @@ class MaterialWeights:
     shaded: float = 1.0
     """The shaded image against the training image, display sRGB: ``absolute`` L1 + ``similarity`` (1 - SSIM)."""
     radiance: float = 1.0
-    """The image of the surfels' own radiance against it, the same way."""
+    """The image of the surfels' own radiance against the training image, with the same two terms."""
     absolute: float = 0.9
-    """L1 in both."""
+    """Weight of L1 within the losses ``shaded`` and ``radiance``."""
     similarity: float = 0.1
-    """1 - SSIM in both."""
+    """Weight of 1 - SSIM within the losses ``shaded`` and ``radiance``."""
     consistency: float = 0.05
-    """L1 between what one bounce off the materials sends and the kept radiance times the ratio."""
+    """L1 between one-bounce radiance of the materials and the table's radiance times the ratio."""
     normal: float = 0.02
-    """Distance between the vertices' normals and those of the depth map."""
+    """Distance between the blended vertex normals and the normals of the depth map."""
     offset: float = 0.1
-    """Mean square of the vertices' offsets from the surfel's normal."""
+    """Mean square of the vertices' normal offsets."""
     albedo_smoothness: float = 0.1
-    """Slopes of the albedo where the image has no edges."""
+    """Gradients of the albedo map, down-weighted at image edges."""
     roughness_smoothness: float = 0.05
-    """Slopes of the roughness where the image has no edges."""
+    """Gradients of the roughness map, down-weighted at image edges."""
     light_smoothness: float = 0.02
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Squared differences of log-radiance between neighbouring texels."""
 
 
 @dataclass(frozen=True)
@@ -100,11 +101,11 @@ class MaterialRates:
     roughness: float = 0.01
     """Rate of the vertices' roughness logits."""
     offset: float = 0.001
-    """Rate of the vertices' offsets from the surfel's normal."""
+    """Rate of the vertices' normal offsets."""
     light: float = 0.025
     """Rate of the light's log-radiance."""
     ratio: float = 0.01
-    """Rate of the one factor on all kept radiance."""
+    """Rate of the ratio, the factor on the table's radiance."""
     opacity: float = 0.005
     """Rate of the surfels' opacity logits."""
     radiance: float = 0.00025
@@ -115,12 +116,12 @@ class MaterialRates:
 
 @dataclass(frozen=True)
 class MaterialStart(StartValues):
-    """What materials and light start as."""
+    """Initial materials and light."""
 
     albedo: float = 0.5
-    """Linear diffuse albedo of all channels under a constant light."""
+    """Initial linear diffuse albedo of all channels, under a constant light."""
     roughness: float = 0.5
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
 
 
 @dataclass(frozen=True)
@@ -132,13 +133,13 @@ class MaterialLearning:
     rates: MaterialRates = field(default_factory=MaterialRates)
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
-    """What materials and light start as."""
+    """Initial materials and light."""
     ratio_until: float = 1_000 / 20_000
-    """Share of the stage after which the factor on kept radiance is held."""
+    """Share of the stage after which the ratio is frozen."""
 
 
 Attributes = Literal["bilinear", "constant"]
-"""Materials and normals of a surfel: bilinear between four vertices, or one for the whole surfel."""
+"""Materials and normals of a surfel: bilinear between four vertices, or constant over the surfel."""
 
 
 @dataclass(frozen=True)
@@ -152,25 +153,25 @@ class Variant(SurfelVariant):
     vertex_distance: float = 1.5
     """Distance of the vertices from the surfel's axes, in its standard deviations."""
     indirect: bool = True
-    """Whether the kept radiance lights anything, in training and under the recovered light."""
+    """Whether the table's radiance is used as indirect light in training and under the recovered light."""
     hop: float | None = 0.044
-    """Longest way from a ray's origin, or from one hit, to the next (the script's 0.2 is 0.044 of TensoIR's); None:
-    rays of full length."""
+    """Longest distance from a ray's origin to its first hit, or between consecutive hits (the script's 0.2 is 0.044 of
+    TensoIR's); None: unlimited."""
     gap: float = 0.0022
-    """Shortest way from one hit to the next (the script's 0.01)."""
+    """Shortest distance between consecutive hits that count (the script's 0.01)."""
     ray_start: float | None = None
-    """Shortest way to the first hit (the script's 0.042 is 0.0093); None: one standard deviation of the surfel that the
-    ray leaves."""
+    """Shortest distance to the first hit (the script's 0.042 is 0.0093); None: one standard deviation of the surfel at
+    the ray's origin."""
     opaque: float = 0.2
-    """Transmittance below which a ray sees nothing of the light."""
+    """Transmittance below which V is set to 0, in [0, 1)."""
     radiance_limit: float = 10.0
-    """Brightest kept radiance, linear."""
+    """Upper limit of the table's radiance, linear."""
     light_limit: float = 64.0
-    """Brightest radiance of the light that is looked up, linear."""
+    """Upper limit of the environment's radiance, linear."""
     relight_indirect: bool = True
     """Whether relit images have indirect light."""
     relight_rows: int | None = 32
-    """Rows that a new light is reduced to; None: as many as it has."""
+    """Rows that a new light is downsampled to; None: full resolution."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and starting values of stage 2."""
 
@@ -183,5 +184,5 @@ class Variant(SurfelVariant):
 
     @property
     def vertices(self) -> int:
-        """Vertices of a surfel."""
+        """Number of vertices of each surfel."""
         return 4 if self.attributes == "bilinear" else 1

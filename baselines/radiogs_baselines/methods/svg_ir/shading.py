@@ -1,4 +1,4 @@
-"""Shading of vertices from the table of their surfel, and of the first hits of rays after one bounce."""
+"""Shading of surfel vertices from the table of incident light, and one-bounce radiance of rays' first hits."""
 
 import torch
 from jaxtyping import Float, Int
@@ -16,14 +16,14 @@ from .table import Table
 from .vertices import bilinear, interpolated
 
 SAMPLES_AT_ONCE = 1 << 22
-"""Samples of light that one-bounce radiance is summed from at a time, some fifty bytes each."""
+"""Light samples that one-bounce radiance sums in one batch, at about fifty bytes each."""
 
 Materials = Float[Tensor, "surfels vertices 7"]
-"""Albedo, roughness and unit normal of vertices."""
+"""Linear albedo, roughness and unit world normal of vertices."""
 
 
 def materials_of(model: Model, albedo: Float[Tensor, "surfels vertices 3"]) -> Materials:
-    """Those of the model's vertices; ``albedo`` is given apart, because relighting scales it."""
+    """Materials of the model's vertices; ``albedo`` (linear) may differ from the model's: relighting scales it."""
     return torch.cat([albedo, model.roughness[..., None], model.normal], -1)
 
 
@@ -33,17 +33,19 @@ def shade_vertices(
     outgoing: Float[Tensor, "surfels 3"],
     environment: Float[Tensor, "rows columns 3"],
 ) -> tuple[Float[Tensor, "surfels vertices 3"], Float[Tensor, "surfels vertices 3"]]:
-    """Linear radiance of vertices towards ``outgoing``, after one surface and after more, of some surfels.
+    """Linear direct and indirect radiance of vertices towards ``outgoing`` (unit, world), for some surfels.
 
-    All vertices of a surfel receive what arrives at its centre.
+    All vertices of a surfel receive the incident light of its centre.
     """
     surfels, vertices = materials.shape[:2]
-    of_each = [
+    per_vertex = [
         value.repeat_interleave(vertices, 0)
         for value in (incident.direction, incident.weight, incident.visibility, incident.radiance, outgoing)
     ]
     albedo, roughness, normal = materials.flatten(0, 1).split([3, 1, 3], -1)
-    parts = shade_materials(normal, albedo, roughness[:, 0], of_each[4][:, None], Incident(*of_each[:4]), environment)
+    parts = shade_materials(
+        normal, albedo, roughness[:, 0], per_vertex[4][:, None], Incident(*per_vertex[:4]), environment
+    )
     direct = parts[:, 0, DIFFUSE_DIRECT] + parts[:, 0, SPECULAR_DIRECT]
     indirect = parts[:, 0, DIFFUSE_INDIRECT] + parts[:, 0, SPECULAR_INDIRECT]
     return direct.view(surfels, vertices, 3), indirect.view(surfels, vertices, 3)
@@ -57,15 +59,23 @@ def one_bounce(
     environment: Float[Tensor, "rows columns 3"],
     distance: float,
 ) -> Float[Tensor, "rays 3"]:
-    """What the first hits of some rays of the table send back along them, linear: only the light, as far as it is seen.
+    """Radiance that the first hits of some rays reflect back along them, linear; lit by visible direct light only.
 
-    The material is that of the hit's own (u, v); directions and visibility are its surfel's in the table. Each ray has
-    to have a first hit. No gradient to normals. ``distance``: of the vertices (see ``bilinear``).
+    The material is interpolated at the hit's (u, v); directions and visibility are the hit surfel's entries in the
+    table. Normals have no gradient.
+
+    Args:
+        materials: Materials of all vertices.
+        table: The table of incident light.
+        surfel: Surfel that each ray leaves; the ray must have a first hit.
+        sample: Index of the ray among the surfel's rays.
+        environment: Linear radiance of the light.
+        distance: Distance of the vertices from the surfel's axes (see ``bilinear``).
     """
-    met, place = table.first[surfel, sample], table.place[surfel, sample]
-    weights = bilinear(place, distance, materials.shape[1])
-    albedo, roughness, normal = interpolated(materials[met], weights).split([3, 1, 3], -1)
-    arriving = table.incident(met, 0.0)
+    hit, hit_uv = table.hit_surfel[surfel, sample], table.hit_uv[surfel, sample]
+    weights = bilinear(hit_uv, distance, materials.shape[1])
+    albedo, roughness, normal = interpolated(materials[hit], weights).split([3, 1, 3], -1)
+    arriving = table.incident(hit, 0.0)
     outgoing = -table.direction[surfel, sample]
     parts = shade_materials(
         normalize(normal.detach(), dim=-1), albedo, roughness[:, 0], outgoing[:, None], arriving, environment
@@ -77,10 +87,10 @@ def one_bounce(
 def bounced(
     materials: Materials, table: Table, environment: Float[Tensor, "rows columns 3"], distance: float
 ) -> Float[Tensor, "surfels samples 3"]:
-    """``one_bounce`` for every ray of the table, zero where nothing is met."""
+    """``one_bounce`` of every ray of the table; zero for rays without a hit."""
     radiance = torch.zeros_like(table.direction)
-    met = torch.nonzero(table.first >= 0)
-    for surfel, sample in (some.unbind(-1) for some in met.split(max(1, SAMPLES_AT_ONCE // table.weight.shape[1]))):
+    hits = torch.nonzero(table.hit_surfel >= 0)
+    for surfel, sample in (some.unbind(-1) for some in hits.split(max(1, SAMPLES_AT_ONCE // table.weight.shape[1]))):
         radiance[surfel, sample] = one_bounce(materials, table, surfel, sample, environment, distance)
     return radiance
 
@@ -88,24 +98,27 @@ def bounced(
 def mirrored(
     table: Table, surfels: Surfels, index: Int[Tensor, " chosen"], eye: Float[Tensor, "3"]
 ) -> tuple[Int[Tensor, " rays"], Int[Tensor, " rays"]]:
-    """For each of some surfels, the ray nearest to the mirror image of its view from ``eye``, the nearer the more it is
-    occluded; those that have one, and which it is."""
+    """For each chosen surfel, the occluded ray nearest to the mirror direction of its view from ``eye``.
+
+    The score of a ray is its cosine to the mirror direction times 1 - V. Returns surfel and ray indices of the surfels
+    whose best score is positive and whose best ray has a hit.
+    """
     normal = surfels.frame[index, :, 2].detach()
     view = normalize(eye - surfels.centre[index].detach(), dim=-1)
     mirror = 2 * (normal * view).sum(-1, keepdim=True) * normal - view
     score = (table.direction[index] * mirror[:, None]).sum(-1) * (1 - table.visibility[index])
     best, sample = score.max(-1)
-    found = (best > 0) & (table.first[index, sample] >= 0)
+    found = (best > 0) & (table.hit_surfel[index, sample] >= 0)
     return index[found], sample[found]
 
 
 def limited(environment: Float[Tensor, "rows columns 3"], limit: float) -> Float[Tensor, "rows columns 3"]:
-    """A light as it is looked up."""
+    """Radiance of a light, clamped to [0, limit]."""
     return environment.clamp(0, limit)
 
 
 def reduced(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
-    """A light averaged over the texels of a map of ``rows`` rows; as it is where it has no more."""
+    """Downsample a light to ``rows`` rows by averaging; a light with no more rows is returned unchanged."""
     if rows is None or rows >= len(light.radiance):
         return light
     small = adaptive_avg_pool2d(light.radiance.permute(2, 0, 1)[None], (rows, 2 * rows))[0]

@@ -1,6 +1,6 @@
-"""A trained SVG-IR model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained SVG-IR model, under the recovered light and relit.
 
-Vertices are shaded from a table. Labels say where a run differs from the published method; they go with its results.
+Vertices are shaded from a table. Labels state how a run differs from the published method.
 """
 
 from collections.abc import Callable
@@ -31,31 +31,34 @@ Maps = dict[str, Float[Tensor, "height width _"]]
 
 @dataclass(frozen=True)
 class Lit:
-    """What vertices are lit by: the light as it is looked up, and the table, whose radiance counts ``factor`` times."""
+    """The light of a rendering: an environment map and the table of incident light."""
 
     environment: Float[Tensor, "rows columns 3"]
+    """Linear radiance of the distant light, after its upper limit."""
     table: Table
+    """Visibility and indirect radiance of every surfel."""
     factor: Float[Tensor, ""] | float
+    """Factor on the table's radiance."""
 
 
 class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
-    """Surfels with vertices and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
         self.walk = Walk.of(run.variant, run.scene.extent)
 
     def facts(self) -> dict[str, Any]:
-        """``ratio``: the factor on kept radiance. The rest: see ``TrainedOnSurfels``."""
+        """Adds ``ratio``, the factor on the table's radiance, to the facts of ``TrainedOnSurfels``."""
         return super().facts() | {"ratio": float(self.model.ratio)}
 
     @property
     def surfels(self) -> Surfels:
-        """Each surfel with the mean material of its vertices."""
+        """The surfels, each with the mean material of its vertices."""
         return self.model.averaged()
 
     def as_trained(self) -> Prepared:
-        """Shaded from the table of training."""
+        """Rendering under the recovered light, shaded from the table of training."""
         variant, model = self.run.variant, self.model
         table = table_of(model.cached, self.walk, self.run.budget.incident_samples, self.run.seed)
         factor = model.ratio if variant.indirect else 0.0
@@ -65,7 +68,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """With a new table, whose radiance is one bounce at the first hits."""
+        """Rendering under ``light`` with a new table, whose radiance is one bounce at the first hits."""
         variant, model = self.run.variant, self.model
         albedo = model.albedo * albedo_scale
         environment = limited(reduced(light, variant.relight_rows).radiance, variant.light_limit)
@@ -81,10 +84,14 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
 
 
 class Renderer:
-    """A model under a light, ready to be seen from any camera.
+    """Renders a model under one light.
 
-    ``materials``: what the camera sees (see ``shading.materials_of``). ``distance``: of the vertices. ``straight``: see
-    ``splatting.displayed``.
+    Args:
+        model: The trained model.
+        materials: Materials of its vertices (see ``shading.materials_of``).
+        lit: The light.
+        distance: Distance of the vertices from the surfel's axes, in standard deviations.
+        straight: Order of display encoding and coverage (see ``splatting.displayed``).
     """
 
     def __init__(self, model: Model, materials: Materials, lit: Lit, distance: float, straight: bool = True) -> None:
@@ -97,7 +104,7 @@ class Renderer:
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
         surfel's hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world
-        z-depth): one channel. normal: that of the vertices, unit in the world, zero where empty.
+        z-depth): one channel. normal: blended vertex normals, unit in the world, zero where empty.
         """
         surfels = self.model.surfels
         camera = camera.to(surfels.centre.device, surfels.centre.dtype)
@@ -119,7 +126,7 @@ class Renderer:
         }
 
     def _shaded(self, camera: Camera, index: Tensor) -> Float[Tensor, "surfels vertices 9"]:
-        """Direct, indirect and incident radiance of the vertices in view, zero for the others."""
+        """Direct, indirect and incident radiance of the vertices of the surfels ``index``; zero for all others."""
         incident = self.lit.table.incident(index, self.lit.factor)
         outgoing = towards(camera, self.model.surfels)[index]
         direct, indirect = shade_vertices(self.materials[index], incident, outgoing, self.lit.environment)
@@ -133,7 +140,7 @@ PAPER = PRESETS["paper"]
 
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    """Labels by name. ``extent``: the scene's, world units."""
+    """Differences from the published method, by name. ``extent``: the scene's extent, world units."""
     labels = {
         "geometry": "surfels of this project in place of flattened 3D Gaussians; no monocular normals",
         "stage1": "shared: novel-view synthesis in place of SVG-IR's own",

@@ -1,7 +1,7 @@
-"""What each surfel receives, traced once and kept: visibility, radiance of the surfels' harmonics, and the first hit.
+"""The table of incident light, traced once: each ray's visibility, radiance of the hit surfels, and first hit.
 
-A ray goes from hit to hit. Each way to the next one has to be longer than a gap and at most a hop long: what lies
-farther neither shadows nor shines. Surfels are met from their visible side.
+A ray is followed from hit to hit. The distance to the next hit has to be at least a gap and at most a hop: a ray ends
+where the next surfel is farther. Rays hit surfels only from their visible side.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -23,20 +23,22 @@ from .settings import Variant
 
 @dataclass(frozen=True)
 class Walk:
-    """How rays go from hit to hit; lengths in world units. See ``Variant``.
-
-    start None: one standard deviation of the surfel that a ray leaves. hop: infinite for rays of full length.
-    """
+    """How rays are followed from hit to hit; lengths in world units. See the fields of ``Variant``."""
 
     start: float | None
+    """Shortest distance to the first hit; None: one standard deviation of the surfel at the ray's origin."""
     gap: float
+    """Shortest distance between consecutive hits that count."""
     hop: float
+    """Longest distance to the next hit; infinite: unlimited."""
     opaque: float
+    """Transmittance below which the ray ends and V is 0."""
     radiance_limit: float
+    """Upper limit of the radiance of a ray, linear."""
 
     @classmethod
     def of(cls, variant: Variant, extent: float) -> "Walk":
-        """That of a variant; ``extent``: the scene's, world units."""
+        """Settings of a variant; ``extent``: the scene's extent, world units."""
         start = None if variant.ray_start is None else variant.ray_start * extent
         hop = torch.inf if variant.hop is None else variant.hop * extent
         return cls(start, variant.gap * extent, hop, variant.opaque, variant.radiance_limit)
@@ -44,90 +46,101 @@ class Walk:
 
 @dataclass(frozen=True)
 class Table:
-    """Incident light of N surfels from S directions each, without gradient.
-
-    direction: unit, world, towards the light. weight: solid angle, steradian. visibility: V. radiance: what the hits
-    send, linear RGB. first: the surfel that is met first, -1 for none; place: (u, v) there, in its standard deviations.
-    """
+    """Incident light of every surfel, by ray, without gradient."""
 
     direction: Float[Tensor, "surfels samples 3"]
+    """Unit directions towards the light, world axes."""
     weight: Float[Tensor, "surfels samples"]
+    """Solid angle of each direction, steradian."""
     visibility: Float[Tensor, "surfels samples"]
+    """Visibility V of the distant light."""
     radiance: Float[Tensor, "surfels samples 3"]
-    first: Int[Tensor, "surfels samples"]
-    place: Float[Tensor, "surfels samples 2"]
+    """Radiance that the hit surfels send, linear RGB."""
+    hit_surfel: Int[Tensor, "surfels samples"]
+    """Index of the first surfel that the ray hits; -1 for no hit."""
+    hit_uv: Float[Tensor, "surfels samples 2"]
+    """(u, v) of the first hit on its surfel, in the surfel's standard deviations."""
 
     def incident(self, index: Int[Tensor, " chosen"], factor: Float[Tensor, ""] | float) -> Incident:
-        """The entries of some surfels, their radiance times ``factor``."""
+        """Incident light of the surfels ``index``, with radiance multiplied by ``factor``."""
         return Incident(
             self.direction[index], self.weight[index], self.visibility[index], factor * self.radiance[index]
         )
 
     def with_radiance(self, radiance: Float[Tensor, "surfels samples 3"]) -> "Table":
-        """The table with other radiance."""
+        """A copy of the table with this radiance."""
         return replace(self, radiance=radiance)
 
 
 @torch.no_grad()
 def table_of(surfels: Surfels, walk: Walk, samples: int, seed: int) -> Table:
-    """Trace ``samples`` rays of every surfel, spread over its hemisphere and turned by ``seed``.
+    """Trace ``samples`` rays of every surfel, spread over its hemisphere and rotated at random by ``seed``.
 
-    Always the same for the same surfels and seed on the CPU.
+    On the CPU the result is deterministic for the same surfels and seed.
     """
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
     tracer = SurfelTracer(surfels).built()
     chunks = torch.arange(len(surfels), device=weight.device).split(max(1, RAYS_AT_ONCE // samples))
-    parts = [_walked(tracer, walk, index, direction[index]) for index in chunks]
+    parts = [_traced(tracer, walk, index, direction[index]) for index in chunks]
     if not parts:
-        parts = [_walked_nothing(direction)]
+        parts = [_empty_entries(direction)]
     found = [torch.cat(column) for column in zip(*parts, strict=True)]
     return Table(direction, weight, *found)
 
 
-Found = tuple[Tensor, Tensor, Tensor, Tensor]
-"""Visibility, radiance, first and place of a ``Table``."""
+TracedEntries = tuple[Tensor, Tensor, Tensor, Tensor]
+"""Visibility, radiance, hit_surfel and hit_uv of a ``Table``."""
 
 
-def _walked(tracer: SurfelTracer, walk: Walk, index: Tensor, direction: Tensor) -> Found:
+def _traced(tracer: SurfelTracer, walk: Walk, index: Tensor, direction: Tensor) -> TracedEntries:
     surfels, geometry = tracer.surfels, tracer.geometry.detach()
     samples = direction.shape[1]
     origin = geometry.centre[index].repeat_interleave(samples, 0)
     towards = direction.flatten(0, 1)
     width = surfels.scale.amax(-1)[index].repeat_interleave(samples)
     start = SELF_OFFSET * width if walk.start is None else torch.full_like(width, walk.start)
-    # Hits that are nearer than a gap do not count, so no transmittance ends the list.
+    # Hits nearer than a gap do not count, so the list must not end at any transmittance.
     lists = find_hits(tracer.bvh, origin, towards, start, torch.full_like(start, torch.inf), 0.0)
     rays = _Rays.starting(origin, towards, index.repeat_interleave(samples))
     _walk(rays, lists, surfels, geometry, walk)
     shape = (len(index), samples)
-    visibility = torch.where(rays.left < walk.opaque, 0.0, rays.left)
+    visibility = torch.where(rays.transmittance < walk.opaque, 0.0, rays.transmittance)
     radiance = rays.radiance.clamp(max=walk.radiance_limit)
-    return visibility.view(shape), radiance.view(*shape, 3), rays.first.view(shape), rays.place.view(*shape, 2)
+    return visibility.view(shape), radiance.view(*shape, 3), rays.hit_surfel.view(shape), rays.hit_uv.view(*shape, 2)
 
 
-def _walked_nothing(direction: Tensor) -> Found:
+def _empty_entries(direction: Tensor) -> TracedEntries:
     empty = direction[..., 0]
     return empty, direction, empty.long(), direction[..., :2]
 
 
 @dataclass(frozen=True)
 class _Rays:
-    """Rays under way; ``last``: length of the way to the last hit. Its tensors are overwritten step by step."""
+    """State of rays while they are followed; its tensors are overwritten in each iteration."""
 
     origin: Float[Tensor, "rays 3"]
+    """World positions of the origins."""
     direction: Float[Tensor, "rays 3"]
+    """Unit directions, world axes."""
     own: Int[Tensor, " rays"]
-    left: Float[Tensor, " rays"]
+    """Surfel that each ray leaves."""
+    transmittance: Float[Tensor, " rays"]
+    """Transmittance after the hits so far."""
     radiance: Float[Tensor, "rays 3"]
+    """Radiance of the hits so far, linear."""
     last: Float[Tensor, " rays"]
-    first: Int[Tensor, " rays"]
-    place: Float[Tensor, "rays 2"]
-    going: Bool[Tensor, " rays"]
+    """Distance from the origin to the last hit, world units."""
+    hit_surfel: Int[Tensor, " rays"]
+    """First surfel that was hit; -1 before the first hit."""
+    hit_uv: Float[Tensor, "rays 2"]
+    """(u, v) of the first hit, in standard deviations."""
+    active: Bool[Tensor, " rays"]
+    """Whether the ray continues."""
 
     @classmethod
     def starting(cls, origin: Tensor, direction: Tensor, own: Tensor) -> "_Rays":
-        """Before the first hit."""
+        """State before the first hit."""
         none = torch.zeros_like(origin[:, 0])
         return cls(
             origin, direction, own, torch.ones_like(none), torch.zeros_like(origin), none,
@@ -135,43 +148,43 @@ class _Rays:
         )  # fmt: skip
 
     def among(self, index: Tensor) -> "_Rays":
-        """Copies of some of them."""
+        """Copies of the rays ``index``."""
         return _Rays(*(getattr(self, each.name)[index] for each in fields(self)))
 
 
 def _walk(rays: _Rays, lists: HitLists, surfels: Surfels, geometry: SplatGeometry, walk: Walk) -> None:
-    """Every ray from hit to hit, all rays by one entry of their lists at a time."""
+    """March all rays in lockstep, one entry of their hit lists per iteration."""
     begin, end = lists.begin[:-1], lists.begin[1:]
     slots = torch.nonzero(end > begin)[:, 0]
     step = 0
     while len(slots):
         entry, ray = begin[slots] + step, lists.ray[slots].long()
-        _meet(rays, ray, lists, entry, surfels, geometry, walk)
+        _advance(rays, ray, lists, entry, surfels, geometry, walk)
         step += 1
-        slots = slots[rays.going[ray] & (begin[slots] + step < end[slots])]
+        slots = slots[rays.active[ray] & (begin[slots] + step < end[slots])]
 
 
-def _meet(
+def _advance(
     rays: _Rays, ray: Tensor, lists: HitLists, entry: Tensor, surfels: Surfels, geometry: SplatGeometry, walk: Walk
 ) -> None:
-    """The next hit of the rays ``ray``, which are still going."""
+    """Process one entry of the hit lists for the active rays ``ray``."""
     now = rays.among(ray)
     surfel, depth, alpha = lists.surfel[entry].long(), lists.depth[entry], lists.alpha[entry]
-    way = depth - now.last
-    met = (now.first < 0) | (way >= walk.gap)
-    ends = met & ((way > walk.hop) | (surfel == now.own))
-    met = met & ~ends
-    rays.going[ray] = ~ends
-    kept = torch.nonzero(met)[:, 0]
+    distance = depth - now.last
+    hit = (now.hit_surfel < 0) | (distance >= walk.gap)
+    ends = hit & ((distance > walk.hop) | (surfel == now.own))
+    hit = hit & ~ends
+    rays.active[ray] = ~ends
+    kept = torch.nonzero(hit)[:, 0]
     ray, now, surfel, depth, alpha = ray[kept], now.among(kept), surfel[kept], depth[kept], alpha[kept]
     outgoing = torch.nn.functional.normalize(now.origin - geometry.centre[surfel], dim=-1)
     radiance = surfel_radiance(surfels.sh[surfel], outgoing[:, None])[:, 0]
-    rays.radiance[ray] += (now.left * alpha)[:, None] * radiance
-    rays.left[ray] = now.left * (1 - alpha)
+    rays.radiance[ray] += (now.transmittance * alpha)[:, None] * radiance
+    rays.transmittance[ray] = now.transmittance * (1 - alpha)
     rays.last[ray] = depth
-    rays.going[ray] = rays.left[ray] >= walk.opaque
-    fresh = now.first < 0
+    rays.active[ray] = rays.transmittance[ray] >= walk.opaque
+    first = now.hit_surfel < 0
     offset = now.origin + depth[:, None] * now.direction - geometry.centre[surfel]
-    place = torch.stack([(offset * axis[surfel]).sum(-1) for axis in (geometry.axis_u, geometry.axis_v)], -1)
-    rays.first[ray] = torch.where(fresh, surfel, now.first)
-    rays.place[ray] = torch.where(fresh[:, None], place, now.place)
+    hit_uv = torch.stack([(offset * axis[surfel]).sum(-1) for axis in (geometry.axis_u, geometry.axis_v)], -1)
+    rays.hit_surfel[ray] = torch.where(first, surfel, now.hit_surfel)
+    rays.hit_uv[ray] = torch.where(first[:, None], hit_uv, now.hit_uv)

@@ -1,7 +1,7 @@
 """Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
 
-It starts from the surfels and radiance of stage 1 with new materials and a new light. Besides images, materials are
-fitted to the radiance that the table keeps.
+It starts from the surfels and radiance of stage 1 with new materials and a new light. Materials are fitted to the
+images and to the table's radiance.
 """
 
 from collections.abc import Mapping
@@ -36,9 +36,9 @@ from .vertices import blend_vertices
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
-    """Stage 2. Keeps the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``.
+    """Stage 2: keeps the geometry of stage 1 and learns new materials and light. A ``contract.Stage``.
 
-    The table of a stage that is restored is traced anew from what stage 1 handed on.
+    A resumed stage traces the table again from stage 1's surfels.
     """
 
     def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
@@ -53,17 +53,17 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         learnt = {name: self.optimiser.tensors[name] for name in LEARNT}
         return Model(frozen(self.optimiser.surfels), self.cached, **learnt)
 
     def begin_step(self) -> None:
-        """Hold the factor on kept radiance from its share of the stage on."""
+        """Freeze the ratio after ``ratio_until`` of the stage."""
         if self.iteration >= self.variant.materials.ratio_until * self.iterations:
             self.optimiser.set_rate("ratio", 0.0)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
-        """The weighted losses of the next step by name, if it looks at ``view``; draws surfels."""
+        """Weighted losses of a step on ``view``, by name; draws surfels from the generator."""
         model, weights = self.model, self.variant.materials.weights
         own = own_radiance(view.camera, model.surfels)
         seen = splat(view.camera, model.surfels, {"radiance": own}, self.depth_unit)
@@ -78,7 +78,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         }
 
     def _vertex_images(self, model: Model, view: TrainingView) -> tuple[Tensor, Tensor]:
-        """Shaded linear radiance, and albedo, roughness and normal, blended over the surfels in view."""
+        """Blended images of linear shaded radiance [height, width, 3], and of albedo, roughness and normal [..., 7]."""
         surfels, camera = model.surfels, view.camera.to(model.cached.centre.device, model.cached.centre.dtype)
         seen = project(camera, surfels.geometry_for(camera))
         index = torch.nonzero(seen.lists.touched)[:, 0]
@@ -97,7 +97,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return reconstruction(found, view.over(0.0), weights.absolute, weights.similarity)
 
     def _map_losses(self, materials: Tensor, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """The smoothness of the material maps, and normals against the depth map."""
+        """Losses of the smoothness of material maps, and of vertex normals against the depth map."""
         weights, geometry = self.variant.materials.weights, self.variant.geometry
         albedo, roughness, normal = materials.split([3, 1, 3], -1)
         inside = None if geometry.across_silhouettes else view.mask
@@ -133,27 +133,27 @@ def radiance_consistency(
     environment: Float[Tensor, "rows columns 3"],
     distance: float,
 ) -> Float[Tensor, ""]:
-    """Mean L1, over ``index``, between one bounce at a ray's first hit and the ray's kept radiance times the ratio.
+    """Mean L1, over the surfels ``index``, between one-bounce radiance and the table's radiance times the ratio.
 
-    One ray a surfel, see ``mirrored``; a surfel without one counts as zero. Gradient to the materials of what is met,
-    seen by a camera or not, to ``environment`` and to the ratio.
+    Each surfel contributes the ray of ``mirrored``, or zero without one. Gradient to the materials of the hit surfels,
+    whether or not a camera sees them, to ``environment`` (linear) and to the ratio.
     """
     surfel, sample = mirrored(table, model.surfels, index, eye)
     if not len(surfel):
         return environment.new_zeros(())
     bounce = one_bounce(materials_of(model, model.albedo), table, surfel, sample, environment, distance)
-    kept = model.ratio * table.radiance[surfel, sample]
-    return (bounce - kept).abs().sum() / (3 * len(index))
+    traced = model.ratio * table.radiance[surfel, sample]
+    return (bounce - traced).abs().sum() / (3 * len(index))
 
 
 FROZEN = ("centre", "rotation", "log_scale", "albedo_logit", "roughness_logit")
-"""Raw parameters of surfels that stage 2 leaves alone: where they are, and what their vertices have instead."""
+"""Raw parameters of surfels that stage 2 does not learn: position and shape, and materials, which vertices have."""
 
 
 def start_of(
     learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
 ) -> Model:
-    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    """The surfels of stage 1 with initial materials, and an initial light of ``rows`` rows."""
     start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
     light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator)
     return Model(
@@ -182,5 +182,5 @@ def rates_of(rates: MaterialRates) -> dict[str, float]:
 
 
 def frozen(surfels: Surfels) -> Surfels:
-    """The surfels without gradient to what stays: it is neither computed nor stepped on."""
+    """The surfels with the ``FROZEN`` parameters detached: they get no gradient and do not change."""
     return surfels.detached(*FROZEN)

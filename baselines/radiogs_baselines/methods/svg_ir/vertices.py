@@ -1,8 +1,8 @@
-"""Attributes that vary over a surfel: four vertices, bilinear in between, blended at each pixel's own (u, v).
+"""Attributes that vary over a surfel: bilinear between four vertices, evaluated and blended at each pixel's (u, v).
 
-A surfel's vertices lie at u, v = -/+ a vertex distance along its tangents, in the order (-, -), (+, -), (-, +), (+, +);
-beyond them attributes stay what they are at the edge. The rasterizer blends one vector a surfel, so here its lists of
-tiles and its records of surfels are blended anew, pair by pair of a surfel and a pixel.
+A surfel's vertices lie at u, v = -/+ the vertex distance along its tangents, in the order (-, -), (+, -), (-, +),
+(+, +); attributes are constant beyond them. The rasterizer blends one vector per surfel, so this module blends again
+from its tile lists and records, for each pair of a surfel and a pixel.
 """
 
 from collections.abc import Iterator
@@ -18,14 +18,14 @@ from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE
 from radiogs_core.surfels.surfels import Surfels
 
 ENTRIES_AT_ONCE = 1 << 18
-"""Pairs of a surfel and a tile that are in memory together, some two kilobytes each; a tile's are never parted."""
+"""Pairs of a surfel and a tile in one batch, at about two kilobytes each; the pairs of a tile stay in one batch."""
 
 
-def bilinear(place: Float[Tensor, "*batch 2"], distance: float, vertices: int) -> Float[Tensor, "*batch vertices"]:
-    """Weights of a surfel's vertices at (u, v), in its standard deviations; they sum to one."""
+def bilinear(uv: Float[Tensor, "*batch 2"], distance: float, vertices: int) -> Float[Tensor, "*batch vertices"]:
+    """Weights of a surfel's vertices at (u, v), which is in its standard deviations; the weights sum to one."""
     if vertices == 1:
-        return torch.ones_like(place[..., :1])
-    right, up = ((place / distance).clamp(-1, 1) / 2 + 0.5).unbind(-1)
+        return torch.ones_like(uv[..., :1])
+    right, up = ((uv / distance).clamp(-1, 1) / 2 + 0.5).unbind(-1)
     left, down = 1 - right, 1 - up
     return torch.stack([left * down, right * down, left * up, right * up], -1)
 
@@ -33,7 +33,7 @@ def bilinear(place: Float[Tensor, "*batch 2"], distance: float, vertices: int) -
 def interpolated(
     attributes: Float[Tensor, "batch vertices channels"], weights: Float[Tensor, "batch vertices"]
 ) -> Float[Tensor, "batch channels"]:
-    """Attributes inside surfels."""
+    """Weighted sums of vertex attributes."""
     return (attributes * weights[..., None]).sum(-2)
 
 
@@ -42,9 +42,9 @@ def blend_vertices(
 ) -> Float[Tensor, "height width channels"]:
     """Blend vertex attributes front to back, multiplied by coverage, on a background of zero.
 
-    ``seen``: the projection of ``surfels.geometry_for(camera)``. Order, opacities and the stop are the rasterizer's:
-    where the vertices of every surfel are alike, so is the image. Gradients: ``attributes``, and through ``seen`` the
-    surfels' opacity and shape; none through (u, v) to the weights of vertices.
+    ``seen`` is the projection of ``surfels.geometry_for(camera)``. Order, opacities and stop are the rasterizer's: with
+    equal vertices the result is the rasterizer's image. Gradient to ``attributes``, and through ``seen`` to the
+    surfels' opacity and shape; the vertex weights have no gradient to (u, v).
     """
     camera, vertices, channels = seen.camera, *attributes.shape[1:]
     across, down = -(-camera.width // TILE), -(-camera.height // TILE)
@@ -52,15 +52,15 @@ def blend_vertices(
     image = attributes.new_zeros(across * down, TILE * TILE, channels)
     for tiles, members in _pieces(seen):
         records, own = seen.records.index_select(0, members), maps.index_select(0, members)
-        weight, place = _pairs(records, own, *_pixel_rays(seen, tiles, across), tiles)
-        spread = weight[..., None] * bilinear(place, distance, vertices)
+        weight, uv = _pairs(records, own, *_pixel_rays(seen, tiles, across), tiles)
+        spread = weight[..., None] * bilinear(uv, distance, vertices)
         image = image.index_add(0, tiles, spread @ attributes.index_select(0, members))
     whole = image.view(down, across, TILE, TILE, channels).transpose(1, 2).flatten(2, 3).flatten(0, 1)
     return whole[: camera.height, : camera.width]
 
 
 def _pieces(seen: Projection) -> Iterator[tuple[Int[Tensor, " entries"], Int[Tensor, " entries"]]]:
-    """Tile and surfel of every entry, whole tiles at a time, nearest surfel first."""
+    """Yield batches of (tile, surfel) entries; each batch has whole tiles, and a tile's surfels are sorted by depth."""
     starts = seen.lists.starts.long()
     tiles = torch.arange(len(starts) - 1, device=starts.device).repeat_interleave(starts.diff())
     cuts = torch.searchsorted(starts, torch.arange(0, len(tiles), ENTRIES_AT_ONCE, device=starts.device))
@@ -70,9 +70,9 @@ def _pieces(seen: Projection) -> Iterator[tuple[Int[Tensor, " entries"], Int[Ten
 
 
 def _own_axes(seen: Projection, surfels: Surfels) -> Float[Tensor, "surfels 2 3"]:
-    """The maps from a pixel's ray (camera axes) to (u, v) times the slope, along the surfels' own tangents.
+    """Linear maps from a pixel's ray (camera axes) to (u, v) times the slope, for the surfels without pixel footprint.
 
-    The records' maps are those of surfels that are widened by the footprint of a pixel. No gradient.
+    The maps in the rasterizer's records are of surfels that are widened by the footprint of a pixel. No gradient.
     """
     camera, geometry = seen.camera, surfels.geometry().detach()
     towards = geometry.centre - camera.centre
@@ -87,7 +87,7 @@ def _own_axes(seen: Projection, surfels: Surfels) -> Float[Tensor, "surfels 2 3"
 def _pixel_rays(
     seen: Projection, tiles: Int[Tensor, " entries"], across: int
 ) -> tuple[Float[Tensor, "entries pixels 3"], Bool[Tensor, "entries pixels"]]:
-    """Rays of unit depth, in camera axes, through the pixels of each entry's tile, and which lie inside the image."""
+    """Rays of unit depth (camera axes) through the pixels of each entry's tile, and whether a pixel is in the image."""
     camera = seen.camera
     lane = torch.arange(TILE * TILE, device=tiles.device)
     column = (tiles % across * TILE)[:, None] + lane % TILE
@@ -105,20 +105,20 @@ def _pairs(
     inside: Bool[Tensor, "entries pixels"],
     tiles: Int[Tensor, " entries"],
 ) -> tuple[Float[Tensor, "entries pixels"], Float[Tensor, "entries pixels 2"]]:
-    """Blending weight and (u, v) of each pair of a surfel and a pixel of its tile; zero where they do not meet."""
+    """Blending weight and (u, v) of each pair of a surfel and a pixel of its tile; zero where the pixel misses it."""
     slope = (ray @ records[:, :3, None])[..., 0]
     facing = slope < 0
     inverse = 1 / torch.where(facing, slope, -1.0)
     square = ((ray @ records[:, 3:9].view(-1, 2, 3).mT) * inverse[..., None]).square().sum(-1)
-    met = facing & inside & (records[:, 9, None] * inverse > 0) & (square <= records[:, 11, None])
-    alpha = (records[:, 10, None] * torch.exp(-0.5 * torch.where(met, square, 0.0))).clamp(max=MAX_ALPHA)
-    alpha = torch.where(met, alpha, 0.0)
-    # Float64: the running sum goes over the entries of all tiles.
+    hit = facing & inside & (records[:, 9, None] * inverse > 0) & (square <= records[:, 11, None])
+    alpha = (records[:, 10, None] * torch.exp(-0.5 * torch.where(hit, square, 0.0))).clamp(max=MAX_ALPHA)
+    alpha = torch.where(hit, alpha, 0.0)
+    # Float64, because the running sum covers the entries of all tiles.
     spent = torch.log1p(-alpha.double())
     total = spent.cumsum(0)
     first = torch.searchsorted(tiles, tiles)
     before = (total - spent) - (total - spent).index_select(0, first)
     open_after = (before + spent).detach().exp() >= RASTER_TRANSMITTANCE_STOP
     weight = torch.where(open_after, alpha * before.exp().to(alpha), 0.0)
-    place = torch.where(met[..., None], (ray @ own.mT) * inverse[..., None], 0.0).detach()
-    return weight, place
+    uv = torch.where(hit[..., None], (ray @ own.mT) * inverse[..., None], 0.0).detach()
+    return weight, uv

@@ -1,4 +1,4 @@
-"""Rays through random pixels of the training views."""
+"""Batches of rays through random pixels of the training views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,34 +17,43 @@ from .settings import Budget
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """Rays, what their pixels show on a background, and that background; both display sRGB."""
+class RayBatch:
+    """Rays with the colours of their pixels."""
 
     rays: Rays
+    """The rays, local coordinates."""
     target: Float[Tensor, "rays 3"]
+    """Colour of each ray's pixel, composited on ``background``, display sRGB."""
     background: Float[Tensor, "rays 1"]
+    """Grey level behind each ray, display sRGB."""
 
 
 def camera_rays(camera: Camera, box: Box) -> Rays:
-    """Rays through the centres of all pixels, row by row."""
+    """Local rays through the centres of all pixels, row by row."""
     direction = normalize(camera.ray_directions().flatten(0, 1), dim=-1)
     return Rays(box.local(camera.centre).expand_as(direction), direction)
 
 
-def drawn_rays(
+def ray_batch(
     views: Sequence[TrainingView], box: Box, budget: Budget, order: tuple[int, int], generator: torch.Generator,
     random_background: bool,
-) -> Drawn:  # fmt: skip
-    """``budget.rays`` rays, shared out evenly among ``budget.views`` views; every epoch sees each view once.
+) -> RayBatch:  # fmt: skip
+    """Draw ``budget.rays`` rays, divided evenly among ``budget.views`` views; every epoch contains each view once.
 
-    ``order``: iteration and seed, which decide the views. Backgrounds are grey: one value a ray, or white.
+    Args:
+        views: The training views.
+        box: Box whose local coordinates the rays have.
+        budget: Numbers of rays and views.
+        order: Iteration and seed, which select the views.
+        generator: Source of the pixels and backgrounds.
+        random_background: Whether each ray has a random grey background; otherwise all are white.
     """
     iteration, seed = order
     count = min(budget.views, len(views))
     each = max(1, budget.rays // count)
     origins, directions, straight, masks = [], [], [], []
-    for place in range(count):
-        view = view_at(tuple(views), iteration * count + place, seed)
+    for index in range(count):
+        view = view_at(tuple(views), iteration * count + index, seed)
         rays, image = camera_rays(view.camera, box), view.image.flatten(0, 1)
         pixel = torch.randint(len(image), (each,), generator=generator, device=image.device)
         origins.append(rays.origin[pixel])
@@ -56,4 +65,4 @@ def drawn_rays(
     if random_background:
         background = torch.rand(mask.shape, generator=generator, device=mask.device)
     target = torch.cat(straight) * mask + background * (1 - mask)
-    return Drawn(Rays(torch.cat(origins), torch.cat(directions)), target, background)
+    return RayBatch(Rays(torch.cat(origins), torch.cat(directions)), target, background)

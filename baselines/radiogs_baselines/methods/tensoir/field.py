@@ -1,7 +1,7 @@
-"""The field: density and features of places by vector-matrix factors, and what the networks make of features.
+"""The field: density and features by vector-matrix factors, and networks that read the features.
 
-Factor m is a plane over two axes of a cubic grid times a line over the third. Planes are bilinear, lines linear, with
-nodes at both ends.
+Factor m is a plane over two axes of a cubic grid times a line over the third. Planes are interpolated bilinearly and
+lines linearly; the first and last node lie on the faces of the cube.
 """
 
 import math
@@ -17,94 +17,94 @@ from .box import Box, cell_centres, widened
 from .settings import Budget
 
 DENSITY_SHIFT = -10.0
-"""Added to the sum of factors inside the softplus: space starts nearly empty."""
+"""Added to the sum of factors before the softplus, so that space starts nearly empty."""
 
 DENSITY_SCALE = 25.0
-"""Density is this times the softplus, by a length of which the half edge of the box has ``UNITS``."""
+"""Density is the softplus times this, per TensoIR's unit of length; half an edge of the box is ``UNITS`` of these."""
 
 UNITS = 1.5
-"""TensoIR's boxes are [-1.5, 1.5]^3; its constants in units of length are divided by this."""
+"""Half an edge of TensoIR's boxes, [-1.5, 1.5]^3: the published lengths are divided by it to become local."""
 
 START_FACTOR = 0.1
-"""Standard deviation of the factors' entries at the start."""
+"""Initial standard deviation of the factors' entries."""
 
 FLATTEST = 1e-6
-"""Squared slope below which a derived normal is shorter than one."""
+"""Squared density gradient below which a derived normal is shorter than one."""
 
 ROUGHNESS_LOW, ROUGHNESS_RANGE = 0.09, 0.9
-"""Perceptual roughness is the first plus the second times a share in [0, 1]."""
+"""Perceptual roughness is LOW + RANGE times the network's output in [0, 1]."""
 
-HOLDS_ANYTHING = 1e-4
-"""Opacity along half a grid step below which a cell counts as empty."""
+EMPTY_OPACITY = 1e-4
+"""Opacity over half a grid spacing below which a cell counts as empty."""
 
 POINTS_AT_ONCE = 1 << 18
+"""Points whose density is computed in one batch."""
 
 GRIDS = ("density_plane", "density_line", "appearance_plane", "appearance_line")
-"""Parameters that lie on the grid; the others are of networks."""
+"""Names of the parameters on the grid; all others belong to networks."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """A vector-matrix factorised field in a box. Places are local to it (see ``Box``), densities per local length.
-
-    ``parameters``: ``GRIDS`` ([3, size, size, components] and [3, size, components]), ``basis`` [features, 3 *
-    components], and the weights of the networks ``radiance``, ``brdf`` and ``normal``.
-    """
+    """A vector-matrix factorised field in a box. Positions are local (see ``Box``), densities per local length."""
 
     box: Box
+    """Bounding cube and occupied cells."""
     parameters: Mapping[str, Tensor]
+    """``GRIDS`` ([3, size, size, components] and [3, size, components]), ``basis`` [features, 3 * components], and the
+    weights of the networks ``radiance``, ``brdf`` and ``normal``."""
 
     @property
     def size(self) -> int:
-        """Nodes of the grid along an edge."""
+        """Number of nodes of the grid along an edge."""
         return self.parameters["density_line"].shape[1]
 
     @property
     def spacing(self) -> float:
-        """Distance of neighbouring nodes."""
+        """Distance of neighbouring nodes, local length."""
         return 2 / (self.size - 1)
 
-    def density(self, place: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
-        """Density per local length; that of the factors, whether or not the box's cell is occupied."""
-        grids, nodes = self.parameters, nodes_around(place, self.size)
+    def density(self, position: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+        """Density of the factors, per local length; occupancy of the box's cells is ignored."""
+        grids, nodes = self.parameters, nodes_around(position, self.size)
         total = products(grids["density_plane"], grids["density_line"], nodes).sum((-2, -1))
         return (DENSITY_SCALE * UNITS) * softplus(total + DENSITY_SHIFT)
 
-    def derived_normal(self, place: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-        """Minus the normalised gradient of density: unit, in the world; shorter only where density is flat."""
-        grids, nodes = self.parameters, nodes_around(place, self.size)
-        # The softplus only scales the gradient.
+    def derived_normal(self, position: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
+        """Minus the normalised gradient of density, world axes; shorter than one only where density is nearly flat."""
+        grids, nodes = self.parameters, nodes_around(position, self.size)
+        # The softplus only scales the gradient, so the gradient of its input has the same direction.
         slope = slope_of_sum(grids["density_plane"], grids["density_line"], nodes)
         return -slope * slope.square().sum(-1, keepdim=True).clamp(min=FLATTEST).rsqrt()
 
-    def features(self, place: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
-        """What the networks read."""
-        grids, nodes = self.parameters, nodes_around(place, self.size)
+    def features(self, position: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
+        """Appearance features, the input of the networks."""
+        grids, nodes = self.parameters, nodes_around(position, self.size)
         factors = products(grids["appearance_plane"], grids["appearance_line"], nodes)
         return factors.flatten(1) @ grids["basis"].T
 
     def radiance(
         self, features: Float[Tensor, "points features"], direction: Float[Tensor, "points 3"]
     ) -> Float[Tensor, "points 3"]:
-        """Radiance in [0, 1] that is seen along unit directions, which point away from who looks."""
-        return answer("radiance", self.parameters, torch.cat([features, direction], -1)).sigmoid()
+        """Radiance in [0, 1] seen along unit ``direction``, which points away from the viewer."""
+        return network_output("radiance", self.parameters, torch.cat([features, direction], -1)).sigmoid()
 
     def materials(
-        self, features: Float[Tensor, "points features"], place: Float[Tensor, "points 3"]
+        self, features: Float[Tensor, "points features"], position: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, " points"]]:
-        """Linear diffuse albedo, and perceptual roughness."""
-        found = answer("brdf", self.parameters, torch.cat([features, place], -1)).sigmoid()
+        """Linear diffuse albedo in [0, 1], and perceptual roughness."""
+        found = network_output("brdf", self.parameters, torch.cat([features, position], -1)).sigmoid()
         return found[:, :3], ROUGHNESS_LOW + ROUGHNESS_RANGE * found[:, 3]
 
     def predicted_normal(
-        self, features: Float[Tensor, "points features"], place: Float[Tensor, "points 3"]
+        self, features: Float[Tensor, "points features"], position: Float[Tensor, "points 3"]
     ) -> Float[Tensor, "points 3"]:
-        """The normal that the network says; its components are in [-1, 1] and its length is whatever comes out."""
-        return answer("normal", self.parameters, torch.cat([features, place], -1)).tanh()
+        """Normals predicted by the network, world axes; components are in [-1, 1], the length is not normalised."""
+        return network_output("normal", self.parameters, torch.cat([features, position], -1)).tanh()
 
     @torch.no_grad()
     def finer(self, size: int) -> "Field":
-        """The field on a grid of another size."""
+        """The field resampled to a grid with ``size`` nodes along an edge, without gradient."""
         changed = {
             name: (finer_planes if name.endswith("plane") else finer_lines)(self.parameters[name].detach(), size)
             for name in GRIDS
@@ -113,15 +113,15 @@ class Field:
 
     @torch.no_grad()
     def emptied(self) -> "Field":
-        """The field without the cells in whose neighbourhood there is hardly any density."""
-        place = cell_centres(self.box.cells, device=self.box.centre.device)
-        density = torch.cat([self.density(some) for some in place.split(POINTS_AT_ONCE)])
-        solid = 1 - torch.exp(-density * self.spacing / 2) > HOLDS_ANYTHING
+        """The field with cells marked empty if they and their 26 neighbours have hardly any density."""
+        position = cell_centres(self.box.cells, device=self.box.centre.device)
+        density = torch.cat([self.density(some) for some in position.split(POINTS_AT_ONCE)])
+        solid = 1 - torch.exp(-density * self.spacing / 2) > EMPTY_OPACITY
         return replace(self, box=self.box.narrowed(widened(solid.view_as(self.box.occupied))))
 
 
 def field_start(box: Box, budget: Budget, generator: torch.Generator) -> Field:
-    """Random factors and networks; nearly empty."""
+    """Initial field with random factors and networks; space is nearly empty."""
     size = budget.grid_start
     drawn = {
         "density_plane": (3, size, size, budget.density_components),
@@ -146,26 +146,28 @@ def field_start(box: Box, budget: Budget, generator: torch.Generator) -> Field:
 
 
 PLANES, LINES = ((0, 1), (0, 2), (1, 2)), (2, 1, 0)
-"""Axes of each factor's plane and line."""
+"""Axes (x, y, z as 0, 1, 2) of each factor's plane and line."""
 
 
 @dataclass(frozen=True)
 class Nodes:
-    """The nodes around points, as rows of the flattened planes and lines, and their interpolation weights.
-
-    ``between``: how far the points are from the first node to the next, along the axes of each plane. ``per_unit``:
-    spacings of the grid in a local length of 1.
-    """
+    """The grid nodes around points, and their interpolation weights."""
 
     plane: Int[Tensor, "points 3 4"]
+    """Rows of the flattened planes."""
     plane_weight: Float[Tensor, "points 3 4"]
+    """Bilinear weights of ``plane``."""
     line: Int[Tensor, "points 3 2"]
+    """Rows of the flattened lines."""
     line_weight: Float[Tensor, "points 3 2"]
+    """Linear weights of ``line``."""
     between: tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]
+    """Offset from the first node along the two axes of each plane, in spacings, in [0, 1]."""
     per_unit: float
+    """Grid spacings in a local length of 1."""
 
     def plane_slopes(self) -> tuple[Float[Tensor, "points 3 4"], Float[Tensor, "points 3 4"]]:
-        """Derivatives of ``plane_weight`` by the local coordinates of the plane's two axes."""
+        """Derivatives of ``plane_weight`` with respect to the local coordinates along the plane's two axes."""
         u, v = self.between
         return (
             self.per_unit * torch.stack([v - 1, -v, 1 - v, v], -1),
@@ -173,14 +175,14 @@ class Nodes:
         )
 
 
-def nodes_around(place: Float[Tensor, "points 3"], size: int) -> Nodes:
-    """Around local places on grids of ``size`` nodes an edge; places outside of the cube are those on its surface."""
-    scaled = (place.clamp(-1, 1) + 1) * ((size - 1) / 2)
+def nodes_around(position: Float[Tensor, "points 3"], size: int) -> Nodes:
+    """Nodes around local positions on grids of ``size`` nodes along an edge; positions are clamped to the cube."""
+    scaled = (position.clamp(-1, 1) + 1) * ((size - 1) / 2)
     first = scaled.detach().floor().clamp(0, size - 2)
     share, first = scaled - first, first.long()
     u, v = (share[:, [axes[side] for axes in PLANES]] for side in (0, 1))
     row, column = (first[:, [axes[side] for axes in PLANES]] for side in (0, 1))
-    factor = torch.arange(3, device=place.device)
+    factor = torch.arange(3, device=position.device)
     corner = (factor * size + row) * size + column
     start, along = factor * size + first[:, LINES], share[:, LINES]
     return Nodes(
@@ -196,7 +198,7 @@ def nodes_around(place: Float[Tensor, "points 3"], size: int) -> Nodes:
 def products(
     planes: Float[Tensor, "3 size size components"], lines: Float[Tensor, "3 size components"], nodes: Nodes
 ) -> Float[Tensor, "points 3 components"]:
-    """Plane times line of every component."""
+    """Product of the interpolated plane and line, for every factor and component."""
     plane = (embedding(nodes.plane, planes.flatten(0, 2)) * nodes.plane_weight[..., None]).sum(-2)
     line = (embedding(nodes.line, lines.flatten(0, 1)) * nodes.line_weight[..., None]).sum(-2)
     return plane * line
@@ -205,7 +207,7 @@ def products(
 def slope_of_sum(
     planes: Float[Tensor, "3 size size components"], lines: Float[Tensor, "3 size components"], nodes: Nodes
 ) -> Float[Tensor, "points 3"]:
-    """Gradient by the local coordinates of the sum of all ``products``."""
+    """Gradient of the sum of all ``products`` with respect to the local coordinates."""
     corners = embedding(nodes.plane, planes.flatten(0, 2))
     ends = embedding(nodes.line, lines.flatten(0, 1))
     plane, line = (corners * nodes.plane_weight[..., None]).sum(-2), (ends * nodes.line_weight[..., None]).sum(-2)
@@ -219,28 +221,29 @@ def slope_of_sum(
 
 
 def finer_planes(planes: Float[Tensor, "3 size size components"], size: int) -> Float[Tensor, "3 _ _ components"]:
-    """The planes on grids of another size; exactly the same functions where the old nodes are among the new ones."""
+    """Resample planes to ``size`` nodes; the function is unchanged if the old nodes are among the new ones."""
     moved = planes.permute(0, 3, 1, 2)
     return interpolate(moved, size=(size, size), mode="bilinear", align_corners=True).permute(0, 2, 3, 1).contiguous()
 
 
 def finer_lines(lines: Float[Tensor, "3 size components"], size: int) -> Float[Tensor, "3 _ components"]:
-    """As ``finer_planes``."""
+    """Resample lines to ``size`` nodes, like ``finer_planes``."""
     moved = lines.permute(0, 2, 1)
     return interpolate(moved, size=size, mode="linear", align_corners=True).permute(0, 2, 1).contiguous()
 
 
 FREQUENCIES = 2
-"""Sines and cosines of 1 and 2 times each input."""
+"""Number of frequencies of the positional encoding: sines and cosines of 1 and 2 times each input."""
 
 LAYERS = 3
+"""Linear layers of each network."""
 
 ENCODED = 1 + 2 * FREQUENCIES
-"""Values of each input."""
+"""Encoded values of each input."""
 
 
 def encoded(values: Float[Tensor, "points inputs"]) -> Float[Tensor, "points encoded"]:
-    """The values, and sines and cosines of 1, 2, ... times them."""
+    """Positional encoding: the values, and the sines and cosines of 1, 2, ... times them."""
     octaves = [values * 2.0**octave for octave in range(FREQUENCIES)]
     return torch.cat([values, *(wave for each in octaves for wave in (each.sin(), each.cos()))], -1)
 
@@ -248,7 +251,7 @@ def encoded(values: Float[Tensor, "points inputs"]) -> Float[Tensor, "points enc
 def network_start(
     name: str, inputs: int, hidden: int, outputs: int, generator: torch.Generator
 ) -> dict[str, Float[Tensor, "..."]]:
-    """Weights uniform in +-1 / sqrt(inputs of the layer), biases zero, on the generator's device."""
+    """Initial weights uniform in +-1 / sqrt(inputs of the layer) and zero biases, on the generator's device."""
     widths = [inputs * ENCODED, hidden, hidden, outputs]
     found: dict[str, Tensor] = {}
     for layer in range(LAYERS):
@@ -259,10 +262,10 @@ def network_start(
     return found
 
 
-def answer(
+def network_output(
     name: str, parameters: Mapping[str, Tensor], inputs: Float[Tensor, "points inputs"]
 ) -> Float[Tensor, "points outputs"]:
-    """The network's outputs before any activation of the last layer."""
+    """Outputs of the network ``name`` without an activation of the last layer."""
     values = encoded(inputs)
     for layer in range(LAYERS):
         values = linear(values, parameters[f"{name}_weight_{layer}"], parameters[f"{name}_bias_{layer}"])

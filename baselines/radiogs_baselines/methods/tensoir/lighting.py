@@ -1,4 +1,4 @@
-"""The radiance that surface points send out: under the recovered light, and under another one."""
+"""Shading of surface points under the recovered light and under a new one."""
 
 from dataclasses import dataclass
 
@@ -18,30 +18,33 @@ from .shading import SurfacePoints, transport
 
 @dataclass(frozen=True)
 class Shaded:
-    """Outgoing radiance of points, linear: after one surface, and after more."""
+    """Outgoing radiance of surface points towards the camera, linear."""
 
     direct: Float[Tensor, "points 3"]
+    """Radiance of direct light: reflected once."""
     indirect: Float[Tensor, "points 3"]
+    """Radiance of indirect light: reflected more than once."""
 
 
 @dataclass(frozen=True)
 class RecoveredLight:
-    """The light of training: ``rows`` rows of twice as many directions, the same for all points.
-
-    ``samples``: of the field along each of them. ``displaced``: whether they are drawn within their cells, as training
-    does, or the middles of these.
-    """
+    """The recovered light, sampled along the same directions at all points."""
 
     light: SphericalGaussians
+    """Distant light."""
     variant: Variant
+    """Switches of visibility and indirect light."""
     rows: int
+    """Rows of the grid of directions; it has twice as many columns."""
     samples: int
+    """Samples of the field along each direction."""
     displaced: bool
+    """Whether directions are drawn within their cells, as in training; otherwise they are the cells' middles."""
 
     def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
-        """What points send out. Gradient reaches materials, normals and light alone."""
+        """Outgoing radiance of the points. Gradient to materials, normals and light only."""
         drawn = generator if self.displaced else None
-        direction, solid_angle = stratified_directions(self.rows, drawn, points.place)
+        direction, solid_angle = stratified_directions(self.rows, drawn, points.position)
         radiance = self.light.radiance(direction)
         direction = direction.expand(len(points.ray), *direction.shape)
         reflected = transport(points, direction, solid_angle.expand(direction.shape[:2]))
@@ -49,18 +52,24 @@ class RecoveredLight:
         return Shaded((reflected * found.visibility[..., None] * radiance).sum(1), (reflected * found.radiance).sum(1))
 
     def _arriving(self, field: Field, points: SurfacePoints, direction: Tensor) -> Arriving:
-        wanted = (points.normal.detach()[:, None] * direction).sum(-1) > 0
+        traced = (points.normal.detach()[:, None] * direction).sum(-1) > 0
         if not (self.variant.visibility or self.variant.indirect):
-            wanted = torch.zeros_like(wanted)
-        found = arriving(field, points.place, direction, wanted, self.samples, self.variant.indirect)
+            traced = torch.zeros_like(traced)
+        found = arriving(field, points.position, direction, traced, self.samples, self.variant.indirect)
         return found if self.variant.visibility else Arriving(torch.ones_like(found.visibility), found.radiance)
 
 
 class NewLight:
-    """Another light, from ``count`` directions that are drawn from it for each point; direct light alone.
+    """A new light with constant texels, sampled in proportion to its radiance; direct light only.
 
-    The light is constant on each texel. ``visibility``: whether density hides it. Raises DataError for a light that is
-    not finite.
+    Args:
+        light: The new light.
+        count: Directions drawn for each point.
+        samples: Samples of the field along each direction.
+        visibility: Whether density occludes the light.
+
+    Raises:
+        DataError: The light is not finite.
     """
 
     def __init__(self, light: EnvironmentMap, count: int, samples: int, visibility: bool) -> None:
@@ -68,16 +77,16 @@ class NewLight:
         self.sampler = LightSampler(light)
 
     def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
-        """What points send out of the light itself."""
+        """Outgoing radiance of the points; ``indirect`` is zero."""
         direction = self.sampler.draw(len(points.ray), self.count, generator)
         density = self.sampler.pdf(direction)
         weight = torch.where(density > 0, 1 / (self.count * density), 0.0)
         reflected = transport(points, direction, weight)
         incoming = texel_radiance(self.radiance, direction)
         if self.visibility:
-            wanted = (points.normal[:, None] * direction).sum(-1) > 0
-            seen = arriving(field, points.place, direction, wanted, self.samples, indirect=False).visibility
-            incoming = incoming * seen[..., None]
+            traced = (points.normal[:, None] * direction).sum(-1) > 0
+            found = arriving(field, points.position, direction, traced, self.samples, indirect=False)
+            incoming = incoming * found.visibility[..., None]
         direct = (reflected * incoming).sum(1)
         return Shaded(direct, torch.zeros_like(direct))
 
@@ -85,7 +94,7 @@ class NewLight:
 def texel_radiance(
     radiance: Float[Tensor, "height width 3"], direction: Float[Tensor, "*batch 3"]
 ) -> Float[Tensor, "*batch 3"]:
-    """Radiance of the texel that each unit direction lies in (see ``scene.light``), without interpolation."""
+    """Radiance of the texel that each unit direction lies in (see ``scene.light``), not interpolated."""
     height, width = radiance.shape[:2]
     x, y, z = direction.unbind(-1)
     row = torch.atan2(torch.hypot(x, y), z) * (height / torch.pi)

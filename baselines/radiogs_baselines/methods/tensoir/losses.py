@@ -1,4 +1,4 @@
-"""The losses of marched rays and of the factors themselves."""
+"""Losses of marched rays and of the field's factors."""
 
 import torch
 from jaxtyping import Float
@@ -10,22 +10,25 @@ from .field import Field
 from .marching import Marched
 
 VARIATION = 0.02
-"""Factor of the mean squared differences inside the published weights of variation."""
+"""Factor on the mean squared differences that the published weights of variation include."""
 
 DARKEST = 1e-6
-"""Relative differences are of values above this."""
+"""Lower limit of the denominator of relative differences."""
 
 
 def on_background(
     blended: Float[Tensor, "rays 3"], alpha: Float[Tensor, " rays"], background: Float[Tensor, "rays 1"], linear: bool
 ) -> Float[Tensor, "rays 3"]:
-    """Blended radiance on a background (display), as display values: encoded, where linear, after compositing."""
+    """Composite blended radiance on a background (display sRGB) and return display values.
+
+    ``linear`` radiance is composited on the decoded background and then encoded; otherwise radiance is display values.
+    """
     left = (1 - alpha)[:, None]
     return srgb_encode(blended + left * srgb_decode(background)) if linear else blended + left * background
 
 
 def squared_error(found: Float[Tensor, "rays 3"], target: Float[Tensor, "rays 3"]) -> Float[Tensor, ""]:
-    """Mean over rays and channels; 0 for no rays."""
+    """Mean squared error over rays and channels; 0 without rays."""
     return (found - target).square().sum() / max(1, target.numel())
 
 
@@ -42,18 +45,18 @@ def variation(planes: Float[Tensor, "3 size size components"]) -> Float[Tensor, 
 
 
 def mean_along_rays(marched: Marched, values: Float[Tensor, " counted"]) -> Float[Tensor, ""]:
-    """Values of the counted samples, blended along each ray, averaged over all rays."""
+    """Blend values of the counted samples along each ray, and average over all rays."""
     return marched.blended(values).sum() / max(1, marched.samples.rays)
 
 
 def facing_away(normal: Float[Tensor, "counted 3"], direction: Float[Tensor, "counted 3"]) -> Float[Tensor, " counted"]:
-    """Squared cosine between a normal and the direction of sight where they point the same way, zero elsewhere."""
+    """Squared cosine between normals and unit viewing directions where it is positive; zero elsewhere."""
     return (normal * direction).sum(-1).clamp(min=0).square()
 
 
 def relative_difference(
     here: Float[Tensor, "counted channels"], nearby: Float[Tensor, "counted channels"]
 ) -> Float[Tensor, " counted"]:
-    """Squared differences relative to the larger value, summed over channels."""
+    """Squared differences relative to the larger of both values, summed over channels."""
     larger = torch.maximum(here, nearby).clamp(min=DARKEST)
     return ((here - nearby) / larger).square().sum(-1)

@@ -1,4 +1,4 @@
-"""Rays marched through the field: where samples lie, how much each counts, and what they add up to."""
+"""Ray marching through the field: positions of samples, their weights, and blended sums."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,20 @@ from torch import Tensor
 from .field import Field
 
 STEP = 0.5
-"""Distance of samples, in spacings of the grid."""
+"""Distance between samples, in spacings of the grid."""
 
-COUNTS = 1e-4
-"""Weight above which the networks are asked about a sample."""
+COUNTED_WEIGHT = 1e-4
+"""Weight above which the networks are evaluated at a sample."""
 
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays in a box's local coordinates; ``direction`` is of unit length and points away from who looks."""
+    """Rays in a box's local coordinates."""
 
     origin: Float[Tensor, "rays 3"]
+    """Positions of the origins."""
     direction: Float[Tensor, "rays 3"]
+    """Unit directions, away from the viewer."""
 
     def __len__(self) -> int:
         return len(self.origin)
@@ -28,55 +30,57 @@ class Rays:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of rays in occupied cells, in order along each ray.
-
-    ray, slot: which ray, and which of its ``slots`` places. distance: along it, local. place: local.
-    """
+    """Samples of rays in occupied cells, in order along each ray."""
 
     rays: int
+    """Number of rays."""
     slots: int
+    """Number of marching steps of each ray, with or without a sample."""
     ray: Int[Tensor, " samples"]
+    """Index of each sample's ray."""
     slot: Int[Tensor, " samples"]
+    """Index of each sample's marching step."""
     distance: Float[Tensor, " samples"]
-    place: Float[Tensor, "samples 3"]
+    """Distance from the ray's origin, local length."""
+    position: Float[Tensor, "samples 3"]
+    """Local positions."""
 
 
 @dataclass(frozen=True)
 class Marched:
-    """The samples of rays with their weights T_k alpha_k.
-
-    ``weight``: of every sample. ``counted``: those that the networks are asked about; the others add nothing to maps.
-    alpha: sum of all weights. distance: mean of the samples', local, 0 for a ray that meets nothing.
-    """
+    """The samples of rays with their weights."""
 
     samples: Samples
+    """All samples in occupied cells."""
     weight: Float[Tensor, " samples"]
+    """Blending weights T_k alpha_k."""
     counted: Int[Tensor, " counted"]
+    """Indices of the samples at which networks are evaluated; only these contribute to blended values."""
 
     @property
     def alpha(self) -> Float[Tensor, " rays"]:
-        """Coverage of each ray."""
+        """Coverage of each ray: the sum of its weights."""
         return self._total(self.weight, self.samples.ray)
 
     @property
     def distance(self) -> Float[Tensor, " rays"]:
-        """Where each ray ends, on average."""
+        """Weighted mean distance of each ray's samples, local length; 0 for a ray without density."""
         alpha = self.alpha
         total = self._total(self.weight * self.samples.distance, self.samples.ray)
         return total / torch.where(alpha > 0, alpha, 1.0)
 
     @property
-    def places(self) -> Float[Tensor, "counted 3"]:
-        """Local places of the counted samples."""
-        return self.samples.place[self.counted]
+    def positions(self) -> Float[Tensor, "counted 3"]:
+        """Local positions of the counted samples."""
+        return self.samples.position[self.counted]
 
     @property
     def ray(self) -> Int[Tensor, " counted"]:
-        """The rays that the counted samples are of."""
+        """Indices of the counted samples' rays."""
         return self.samples.ray[self.counted]
 
     def blended(self, values: Float[Tensor, "counted ..."]) -> Float[Tensor, "rays ..."]:
-        """Sums over the counted samples of weight times value, by ray."""
+        """Sum of weight times value over each ray's counted samples."""
         weight = self.weight[self.counted]
         return self._total(weight.view(-1, *[1] * (values.dim() - 1)) * values, self.ray)
 
@@ -85,12 +89,12 @@ class Marched:
 
 
 def primary_samples(field: Field, rays: Rays, generator: torch.Generator | None) -> Samples:
-    """Every half spacing of the grid from where a ray enters the cube (or begins) to where it leaves.
+    """Samples at every half grid spacing, from the ray's entry into the cube (or its origin) to its exit.
 
-    They are displaced along each ray by a random share of the step; without ``generator`` by half of it.
+    Each ray's samples are displaced by a random share of the step; without ``generator`` by half of it.
     """
     step = STEP * field.spacing
-    # A direction's zero component gives infinities of the right sign; 0 / 0 on a face counts as inside.
+    # A zero component of the direction gives infinities of the right sign; 0 / 0 (on a face) counts as inside.
     low, high = ((side - rays.origin) / rays.direction for side in (-1, 1))
     on_face = low.isnan() | high.isnan()
     enter = torch.where(on_face, -torch.inf, torch.minimum(low, high))
@@ -104,23 +108,23 @@ def primary_samples(field: Field, rays: Rays, generator: torch.Generator | None)
     return kept_samples(field, rays, distance, distance < end[:, None])
 
 
-def kept_samples(field: Field, rays: Rays, distance: Float[Tensor, "rays slots"], wanted: Tensor) -> Samples:
-    """Those of the wanted samples [rays, slots] that lie in occupied cells."""
-    ray, slot = torch.nonzero(wanted, as_tuple=True)
-    place = rays.origin[ray] + distance[ray, slot, None] * rays.direction[ray]
-    held = torch.nonzero(field.box.holds(place))[:, 0]
-    ray, slot = ray[held], slot[held]
-    return Samples(len(rays), distance.shape[1], ray, slot, distance[ray, slot], place[held])
+def kept_samples(field: Field, rays: Rays, distance: Float[Tensor, "rays slots"], valid: Tensor) -> Samples:
+    """The samples with ``valid`` [rays, slots] that lie in occupied cells."""
+    ray, slot = torch.nonzero(valid, as_tuple=True)
+    position = rays.origin[ray] + distance[ray, slot, None] * rays.direction[ray]
+    kept = torch.nonzero(field.box.holds(position))[:, 0]
+    ray, slot = ray[kept], slot[kept]
+    return Samples(len(rays), distance.shape[1], ray, slot, distance[ray, slot], position[kept])
 
 
 def optical_depth(samples: Samples, thickness: Float[Tensor, " samples"]) -> Float[Tensor, "rays slots"]:
-    """Density times length at each slot, zero where no sample is kept."""
+    """Scatter the samples' optical thickness into [rays, slots]; zero without a sample."""
     flat = thickness.new_zeros(samples.rays * samples.slots)
     return flat.index_copy(0, samples.ray * samples.slots + samples.slot, thickness).view(samples.rays, samples.slots)
 
 
 def weights_of(samples: Samples, density: Float[Tensor, " samples"], step: float) -> Float[Tensor, " samples"]:
-    """T_k alpha_k: transmittance up to a sample times the opacity of the step that it stands for."""
+    """Blending weights T_k alpha_k: transmittance before a sample times the opacity of its step (local length)."""
     thickness = density * step
     dense = optical_depth(samples, thickness)
     before = (dense.cumsum(-1) - dense).flatten()[samples.ray * samples.slots + samples.slot]
@@ -128,7 +132,7 @@ def weights_of(samples: Samples, density: Float[Tensor, " samples"], step: float
 
 
 def march(field: Field, rays: Rays, generator: torch.Generator | None = None) -> Marched:
-    """Rays from cameras through the field."""
+    """March camera rays through the field; without ``generator`` samples lie in the middle of their steps."""
     samples = primary_samples(field, rays, generator)
-    weight = weights_of(samples, field.density(samples.place), STEP * field.spacing)
-    return Marched(samples, weight, torch.nonzero(weight.detach() > COUNTS)[:, 0])
+    weight = weights_of(samples, field.density(samples.position), STEP * field.spacing)
+    return Marched(samples, weight, torch.nonzero(weight.detach() > COUNTED_WEIGHT)[:, 0])

@@ -1,4 +1,4 @@
-"""TensoIR as the harness knows it: its stages, what each depends on, and its trained model."""
+"""Registers TensoIR with the harness: stages, presets and trained model."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ class TensoIR:
     sources = ("radiogs_baselines.methods.tensoir.showing",)
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
-        """The radiance field, and inverse rendering."""
+        """Stage 1, the radiance field, and stage 2, inverse rendering."""
         modules = ("radiogs_baselines.methods.tensoir.training",)
         return (
             StageSpec(
@@ -45,7 +45,7 @@ class TensoIR:
         )
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedTensoIR:
-        """The model from the product of inverse rendering."""
+        """The trained model from the product of stage 2."""
         return TrainedTensoIR(Model.of(tensors, run.device), run)
 
 

@@ -1,4 +1,4 @@
-"""What TensoIR recovers: a field, and the light that it was seen under."""
+"""The model that TensoIR recovers: a field, and the light of the training images."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,15 +11,17 @@ from .field import Field
 from .light import SphericalGaussians
 
 LIGHT = "light"
-"""Name of the light among what is learnt; all others are the field's parameters."""
+"""Name of the light among the learnt parameters; all others belong to the field."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A field and spherical Gaussians."""
+    """A field and a distant light."""
 
     field: Field
+    """Density, radiance, normals and materials."""
     light: SphericalGaussians
+    """The recovered light."""
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain values, without gradient history."""
@@ -28,7 +30,7 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any], device: torch.device) -> "Model":
-        """The inverse of ``tensors``, on a device."""
+        """The inverse of ``tensors``, with tensors on ``device``."""
         parameters = {name: value.to(device) for name, value in tensors["parameters"].items()}
         field = Field(Box.of(tensors["box"], device), parameters)
         return cls(field, SphericalGaussians(tensors[LIGHT].to(device)))

@@ -1,6 +1,7 @@
 """Settings of TensoIR: how much work a run does, how it learns, and what an ablation changes.
 
-Defaults are those of its configurations for one light; shares are of the second stage's iterations.
+Unless a field says otherwise, defaults are those of the published configurations for one light; shares are shares of
+stage 2's iterations.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -9,41 +10,51 @@ from typing import Any, Literal
 from radiogs_core.errors import UsageError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Budget:
-    """How much work a run may do.
-
-    ``rays`` of ``views`` training views are marched a step, first for ``field_iterations`` steps of the radiance field
-    alone, then for ``inverse_iterations``. The grid has ``grid_start`` nodes an edge at first and ``grid_end`` in the
-    end; the box is known to be empty or not by ``cells`` an edge. ``light_rows`` rows of twice as many directions are
-    looked along for light, with ``secondary_samples`` samples each; relighting draws ``relight_samples`` from the
-    light. ``network_rate`` multiplies the rates of networks and light: short runs take longer steps.
-    """
+    """Computational effort of a run."""
 
     name: str
+    """Name of the preset."""
     field_iterations: int
+    """Steps of stage 1, the radiance field."""
     inverse_iterations: int
+    """Steps of stage 2, inverse rendering."""
     rays: int
+    """Camera rays marched in each step."""
     views: int
+    """Training views that the rays of a step are divided among."""
     grid_start: int
+    """Nodes of the grid along an edge in stage 1."""
     grid_end: int
+    """Nodes of the grid along an edge at the end of stage 2."""
     cells: int
+    """Cells of the occupancy grid along an edge of the box."""
     density_components: int
+    """Components of each density factor."""
     appearance_components: int
+    """Components of each appearance factor."""
     features: int
+    """Appearance features, the networks' input."""
     hidden: int
+    """Width of the networks' hidden layers."""
     lobes: int
+    """Spherical Gaussians of the light."""
     light_rows: int
+    """Rows of the grid of directions from which each point is lit; it has twice as many columns."""
     secondary_samples: int
+    """Samples of the field along each secondary ray."""
     relight_samples: int
+    """Directions of each point in relit images, drawn from the light."""
     network_rate: float
+    """Factor on the learning rates of networks and light; short runs take longer steps."""
 
 
 BUDGET_SHOWN_ONLY = ("relight_samples",)
 """Fields of ``Budget`` that training does not read."""
 
 BUDGET_INVERSE_ONLY = ("grid_end", "lobes", "light_rows", "secondary_samples", *BUDGET_SHOWN_ONLY)
-"""Fields of ``Budget`` that the radiance field's stage does not read; its rates depend on the length of the other."""
+"""Fields of ``Budget`` that stage 1 does not read; it reads ``inverse_iterations``: rates decay over both stages."""
 
 PRESETS = {
     preset.name: preset
@@ -74,21 +85,21 @@ PRESETS = {
 
 @dataclass(frozen=True)
 class FieldWeights:
-    """Weights of the losses of the radiance field alone; 0 leaves one out."""
+    """Weights of the losses of stage 1; 0 leaves one out."""
 
     radiance: float = 1.0
     """Mean squared error of marched pixels, display values."""
     sparsity: float = 8e-5
-    """Mean absolute entry of the density's planes and lines, summed over them."""
+    """Mean absolute entry of each density plane and line, summed over the three factors."""
     density_variation: float = 0.05
-    """A fiftieth of the mean squared differences of neighbouring entries of the density's planes."""
+    """Mean squared differences of neighbouring entries of the density planes, divided by 50."""
     appearance_variation: float = 0.005
-    """The same of the appearance's planes."""
+    """Mean squared differences of neighbouring entries of the appearance planes, divided by 50."""
 
 
 @dataclass(frozen=True)
 class InverseWeights:
-    """Weights of the losses of inverse rendering; 0 leaves one out."""
+    """Weights of the losses of stage 2; 0 leaves one out."""
 
     radiance: float = 1.0
     """Mean squared error of marched pixels, display sRGB of linear radiance."""
@@ -97,99 +108,98 @@ class InverseWeights:
     normal_difference: float = 0.002
     """Squared distance between predicted and derived normals along rays. Published: 0.0005 to 0.005, by scene."""
     orientation: float = 0.001
-    """Squared cosine of predicted normals that face away along rays. Published: 0.001 to 0.005, by scene."""
+    """Squared cosine to the viewing direction of normals that face away. Published: 0.001 to 0.005, by scene."""
     albedo_smoothness: float = 0.001
-    """Squared relative difference between albedo here and nearby, along rays."""
+    """Squared relative difference of albedo between samples and random nearby positions."""
     roughness_smoothness: float = 0.001
-    """The same of roughness."""
+    """Squared relative difference of roughness between samples and random nearby positions."""
     sparsity: float = 4e-5
-    """As in ``FieldWeights``."""
+    """Mean absolute entry of each density plane and line, as in ``FieldWeights``."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Adam's learning rates; both fall to ``end`` of themselves over both stages, and start anew with each grid."""
+    """Adam's learning rates. They decay geometrically over both stages and restart each time the grid becomes finer."""
 
     grid: float = 0.02
     """Rate of planes and lines."""
     network: float = 0.001
     """Rate of the networks, the basis and the light, times the budget's ``network_rate``."""
     end: float = 0.1
-    """What is left of them at the end."""
+    """Factor on both rates after all steps of both stages."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """When the second stage does what, as shares of its iterations."""
+    """Events of stage 2, as shares of its iterations."""
 
     finer_at: tuple[float, ...] = (0.0, 1 / 7, 2 / 7, 3 / 7)
     """When the grid becomes finer, by the same factor each time."""
     emptied_at: tuple[float, ...] = (0.0, 1 / 14, 2 / 14, 3 / 14, 4 / 14, 5 / 14)
-    """When cells without density are left out from then on."""
+    """When cells without density are marked empty."""
 
 
 @dataclass(frozen=True)
 class LightStart:
-    """What the spherical Gaussians start as."""
+    """Initial spherical Gaussians."""
 
     mean: float = 0.4
-    """Radiance averaged over all directions (published: an energy of 1.6 pi)."""
+    """Mean linear radiance over all directions (published: an energy of 1.6 pi)."""
     sharpness: float = 10.0
-    """Least sharpness."""
+    """Least initial sharpness."""
     spread: float = 20.0
-    """Scale of the half-normal that is added to it."""
+    """Scale of the half-normal random value added to the least sharpness."""
 
 
 @dataclass(frozen=True)
 class Learning:
-    """How both stages learn."""
+    """Weights, rates and schedule of both stages."""
 
     radiance_field: FieldWeights = field(default_factory=FieldWeights)
-    """Losses of the radiance field alone."""
+    """Loss weights of stage 1."""
     inverse: InverseWeights = field(default_factory=InverseWeights)
-    """Losses of inverse rendering."""
+    """Loss weights of stage 2."""
     rates: Rates = field(default_factory=Rates)
     """Learning rates."""
     schedule: Schedule = field(default_factory=Schedule)
-    """Moments of the second stage."""
+    """Events of stage 2."""
     light: LightStart = field(default_factory=LightStart)
-    """What the light starts as."""
+    """Initial light."""
     nearby: float = 0.01 / 1.5
-    """Standard deviation of the displacement at which smoothness compares materials, half edges of the box."""
+    """Standard deviation of the displacement of the smoothness losses' nearby positions, local length."""
 
 
 SHOWN_ONLY = ("shown", "relight_visibility")
 """Fields of ``Variant`` that training does not read."""
 
 INVERSE_ONLY = ("indirect", "visibility", "normals", "background", *SHOWN_ONLY)
-"""Fields of ``Variant`` that the stage of the radiance field does not read."""
+"""Fields of ``Variant`` that stage 1 does not read."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant of TensoIR; the defaults are the full method.
-
-    indirect: whether points are lit by the radiance that rays meet in the field. visibility: whether density on the
-    way hides the light in training.
-    normals: those that points are shaded with: of the network, tied to the density by a loss, or of the density itself.
-    linear: whether the field's radiance is linear from the second stage on, as published, or from the start.
-    background: what training images are composited on: white, as published, which a white surface is not told from; or
-    from the second stage on a grey that is drawn for each ray. (From the start on, that leaves the field empty.)
-    shown: what images under the recovered light are: the marched radiance field, which TensoIR's are, or shaded.
-    relight_visibility: whether density hides the light in relighting.
-    view_share: share of the training views that both stages may see, in (0, 1].
-    learning: weights, rates and schedule.
-    """
+    """A variant of TensoIR; the defaults are the full method."""
 
     indirect: bool = True
+    """Whether the field's radiance along secondary rays is used as indirect light, in training and under the recovered
+    light."""
     visibility: bool = True
+    """Whether density occludes the light, in training and under the recovered light."""
     normals: Literal["predicted", "derived"] = "predicted"
+    """Shading normals: predicted by the network, which a loss ties to the density, or derived from the density."""
     linear: Literal["later", "from-start"] = "later"
+    """Whether the field's radiance is linear from stage 2 on, as published, or in both stages."""
     background: Literal["random-later", "white"] = "random-later"
+    """Background of training images: white, as published, which cannot be distinguished from a white surface; or, in
+    stage 2, a random grey for each ray. (Random greys in stage 1 would leave the field empty.)"""
     shown: Literal["field", "shaded"] = "field"
+    """Images under the recovered light: the marched radiance field, as TensoIR reports them, or shaded."""
     relight_visibility: bool = True
+    """Whether density occludes the light in relit images."""
     view_share: float = 1.0
+    """Share of the training views that both stages may use, in (0, 1]."""
     learning: Learning = field(default_factory=Learning)
+    """Weights, rates and schedule of both stages."""
 
     def __post_init__(self) -> None:
         if not 0 < self.view_share <= 1:
@@ -200,11 +210,11 @@ class Variant:
                 raise UsageError(f"learning.schedule.{name}: {getattr(schedule, name)} are not all in [0, 1)")
 
     def of_training(self) -> dict[str, Any]:
-        """The fields that decide the trained model, as plain values."""
+        """The fields that the trained model depends on, as plain values."""
         return {name: value for name, value in asdict(self).items() if name not in SHOWN_ONLY}
 
     def of_field(self) -> dict[str, Any]:
-        """The fields that decide the radiance field of the first stage, as plain values."""
+        """The fields that stage 1's radiance field depends on, as plain values."""
         found = {name: value for name, value in asdict(self).items() if name not in INVERSE_ONLY}
         learning = {name: found["learning"][name] for name in ("radiance_field", "rates")}
         return found | {"learning": learning}

@@ -11,51 +11,56 @@ from radiogs_core.kernels.shade.brdf import diffuse, specular
 from .marching import Marched, Rays
 
 SOLID = 0.5
-"""Coverage above which a ray ends at a surface point; no other is shaded."""
+"""Coverage above which a ray has a surface point; other rays are not shaded."""
 
 
 @dataclass(frozen=True)
 class Materials:
-    """Materials by ray, as the field's samples blend: each times the ray's coverage, ``normal`` of any length."""
+    """Materials blended along each ray, multiplied by its coverage."""
 
     albedo: Float[Tensor, "rays 3"]
+    """Linear diffuse albedo."""
     roughness: Float[Tensor, " rays"]
+    """Perceptual roughness r."""
     normal: Float[Tensor, "rays 3"]
+    """Normals of any length, world axes."""
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """One for each solid ray.
-
-    ray: which. place: local. normal: unit; zero where blended normals cancel, and nothing is received there.
-    albedo: linear. outgoing: unit, towards who looks.
-    """
+    """Surface points, one for each ray whose coverage is above ``SOLID``."""
 
     ray: Int[Tensor, " points"]
-    place: Float[Tensor, "points 3"]
+    """Index of the point's ray."""
+    position: Float[Tensor, "points 3"]
+    """Local positions."""
     normal: Float[Tensor, "points 3"]
+    """Unit normals; zero where blended normals cancel, and such a point receives no light."""
     albedo: Float[Tensor, "points 3"]
+    """Linear diffuse albedo."""
     roughness: Float[Tensor, " points"]
+    """Perceptual roughness r."""
     outgoing: Float[Tensor, "points 3"]
+    """Unit directions towards the viewer."""
 
 
 def surface_points(rays: Rays, marched: Marched, materials: Materials) -> SurfacePoints:
-    """Points where rays end on average, with blended materials divided by coverage."""
+    """Points at the mean distance of each solid ray, with blended materials divided by coverage."""
     alpha = marched.alpha
     ray = torch.nonzero(alpha.detach() > SOLID)[:, 0]
-    whole = alpha[ray]
+    coverage = alpha[ray]
     return SurfacePoints(
         ray=ray,
-        place=(rays.origin + marched.distance[:, None] * rays.direction)[ray].detach(),
+        position=(rays.origin + marched.distance[:, None] * rays.direction)[ray].detach(),
         normal=unit(materials.normal[ray]),
-        albedo=materials.albedo[ray] / whole[:, None],
-        roughness=materials.roughness[ray] / whole,
+        albedo=materials.albedo[ray] / coverage[:, None],
+        roughness=materials.roughness[ray] / coverage,
         outgoing=-rays.direction[ray],
     )
 
 
 def unit(vector: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-    """Of length one; zero stays zero."""
+    """Normalise vectors to length one; zero vectors stay zero."""
     length = vector.square().sum(-1, keepdim=True)
     return vector * torch.where(length > 0, length, torch.inf).rsqrt()
 
@@ -65,7 +70,7 @@ def transport(
     direction: Float[Tensor, "points directions 3"],
     weight: Float[Tensor, "points directions"],
 ) -> Float[Tensor, "points directions 3"]:
-    """What each direction's radiance is multiplied by: reflectance, cosine and solid angle (``weight``, steradian).
+    """Factor on each direction's radiance: BRDF times cosine times solid angle (``weight``, steradian).
 
     Zero for directions below the surface.
     """

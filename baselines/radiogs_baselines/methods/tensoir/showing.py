@@ -1,7 +1,7 @@
-"""A trained TensoIR model as the harness shows it: under the light that it has recovered, and relit.
+"""Rendering of a trained TensoIR model, under the recovered light and relit.
 
-Every pixel is marched, and shaded where the ray is solid. Labels say where a run differs from the published method;
-they go with its results.
+A ray is marched for every pixel, and shaded where its coverage is above ``shading.SOLID``. Labels state how a run
+differs from the published method.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,12 +24,13 @@ from .lighting import NewLight, RecoveredLight, Shaded
 from .losses import on_background
 from .marching import Marched, Rays, march
 from .model import Model
+from .sample_values import sample_values
 from .secondary import NEAR, NEAREST_SPACINGS
-from .seen import seen_along
 from .settings import PRESETS, Budget, Variant
 from .shading import Materials, SurfacePoints, surface_points, unit
 
 RAYS_AT_ONCE = 2048
+"""Camera rays marched and shaded in one batch."""
 
 PixelMaps = dict[str, Float[Tensor, "pixels _"]]
 
@@ -47,7 +48,7 @@ SHOWN: Mapping[str, MapKind] = {
 
 
 class TrainedTensoIR:
-    """A field and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+    """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run) -> None:
         self.model, self.run = model, run
@@ -58,9 +59,9 @@ class TrainedTensoIR:
         return EnvironmentMap(self.model.light.environment().radiance.cpu())
 
     def facts(self) -> dict[str, Any]:
-        """``parameters``: how many numbers were learnt. ``grid``: nodes of the grid along an edge.
+        """``parameters``: number of learnt values. ``grid``: nodes of the grid along an edge.
 
-        ``labels``: what differs from the published method, by name (``labels_of``). ``remarks``: the same in sentences.
+        ``labels``: differences from the published method, by name (``labels_of``). ``remarks``: these as sentences.
         """
         labels = labels_of(self.run.variant, self.run.budget)
         field = self.model.field
@@ -83,7 +84,10 @@ class TrainedTensoIR:
         albedo_scale: Float[Tensor, "3"] | None = None,
         after_step: Callable[[], None] = lambda: None,
     ) -> Prepared:
-        """Under its own light as it was trained, or relit by direct light alone: rays are marched for each image."""
+        """Rendering under the recovered light, or under ``light`` with direct light only; rays are marched per image.
+
+        Raises DataError for a light that is not finite.
+        """
         variant, budget, field = self.run.variant, self.run.budget, self.model.field
         device = field.box.centre.device
         if light is None:
@@ -103,18 +107,22 @@ class TrainedTensoIR:
 
 @runtime_checkable
 class Light(Protocol):
-    """What the points of an image are lit by."""
+    """The light that the renderer shades points with."""
 
     def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
-        """What they send out."""
+        """Outgoing radiance of surface points."""
 
 
 class Renderer:
-    """A field under a light, ready to be seen from any camera.
+    """Renders a field under a light. The image of a camera does not depend on earlier images.
 
-    ``albedo_scale``: factor of the recovered albedo. ``shaded``: whether the image is of shaded points or of the
-    field's own radiance. The same camera is always shown the same, whatever was rendered before: what is random is
-    drawn by ``seed``.
+    Args:
+        field: The field.
+        variant: The run's variant.
+        light: The light.
+        seed: Seed of the random directions of each image.
+        shaded: Whether the image is shaded; otherwise it is the marched radiance field.
+        albedo_scale: Factor on the recovered albedo, linear RGB.
     """
 
     def __init__(
@@ -144,8 +152,8 @@ class Renderer:
 
     def _maps(self, rays: Rays, generator: torch.Generator) -> PixelMaps:
         marched = march(self.field, rays)
-        seen = seen_along(self.field, rays, marched)
-        blended = seen.materials(self.variant.normals)
+        values = sample_values(self.field, rays, marched)
+        blended = values.materials(self.variant.normals)
         materials = Materials(blended.albedo * self.albedo_scale, blended.roughness, blended.normal)
         points = surface_points(rays, marched, materials)
         shaded = self.light.on(self.field, points, generator)
@@ -154,7 +162,7 @@ class Renderer:
             colour = srgb_encode((shaded.direct + shaded.indirect).clamp(0, 1))
             image = empty.index_copy(0, points.ray, colour)
         else:
-            image = on_black(marched.blended(seen.radiance), marched)
+            image = on_black(marched.blended(values.radiance), marched)
         return {
             "image": image,
             "alpha": marched.alpha[:, None],
@@ -168,7 +176,10 @@ class Renderer:
 
 
 def on_black(blended: Float[Tensor, "rays 3"], marched: Marched) -> Float[Tensor, "rays 3"]:
-    """The image on white, less the white that is seen: edges as images with alpha have them; display sRGB in [0, 1]."""
+    """Display-sRGB image on black in [0, 1]: the image composited on white, minus the visible white.
+
+    Partly covered pixels then equal those of images with an alpha channel.
+    """
     alpha = marched.alpha
     on_white = on_background(blended, alpha, torch.ones_like(alpha[:, None]), linear=True)
     image = (on_white - (1 - alpha)[:, None]).clamp(0, 1)
@@ -176,7 +187,7 @@ def on_black(blended: Float[Tensor, "rays 3"], marched: Marched) -> Float[Tensor
 
 
 class _Shown:
-    """Under one light."""
+    """A rendering under one light; see ``contract.Prepared``."""
 
     timed = True
     default = frozenset(SHOWN)
@@ -186,21 +197,21 @@ class _Shown:
         self.renderer = renderer
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view."""
+        """Maps of one view; see ``Renderer.render``."""
         return self.renderer.render(camera)
 
 
 PAPER = PRESETS["paper"]
 
-TOLD = (
+LABELLED_FIELDS = (
     "field_iterations", "inverse_iterations", "rays", "grid_start", "grid_end", "density_components",
     "appearance_components", "features", "hidden", "lobes", "light_rows", "secondary_samples", "relight_samples",
 )  # fmt: skip
-"""Fields of the budget whose difference from the paper's is a label."""
+"""Fields of ``Budget`` that the label ``reduced`` lists if they differ from the preset ``paper``."""
 
 
 def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
-    """Labels by name."""
+    """Differences from the published method, by name."""
     labels = {
         "geometry": "a field of its own, no surfels",
         "box": "the cube of what the silhouettes allow, whose other cells are empty (published: the learnt density's)",
@@ -212,7 +223,7 @@ def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
     }
     reduced = {
         f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in TOLD
+        for name in LABELLED_FIELDS
         if getattr(budget, name) != getattr(PAPER, name)
     }
     if reduced:

@@ -1,7 +1,7 @@
-"""The stages of TensoIR: a radiance field from the training images, then its materials and the light beside it.
+"""The stages of TensoIR: a radiance field from the training images, then materials and light.
 
-Both learn with Adam on named parameters whose shapes may change. The second one compares marched and shaded pixels with
-the images, and ties normals and materials down.
+Both use Adam on named parameters whose shapes may change. Stage 2 compares marched and shaded pixels with the images
+and regularises normals and materials.
 """
 
 from collections.abc import Mapping
@@ -17,20 +17,20 @@ from radiogs_core.learning.views import chosen_views, load
 from radiogs_core.scene.colour import srgb_encode
 
 from .box import Box, box_of
-from .drawing import Drawn, drawn_rays
+from .drawing import RayBatch, ray_batch
 from .field import GRIDS, Field, field_start
 from .light import SphericalGaussians, light_start
 from .lighting import RecoveredLight
 from .losses import facing_away, mean_along_rays, on_background, relative_difference, sparsity, squared_error, variation
 from .marching import Rays, march
 from .model import LIGHT, Model
-from .seen import Seen, seen_along
+from .sample_values import SampleValues, sample_values
 from .settings import Budget, Rates, Variant
 from .shading import surface_points
 
 
 class _Learning:
-    """What both stages share: views, rays, an optimiser of everything that is learnt, and resuming."""
+    """Base of both stages: training views, ray batches, the optimiser, and resuming."""
 
     name = ""
     iterations = 0
@@ -43,35 +43,35 @@ class _Learning:
         self.generator = torch.Generator(run.device).manual_seed(run.seed)
 
     def begin(self, box: Box, parameters: Mapping[str, Tensor]) -> None:
-        """Learn these from now on."""
+        """Start the optimiser on these parameters."""
         total = self.budget.field_iterations + self.budget.inverse_iterations
         self.box = box
         self.optimiser = Optimiser(parameters, self.variant.learning.rates, self.budget.network_rate, total)
 
     @property
     def field(self) -> Field:
-        """What is learnt so far, with gradients."""
+        """The field at the current iteration, with gradients."""
         return Field(self.box, {name: value for name, value in self.optimiser.tensors.items() if name != LIGHT})
 
-    def drawn(self) -> Drawn:
-        """The rays of the next step."""
+    def next_batch(self) -> RayBatch:
+        """Draw the rays of the next step."""
         order = (self.iteration, self.seed)
-        return drawn_rays(self.views, self.box, self.budget, order, self.generator, self.random_background)
+        return ray_batch(self.views, self.box, self.budget, order, self.generator, self.random_background)
 
-    def losses(self, drawn: Drawn) -> dict[str, Tensor]:
-        """The weighted losses of some rays by name."""
+    def losses(self, batch: RayBatch) -> dict[str, Tensor]:
+        """Weighted losses of the rays, by name."""
         raise NotImplementedError
 
     def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
-        losses = self.losses(self.drawn())
+        """Do one optimisation step; returns the weighted losses by name."""
+        losses = self.losses(self.next_batch())
         values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
         return values
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """All values needed to resume bit for bit."""
         return {
             "iteration": self.iteration,
             "box": self.box.tensors(),
@@ -88,7 +88,7 @@ class _Learning:
 
 
 class RadianceField(_Learning):
-    """Stage 1: density and radiance by novel-view synthesis alone. A ``contract.Stage``."""
+    """Stage 1: density and radiance by novel-view synthesis. A ``contract.Stage``."""
 
     name = "field"
 
@@ -98,29 +98,29 @@ class RadianceField(_Learning):
         start = field_start(box_of(run.scene, self.views, self.budget.cells), self.budget, self.generator)
         self.begin(start.box, start.parameters)
 
-    def losses(self, drawn: Drawn) -> dict[str, Tensor]:
-        """Radiance is taken for display values, unless it is linear from the start."""
+    def losses(self, batch: RayBatch) -> dict[str, Tensor]:
+        """Weighted losses of the rays, by name; radiance is display values unless ``linear`` is "from-start"."""
         weights, field = self.variant.learning.radiance_field, self.field
-        marched = march(field, drawn.rays, self.generator)
-        radiance = field.radiance(field.features(marched.places), drawn.rays.direction[marched.ray])
+        marched = march(field, batch.rays, self.generator)
+        radiance = field.radiance(field.features(marched.positions), batch.rays.direction[marched.ray])
         blended, linear = marched.blended(radiance), self.variant.linear == "from-start"
-        found = on_background(blended, marched.alpha, drawn.background, linear)
+        found = on_background(blended, marched.alpha, batch.background, linear)
         return {
-            "radiance": weights.radiance * squared_error(found, drawn.target),
+            "radiance": weights.radiance * squared_error(found, batch.target),
             "sparsity": weights.sparsity * sparsity(field),
             "density variation": weights.density_variation * variation(field.parameters["density_plane"]),
             "appearance variation": weights.appearance_variation * variation(field.parameters["appearance_plane"]),
         }
 
     def product(self) -> dict[str, Any]:
-        """The box, and the field's parameters."""
+        """The box and the field's parameters as plain values."""
         return {"box": self.box.tensors(), "parameters": self.optimiser.plain()}
 
 
 class InverseRendering(_Learning):
-    """Stage 2: linear radiance, normals, materials and light together, on finer and finer grids. A ``contract.Stage``.
+    """Stage 2: linear radiance, normals, materials and light, on increasingly fine grids. A ``contract.Stage``.
 
-    Keeps the field of stage 1; the light starts afresh.
+    It continues the field of stage 1 with a new light.
     """
 
     name = "invert"
@@ -135,31 +135,31 @@ class InverseRendering(_Learning):
 
     @property
     def model(self) -> Model:
-        """What is learnt so far."""
+        """The model at the current iteration."""
         return Model(self.field, SphericalGaussians(self.optimiser.tensors[LIGHT]))
 
     def step(self) -> Mapping[str, float]:
-        """As of ``_Learning``, after what the schedule has for this step."""
+        """Apply this step's schedule, then do an optimisation step; returns the weighted losses by name."""
         self._follow_schedule()
         return super().step()
 
     def _follow_schedule(self) -> None:
         schedule = self.variant.learning.schedule
-        for place, share in enumerate(schedule.finer_at):
+        for index, share in enumerate(schedule.finer_at):
             if round(share * self.iterations) == self.iteration:
-                finer = self.field.finer(self.grid_size(place + 1))
+                finer = self.field.finer(self.grid_size(index + 1))
                 self.optimiser.replace({**finer.parameters, LIGHT: self.optimiser.tensors[LIGHT]})
         if self.iteration in {round(share * self.iterations) for share in schedule.emptied_at}:
             self.box = self.field.emptied().box
 
     def grid_size(self, times: int) -> int:
-        """Nodes of the grid along an edge when it has become finer so many times."""
-        first, last, of = self.budget.grid_start, self.budget.grid_end, len(self.variant.learning.schedule.finer_at)
-        return round(first * (last / first) ** (times / of))
+        """Nodes of the grid along an edge after it has become finer ``times`` times."""
+        first, last, total = self.budget.grid_start, self.budget.grid_end, len(self.variant.learning.schedule.finer_at)
+        return round(first * (last / first) ** (times / total))
 
-    def losses(self, drawn: Drawn) -> dict[str, Tensor]:
-        """See ``inverse_losses``."""
-        return inverse_losses(self.model, drawn, self.variant, self.budget, self.generator)
+    def losses(self, batch: RayBatch) -> dict[str, Tensor]:
+        """Weighted losses of the rays, by name; see ``inverse_losses``."""
+        return inverse_losses(self.model, batch, self.variant, self.budget, self.generator)
 
     def product(self) -> dict[str, Any]:
         """The model as plain values (see ``Model.tensors``)."""
@@ -167,70 +167,70 @@ class InverseRendering(_Learning):
 
 
 def inverse_losses(
-    model: Model, drawn: Drawn, variant: Variant, budget: Budget, generator: torch.Generator
+    model: Model, batch: RayBatch, variant: Variant, budget: Budget, generator: torch.Generator
 ) -> dict[str, Tensor]:
-    """The weighted losses of some rays by name; ``generator`` displaces samples, directions and neighbours."""
-    weights, field, rays = variant.learning.inverse, model.field, drawn.rays
+    """Weighted losses of the rays, by name; ``generator`` displaces samples, directions and nearby positions."""
+    weights, field, rays = variant.learning.inverse, model.field, batch.rays
     marched = march(field, rays, generator)
-    seen = seen_along(field, rays, marched)
-    marched_pixels = on_background(marched.blended(seen.radiance), marched.alpha, drawn.background, linear=True)
+    values = sample_values(field, rays, marched)
+    marched_pixels = on_background(marched.blended(values.radiance), marched.alpha, batch.background, linear=True)
     light = RecoveredLight(model.light, variant, budget.light_rows, budget.secondary_samples, displaced=True)
-    shaded_pixels = shaded_on_background(field, drawn, seen, light, generator)
+    shaded_pixels = shaded_on_background(field, batch, values, light, generator)
     return {
-        "radiance": weights.radiance * squared_error(marched_pixels, drawn.target),
-        "shaded": weights.shaded * squared_error(shaded_pixels, drawn.target),
+        "radiance": weights.radiance * squared_error(marched_pixels, batch.target),
+        "shaded": weights.shaded * squared_error(shaded_pixels, batch.target),
         "sparsity": weights.sparsity * sparsity(field),
-        **_normal_losses(seen, rays, variant),
-        **_smoothness(field, seen, variant, generator),
+        **_normal_losses(values, rays, variant),
+        **_smoothness(field, values, variant, generator),
     }
 
 
 def shaded_on_background(
-    field: Field, drawn: Drawn, seen: Seen, light: RecoveredLight, generator: torch.Generator
+    field: Field, batch: RayBatch, values: SampleValues, light: RecoveredLight, generator: torch.Generator
 ) -> Float[Tensor, "rays 3"]:
-    """Shaded pixels as display sRGB: clipped to [0, 1] before they are encoded; the background elsewhere."""
-    points = surface_points(drawn.rays, seen.marched, seen.materials(light.variant.normals))
+    """Shaded pixels in display sRGB, clipped to [0, 1] before encoding; rays without a surface show the background."""
+    points = surface_points(batch.rays, values.marched, values.materials(light.variant.normals))
     shaded = light.on(field, points, generator)
     colour = srgb_encode((shaded.direct + shaded.indirect).clamp(0, 1))
-    return drawn.background.expand(-1, 3).index_copy(0, points.ray, colour)
+    return batch.background.expand(-1, 3).index_copy(0, points.ray, colour)
 
 
-def _normal_losses(seen: Seen, rays: Rays, variant: Variant) -> dict[str, Tensor]:
-    """Normals that are shaded with face the camera; predicted ones are those of the density."""
-    weights, direction = variant.learning.inverse, rays.direction[seen.marched.ray]
+def _normal_losses(values: SampleValues, rays: Rays, variant: Variant) -> dict[str, Tensor]:
+    """Orientation loss of the shading normals, and the distance of predicted from derived normals."""
+    weights, direction = variant.learning.inverse, rays.direction[values.marched.ray]
     if variant.normals == "derived":
-        away = facing_away(seen.derived, direction)
-        return {"orientation": weights.orientation * mean_along_rays(seen.marched, away)}
-    apart = (seen.predicted - seen.derived).square().sum(-1)
-    away = facing_away(seen.predicted, direction)
+        away = facing_away(values.derived, direction)
+        return {"orientation": weights.orientation * mean_along_rays(values.marched, away)}
+    apart = (values.predicted - values.derived).square().sum(-1)
+    away = facing_away(values.predicted, direction)
     return {
-        "normal difference": weights.normal_difference * mean_along_rays(seen.marched, apart),
-        "orientation": weights.orientation * mean_along_rays(seen.marched, away),
+        "normal difference": weights.normal_difference * mean_along_rays(values.marched, apart),
+        "orientation": weights.orientation * mean_along_rays(values.marched, away),
     }
 
 
-def _smoothness(field: Field, seen: Seen, variant: Variant, generator: torch.Generator) -> dict[str, Tensor]:
-    """Materials here and a little beside."""
-    weights, place = variant.learning.inverse, seen.marched.places
-    drawn = torch.randn(place.shape, generator=generator, dtype=place.dtype, device=place.device)
-    beside = place + variant.learning.nearby * drawn
-    albedo, roughness = field.materials(field.features(beside), beside)
-    of_albedo = relative_difference(seen.albedo, albedo)
-    of_roughness = relative_difference(seen.roughness[:, None], roughness[:, None])
+def _smoothness(field: Field, values: SampleValues, variant: Variant, generator: torch.Generator) -> dict[str, Tensor]:
+    """Losses between the materials of samples and of random nearby positions."""
+    weights, position = variant.learning.inverse, values.marched.positions
+    displacement = torch.randn(position.shape, generator=generator, dtype=position.dtype, device=position.device)
+    nearby = position + variant.learning.nearby * displacement
+    albedo, roughness = field.materials(field.features(nearby), nearby)
+    of_albedo = relative_difference(values.albedo, albedo)
+    of_roughness = relative_difference(values.roughness[:, None], roughness[:, None])
     return {
-        "albedo smoothness": weights.albedo_smoothness * mean_along_rays(seen.marched, of_albedo),
-        "roughness smoothness": weights.roughness_smoothness * mean_along_rays(seen.marched, of_roughness),
+        "albedo smoothness": weights.albedo_smoothness * mean_along_rays(values.marched, of_albedo),
+        "roughness smoothness": weights.roughness_smoothness * mean_along_rays(values.marched, of_roughness),
     }
 
 
 MOMENTS = (0.9, 0.99)
-"""Decay of Adam's moments."""
+"""Adam's decay rates of the two moments."""
 
 
 class Optimiser:
-    """Grids step at one rate, networks and light at another; both fall from where the grid was last made finer.
+    """Adam with one rate for grids and another for networks and light; the rates decay geometrically.
 
-    ``total``: steps over which they fall to ``rates.end``.
+    They reach ``rates.end`` times their initial values after ``total`` steps, and restart when parameters are replaced.
     """
 
     def __init__(self, parameters: Mapping[str, Tensor], rates: Rates, network_rate: float, total: int) -> None:
@@ -239,24 +239,24 @@ class Optimiser:
         self.replace(parameters)
 
     def replace(self, parameters: Mapping[str, Tensor]) -> None:
-        """Begin anew with other parameters: without moments, and at the first rates."""
+        """Restart with other parameters: without moments and at the initial rates."""
         self.since = 0
         self.tensors = {name: value.detach().clone().requires_grad_() for name, value in parameters.items()}
         groups = [{"params": [value], "name": name} for name, value in self.tensors.items()]
         self.adam = torch.optim.Adam(groups, betas=MOMENTS)
 
     def step(self) -> None:
-        """One step; gradients are gone afterwards."""
-        left = self.rates.end ** (self.since / self.total)
+        """Do one step, then clear the gradients."""
+        decay = self.rates.end ** (self.since / self.total)
         for group in self.adam.param_groups:
             on_grid = group["name"] in GRIDS
-            group["lr"] = left * (self.rates.grid if on_grid else self.rates.network * self.network_rate)
+            group["lr"] = decay * (self.rates.grid if on_grid else self.rates.network * self.network_rate)
         self.adam.step()
         self.adam.zero_grad()
         self.since += 1
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
+        """All values needed to resume bit for bit."""
         moments = {
             name: dict(self.adam.state[value]) for name, value in self.tensors.items() if value in self.adam.state
         }
@@ -270,5 +270,5 @@ class Optimiser:
             self.adam.state[self.tensors[name]] = {key: value.clone() for key, value in moments.items()}
 
     def plain(self) -> dict[str, Tensor]:
-        """The parameters without gradient history."""
+        """The parameters, detached."""
         return {name: value.detach() for name, value in self.tensors.items()}

@@ -45,21 +45,21 @@ def met_by(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, normal:
     rays = camera.ray_directions().flatten(0, 1) @ camera.axes
     found = []
     for pixel, ray in enumerate(rays):
-        met: list[int | None] = []
+        hit_pixels: list[int | None] = []
         frame = tangent_frame((normal[pixel] @ camera.axes)[None])[0]
-        place = ray * depth[pixel]
+        position = ray * depth[pixel]
         for phi in (a * 2 * math.pi / AZIMUTHS for a in range(AZIMUTHS)):
             for theta in (b * math.pi / 2 / (HEIGHTS - 1) for b in range(HEIGHTS)):
                 local = [math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)]
                 along = frame @ torch.tensor(local, dtype=normal.dtype)
-                met.append(_march(camera, marches, alpha, depth, place, along) if alpha[pixel] > 0 else None)
-        found.append(met)
+                hit_pixels.append(_march(camera, marches, alpha, depth, position, along) if alpha[pixel] > 0 else None)
+        found.append(hit_pixels)
     return found
 
 
-def _march(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, place: Tensor, along: Tensor) -> int | None:
-    for share in marches.places:
-        x, y, z = (place + along * share * marches.radius * (1 + place[2] / marches.far) ** 2).tolist()
+def _march(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, position: Tensor, along: Tensor) -> int | None:
+    for share in marches.distances:
+        x, y, z = (position + along * share * marches.radius * (1 + position[2] / marches.far) ** 2).tolist()
         if z <= 0:
             return None
         column, row = math.floor(camera.fx * x / z + camera.cx), math.floor(camera.fy * y / z + camera.cy)
@@ -73,7 +73,12 @@ def _march(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, place: 
 
 
 def image(
-    camera: Camera, marches: March, surfels: Surfels, metallic: Tensor, radiance: Tensor, met: list[list[int | None]]
+    camera: Camera,
+    marches: March,
+    surfels: Surfels,
+    metallic: Tensor,
+    radiance: Tensor,
+    hit_pixels: list[list[int | None]],
 ) -> Tensor:
     """The display image [pixels, 3], not clipped: sRGB(direct) + median(sRGB(bounce)), both times alpha.
 
@@ -88,7 +93,7 @@ def image(
         for b in range(HEIGHTS)
     ]
     rays = camera.ray_directions().flatten(0, 1)
-    for pixel, (values, hits) in enumerate(zip(straight, met, strict=True)):
+    for pixel, (values, hits) in enumerate(zip(straight, hit_pixels, strict=True)):
         normal = (values[:3] / values[:3].norm()).detach()
         outgoing = -rays[pixel] / rays[pixel].norm()
         cosine = float(normal @ outgoing)
@@ -103,7 +108,7 @@ def image(
         diffuse_share.append(((1 - fresnel) * (1 - metal)).detach())
     sent = [values.detach().clamp(0, 1) for values in direct]
     bounced = []
-    for pixel, hits in enumerate(met):
+    for pixel, hits in enumerate(hit_pixels):
         gathered = torch.zeros(3, dtype=alpha.dtype)
         for w, hit in zip(weight, hits, strict=True):
             if hit is not None:

@@ -28,7 +28,7 @@ from baselines.methods.gi_gs.world import (
 )
 from baselines.methods.irgs.world import sheet, together
 from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
-from radiogs_baselines.methods.gi_gs.marching import NOTHING, March
+from radiogs_baselines.methods.gi_gs.marching import NO_HIT, March
 from radiogs_baselines.methods.gi_gs.settings import Variant
 from radiogs_baselines.methods.gi_gs.shading import bounce, gathered, mean_radiance, median, openness, summed
 from radiogs_core.scene.colour import srgb_encode
@@ -46,9 +46,9 @@ def test_a_wall_inside_the_frame_hides_its_share_of_the_grid_and_outside_nothing
     inside, outside = only_beside_a_wall(2.0), only_beside_a_wall(2.0, columns=FINE // 2 + 1)
     hidden = share_towards(azimuths)
     assert hidden == (azimuths / 2 - 1) / azimuths
-    found = of_middle(openness(marches.met(inside), marches.grid), inside)
+    found = of_middle(openness(marches.hit_pixels(inside), marches.grid), inside)
     torch.testing.assert_close(found, torch.tensor(1 - hidden, dtype=F64), rtol=1e-12, atol=0)
-    assert float(of_middle(openness(marches.met(outside), marches.grid), outside)) == 1.0
+    assert float(of_middle(openness(marches.hit_pixels(outside), marches.grid), outside)) == 1.0
 
 
 def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
@@ -56,23 +56,23 @@ def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
     buffer = only_beside_a_wall(0.0, columns=FINE // 2 + 9)
     buffer.depth[:, -1] -= 2.0
     marches = march(thick=SOLID)
-    assert not (marches.met(buffer) != NOTHING).any()
+    assert not (marches.hit_pixels(buffer) != NO_HIT).any()
     whole = only_beside_a_wall(0.0)
     whole.depth[:, FINE // 2 + 8 :] -= 2.0
-    assert (marches.met(whole) != NOTHING).any()
+    assert (marches.hit_pixels(whole) != NO_HIT).any()
 
 
 def test_surfels_outside_the_frame_neither_shadow_nor_bounce() -> None:
     """The same surfels and pixels, in a frame that ends before the block and in one that does not."""
     surfels = together(sheet(0.0), block(1.0, 0.1, 1.5))
-    how = shader(marches=march(thick=SOLID, places=(0.5, 0.75, 1.0)))
+    how = shader(marches=march(thick=SOLID, distances=(0.5, 0.75, 1.0)))
     whole, cut = (shown(surfels, camera, light_of(1.0), how) for camera in (above(), cropped(above(), 16)))
     alone = shown(sheet(0.0), above(), light_of(1.0), how)
-    place = 15, 15
-    torch.testing.assert_close(cut["direct"][place], alone["direct"][place], rtol=1e-5, atol=0)
-    assert float(cut["indirect"][place].max()) == 0.0
-    assert float(whole["direct"][place].max()) < 0.8 * float(alone["direct"][place].max())
-    assert float(whole["indirect"][place].min()) > 0.01
+    pixel = 15, 15
+    torch.testing.assert_close(cut["direct"][pixel], alone["direct"][pixel], rtol=1e-5, atol=0)
+    assert float(cut["indirect"][pixel].max()) == 0.0
+    assert float(whole["direct"][pixel].max()) < 0.8 * float(alone["direct"][pixel].max())
+    assert float(whole["indirect"][pixel].min()) > 0.01
 
 
 def test_one_point_is_shaded_differently_from_two_cameras() -> None:
@@ -80,7 +80,7 @@ def test_one_point_is_shaded_differently_from_two_cameras() -> None:
 
     The difference of two albedos leaves out the lobe, which follows the view: it is the difference times O.
     """
-    marches = march(azimuths=8, thick=SOLID, places=(0.75,))
+    marches = march(azimuths=8, thick=SOLID, distances=(0.75,))
     far, near = above(3.0), above(0.1)
 
     def direct(height: float) -> torch.Tensor:
@@ -102,12 +102,12 @@ def test_a_surface_counts_as_met_between_thick_before_and_bias_behind_the_place(
     bias, thick, length = 0.02, 0.2, 0.6
     marches = march((length / 0.8,), bias=bias, thick=thick)
     buffer = only_beside_a_wall(height)
-    met = of_middle(marches.met(buffer), buffer) != NOTHING
+    hits = of_middle(marches.hit_pixels(buffer), buffer) != NO_HIT
     cosine, aside = marches.grid.direction[:, 2], marches.grid.direction[:, 0] > 1e-9
     over = length * cosine
     expected = aside & (over >= height - thick) & (over <= height + bias)
     assert expected.any() == (height > 0.2)
-    assert torch.equal(met, expected)
+    assert torch.equal(hits, expected)
 
 
 def march_of(steps: int, start: int) -> March:
@@ -121,10 +121,10 @@ def test_marches_begin_where_they_are_told_to() -> None:
     buffer = frame(depth)
     for start, meets in ((0, True), (3, True), (8, False)):
         marches = March.of(Grid.of(32, 17), Variant(thick=0.05, bias=0.01, radius=0.8), 16, 1.0, start)
-        assert bool((of_middle(marches.met(buffer), buffer) != NOTHING).any()) == meets
-    assert march_of(16, 8).places == tuple(step / 16 for step in range(8, 16))
-    assert march_of(8, 8).places == tuple(step / 8 for step in range(4, 8))
-    assert march_of(16, 64).places == ()
+        assert bool((of_middle(marches.hit_pixels(buffer), buffer) != NO_HIT).any()) == meets
+    assert march_of(16, 8).distances == tuple(step / 16 for step in range(8, 16))
+    assert march_of(8, 8).distances == tuple(step / 8 for step in range(4, 8))
+    assert march_of(16, 64).distances == ()
 
 
 def test_lengths_are_of_the_scene_s_extent() -> None:
@@ -140,7 +140,7 @@ def test_the_radius_grows_with_depth() -> None:
     buffer = frame(depth)
     for far, meets in ((1e9, False), (5 * DISTANCE, True)):
         marches = March(Grid.of(8, 5), (1.0,), 0.8, 0.01, SOLID, far)
-        assert bool((of_middle(marches.met(buffer), buffer) != NOTHING).any()) == meets
+        assert bool((of_middle(marches.hit_pixels(buffer), buffer) != NO_HIT).any()) == meets
 
 
 @pytest.mark.parametrize(("azimuths", "heights"), [(32, 17), (8, 5)])
@@ -149,21 +149,21 @@ def test_the_gather_of_a_known_wall(azimuths: int, heights: int) -> None:
     marches = march(azimuths=azimuths, heights=heights, thick=SOLID)
     buffer, colour = only_beside_a_wall(2.0), torch.tensor([0.9, 0.4, 0.1], dtype=F64)
     radiance = torch.where(buffer.depth[..., None] < DISTANCE, colour, 0.3)
-    met = marches.met(buffer)
-    found = of_middle(gathered(met, radiance, marches.grid), buffer)
+    hits = marches.hit_pixels(buffer)
+    found = of_middle(gathered(hits, radiance, marches.grid), buffer)
     published = sum(
         math.cos(theta) * math.sin(theta)
-        for phi in (place * math.pi / 16 for place in range(32))
-        for theta in (place * math.pi / 32 for place in range(17))
+        for phi in (index * math.pi / 16 for index in range(32))
+        for theta in (index * math.pi / 32 for index in range(17))
         if math.cos(phi) > 1e-9
     )
     expected = math.pi * published / (32 * 17) * colour
     if azimuths == 32:
         torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
     torch.testing.assert_close(found, GATHERED * share_towards(azimuths) * colour, rtol=1e-12, atol=0)
-    sent = of_middle(bounce(buffer, gathered(met, radiance, marches.grid)), buffer)
+    sent = of_middle(bounce(buffer, gathered(hits, radiance, marches.grid)), buffer)
     torch.testing.assert_close(sent, (1 - 0.04) * 0.5 * found, rtol=1e-12, atol=0)
-    mean = of_middle(mean_radiance(met, radiance, marches.grid), buffer)
+    mean = of_middle(mean_radiance(hits, radiance, marches.grid), buffer)
     torch.testing.assert_close(mean, share_towards(azimuths) * colour, rtol=1e-12, atol=0)
 
 
@@ -210,7 +210,7 @@ def test_single_pixels_of_the_bounce_are_smoothed_away() -> None:
     buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
     marches = march(thick=SOLID)
     maps = shader(marches=marches, occlusion=False).shade(buffer, alpha, light_of(0.5))
-    raw = bounce(buffer, gathered(marches.met(buffer), maps["direct"].clamp(0, 1), marches.grid.like(alpha)))
+    raw = bounce(buffer, gathered(marches.hit_pixels(buffer), maps["direct"].clamp(0, 1), marches.grid.like(alpha)))
     torch.testing.assert_close(maps["indirect"], median(buffer.image(raw)))
 
 

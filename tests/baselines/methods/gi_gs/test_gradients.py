@@ -9,7 +9,7 @@ from torch import Tensor
 from baselines.methods.gi_gs import dense
 from baselines.methods.gi_gs.world import buffer_of, march
 from baselines.methods.irgs.world import looking_down, sheet, together
-from radiogs_baselines.methods.gi_gs.marching import NOTHING
+from radiogs_baselines.methods.gi_gs.marching import NO_HIT
 from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, gathered, median, openness, reflect, summed
 from radiogs_baselines.methods.gi_gs.training import image_loss, plainness, variation
 from radiogs_core.learning.losses import environment_smoothness
@@ -86,13 +86,13 @@ def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
 def test_every_direction_meets_what_the_loops_meet() -> None:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()))
     assert len(buffer) == SIZE * SIZE
-    met = MARCHES.met(buffer).view(SIZE * SIZE, dense.HEIGHTS - 2, dense.AZIMUTHS).mT
-    expected = torch.tensor([[NOTHING if hit is None else hit for hit in hits] for hits in dense_hits()])
+    hits = MARCHES.hit_pixels(buffer).view(SIZE * SIZE, dense.HEIGHTS - 2, dense.AZIMUTHS).mT
+    expected = torch.tensor([[NO_HIT if hit is None else hit for hit in hits] for hits in dense_hits()])
     expected = expected.view(SIZE * SIZE, dense.AZIMUTHS, dense.HEIGHTS)[:, :, 1:-1]
-    assert torch.equal(met.long(), expected)
-    share = float((met != NOTHING).double().mean())
+    assert torch.equal(hits.long(), expected)
+    share = float((hits != NO_HIT).double().mean())
     assert 0.02 < share < 0.9, "something is met, and something is not"
-    assert len(met.unique()) > 5
+    assert len(hits.unique()) > 5
 
 
 def test_a_frame_and_its_gradients_are_those_of_the_formulas() -> None:
@@ -121,7 +121,7 @@ def test_the_bounce_has_gradient_to_the_albedo_alone() -> None:
     )  # fmt: skip
     assert straight[0].abs().max() > 0
     assert straight[1:] == (None, None, None)
-    hits, grid = MARCHES.met(buffer), MARCHES.grid
+    hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
     ones = gathered(hits, torch.ones(SIZE, SIZE, 3, dtype=F64), grid)
     sent = bounce(buffer, ones)
     (slope,) = torch.autograd.grad(sent.sum(), buffer.albedo, retain_graph=True)
@@ -132,10 +132,10 @@ def test_the_bounce_has_gradient_to_the_albedo_alone() -> None:
 def fixed() -> tuple[Tensor, Tensor]:
     """Of the start: how open each point is, and what of its albedo it sends as a bounce."""
     buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"].sigmoid())
-    met, grid = MARCHES.met(buffer), MARCHES.grid
-    open_share = openness(met, grid)
+    hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
+    open_share = openness(hits, grid)
     direct = reflect(buffer, SplitSumLight(PrefilteredLight(start()["environment"]))).occluded(open_share)
-    sent = bounce(buffer, gathered(met, buffer.image(direct).clamp(0, 1), grid))
+    sent = bounce(buffer, gathered(hits, buffer.image(direct).clamp(0, 1), grid))
     return open_share, sent / buffer.albedo
 
 

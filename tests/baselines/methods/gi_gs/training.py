@@ -28,8 +28,8 @@ GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
 
 def on_a_floor() -> Surfels:
     """The ball, and a floor of tiles under it; every camera of the ball's scene sees both."""
-    place = torch.arange(-1.5, 1.6, 0.15)
-    x, y = (values.flatten() for values in torch.meshgrid(place, place, indexing="ij"))
+    coordinate = torch.arange(-1.5, 1.6, 0.15)
+    x, y = (values.flatten() for values in torch.meshgrid(coordinate, coordinate, indexing="ij"))
     normal = torch.tensor([0.0, 0.0, 1.0]).expand(len(x), 3)
     tiles = surfels_facing(torch.stack([x, y, torch.full_like(x, -1.0)], -1), normal)
     both = [each.parameters() for each in (BALL, tiles)]

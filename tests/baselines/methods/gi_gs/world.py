@@ -34,10 +34,14 @@ FINE = 141
 
 
 def march(
-    places: tuple[float, ...] = (0.5, 0.75), azimuths: int = 8, heights: int = 5, bias: float = 0.01, thick: float = 0.5
+    distances: tuple[float, ...] = (0.5, 0.75),
+    azimuths: int = 8,
+    heights: int = 5,
+    bias: float = 0.01,
+    thick: float = 0.5,
 ) -> March:
     """Marches of radius 0.8, nearly as far for all depths."""
-    return March(Grid.of(azimuths, heights), places, 0.8, bias, thick, 1e9)
+    return March(Grid.of(azimuths, heights), distances, 0.8, bias, thick, 1e9)
 
 
 def frame(depth: Tensor, albedo: float = 0.5, middle: int | None = None, focal: float = 100.0) -> GBuffer:
@@ -53,7 +57,7 @@ def frame(depth: Tensor, albedo: float = 0.5, middle: int | None = None, focal: 
     return GBuffer(
         camera=camera,
         pixel=pixel,
-        place=rays * depth.flatten()[pixel, None],
+        position=rays * depth.flatten()[pixel, None],
         normal=torch.tensor([0.0, 0.0, -1.0], dtype=depth.dtype).expand(len(pixel), 3),
         outgoing=-rays / rays.norm(dim=-1, keepdim=True),
         albedo=albedo * ones[:, None].expand(-1, 3),
@@ -129,5 +133,5 @@ def above(height: float = 3.0, size: int = 31) -> Camera:
 
 def share_towards(azimuths: int) -> float:
     """Share of a hemisphere's grid whose azimuths turn to the right: all but those straight up, down, and left."""
-    turning = [math.cos(2 * math.pi * place / azimuths) > 1e-9 for place in range(azimuths)]
+    turning = [math.cos(2 * math.pi * index / azimuths) > 1e-9 for index in range(azimuths)]
     return sum(turning) / azimuths

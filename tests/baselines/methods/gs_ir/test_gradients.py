@@ -111,10 +111,10 @@ def harmonics(direction: Tensor, count: int) -> Tensor:
     return torch.tensor(values[:count], dtype=F64)
 
 
-def corners(place: Tensor, low: float, spacing: float, count: int) -> list[tuple[int, float, Tensor]]:
+def corners(position: Tensor, low: float, spacing: float, count: int) -> list[tuple[int, float, Tensor]]:
     """Number, trilinear share and place of the eight corners around a place in the lattice."""
     found = []
-    local = ((place - low) / spacing).clamp(0, count - 1)
+    local = ((position - low) / spacing).clamp(0, count - 1)
     first = local.floor().clamp(max=count - 2).long()
     for step in product((0, 1), repeat=3):
         index = first + torch.tensor(step)
@@ -124,10 +124,10 @@ def corners(place: Tensor, low: float, spacing: float, count: int) -> list[tuple
     return found
 
 
-def dense_openness(place: Tensor, normal: Tensor) -> float:
+def dense_openness(position: Tensor, normal: Tensor) -> float:
     """O by loops: half a cell ahead, corners in front alone, the mean of what is open, clamped."""
     volume = occlusion()
-    middle = place.clamp(-1.9, 1.9) + normal * 3.8 / 10 / 2
+    middle = position.clamp(-1.9, 1.9) + normal * 3.8 / 10 / 2
     ahead = [each for each in corners(middle, -1.9, 3.8 / 9, 10) if float((each[2] - middle) @ normal) >= 0]
     whole = sum(share for _, share, _ in ahead)
     kept = sum(share / whole * volume.coefficients[volume.probe[number]] for number, share, _ in ahead)
@@ -156,7 +156,7 @@ def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         CAMERA.axes, eye, rays, drawn.centre, drawn.axis_u, drawn.axis_v, drawn.normal, drawn.opacity, columns, 1.0
     )
     straight = features / alpha[:, None]
-    place = (eye + rays * (depth / alpha)[:, None]).detach()
+    position = (eye + rays * (depth / alpha)[:, None]).detach()
     normal = (features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)).detach()
     outgoing = -rays / rays.norm(dim=-1, keepdim=True)
     albedo, roughness, metal = straight[:, 3:6], straight[:, 6], straight[:, 7, None]
@@ -167,11 +167,11 @@ def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     scale, bias = plain.brdf_integral(cosine, roughness)
     fresnel = 0.04 * (1 - metal) + metal * albedo
     specular = plain.glossy(light, mirrored, roughness) * (fresnel * scale[:, None] + bias[:, None])
-    opened = torch.tensor([dense_openness(*each) for each in zip(place, normal, strict=True)], dtype=F64)[:, None]
+    opened = torch.tensor([dense_openness(*each) for each in zip(position, normal, strict=True)], dtype=F64)[:, None]
     arriving = torch.stack([
         sum(share * values["irradiance"][number] for number, share, _ in corners(point, -1.9, 3.8 / 3, 4))
         @ harmonics(facing, 9)
-        for point, facing in zip(place, normal, strict=True)
+        for point, facing in zip(position, normal, strict=True)
     ]).clamp(min=0)[:, None]  # fmt: skip
     assert 0.2 < float(opened.min()) < float(opened.max()) - 0.05 < 0.9
     assert bool((arriving > 0).any())

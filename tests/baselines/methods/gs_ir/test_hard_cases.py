@@ -34,8 +34,8 @@ def assert_finite(maps: Maps) -> None:
 
 def test_case_24_a_plane_hardly_occludes_itself() -> None:
     """A floor of overlapping tiles: what is cut off at degree 3 takes a few percent, the same as of one whole sheet."""
-    place = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(place, place, indexing="ij")
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
     tile = sheet(0.0, UP, scale=0.1, opacity=0.9)
     floor = Surfels.of(

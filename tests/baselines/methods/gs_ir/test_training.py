@@ -111,9 +111,9 @@ def test_occlusion_is_baked_from_what_stage_one_handed_on_and_stays() -> None:
     """Under the lid the ball's top is closed; beside it and without the lid it is open."""
     stage = stage_of(variant(tau=WIDE), CAPPED, replace(BUDGET, occlusion_corners=24))
     open_ball = stage_of(variant(tau=WIDE), budget=replace(BUDGET, occlusion_corners=24))
-    place = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    position = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     found, free = (
-        each.model.occlusion.openness(place, torch.nn.functional.normalize(place, dim=-1), 256)  # type: ignore[union-attr]
+        each.model.occlusion.openness(position, torch.nn.functional.normalize(position, dim=-1), 256)  # type: ignore[union-attr]
         for each in (stage, open_ball)
     )
     assert float(found[0]) < 0.3 < 0.8 < float(free[0])
@@ -193,13 +193,13 @@ def test_training_filters_the_light_as_the_variant_says(areas: str) -> None:
 
 def test_the_lengths_of_a_variant_are_in_extents() -> None:
     """A tau of twice the lid's distance closes the ball's top, one of half of it leaves it open."""
-    place = torch.tensor([[0.0, 0.0, 1.0]])
+    position = torch.tensor([[0.0, 0.0, 1.0]])
 
     def top(surfels: Surfels, tau: float) -> float:
         budget = replace(BUDGET, occlusion_corners=24)
         stage = stage_of(variant(tau=tau / SCENE.extent), surfels, budget)
         assert stage.model.occlusion is not None
-        return float(stage.model.occlusion.openness(place, place, 256))
+        return float(stage.model.occlusion.openness(position, position, 256))
 
     assert top(CAPPED, 0.8) < 0.3
     assert top(CAPPED, 0.2) > 0.8

@@ -29,11 +29,11 @@ OPEN[0] = 1 / CONSTANT_BASIS
 
 def test_shares_give_back_what_is_linear_in_place() -> None:
     torch.manual_seed(0)
-    place = 1.4 * torch.rand(200, 3) - 0.7
-    number, share = LATTICE.around(place)
+    position = 1.4 * torch.rand(200, 3) - 0.7
+    number, share = LATTICE.around(position)
     torch.testing.assert_close(share.sum(-1), torch.ones(200))
     assert bool((share >= 0).all())
-    torch.testing.assert_close((share[..., None] * LATTICE.places(number)).sum(1), place, rtol=0, atol=1e-6)
+    torch.testing.assert_close((share[..., None] * LATTICE.positions(number)).sum(1), position, rtol=0, atol=1e-6)
     outside = torch.tensor([[9.0, -9.0, 0.0]])
     torch.testing.assert_close(LATTICE.inside(outside), torch.tensor([[0.7, -0.7, 0.0]]))
     assert torch.equal(LATTICE.around(outside)[1], LATTICE.around(LATTICE.inside(outside))[1])
@@ -56,20 +56,20 @@ def test_one_stray_surfel_in_two_thousand_does_not_stretch_the_lattice() -> None
 
 def heights(surfel: Surfels) -> list[float]:
     """Of the corners that are near one surfel."""
-    return sorted({round(float(z), 6) for z in LATTICE.places(corners_near(surfel, LATTICE))[:, 2]})
+    return sorted({round(float(z), 6) for z in LATTICE.positions(corners_near(surfel, LATTICE))[:, 2]})
 
 
 def test_only_corners_near_a_surfel_are_baked() -> None:
     """A small surfel: the eight around it; every other corner reads one of them."""
     one = sheet(0.0, scale=0.05)
     near = corners_near(one, LATTICE)
-    assert float((LATTICE.places(near).abs() - 0.1).abs().max()) < 1e-6
+    assert float((LATTICE.positions(near).abs() - 0.1).abs().max()) < 1e-6
     assert len(near) == len(baked(one).coefficients) == 8
     probe = inherited(near, LATTICE.corners)
     assert int(probe.min()) == 0
     assert int(probe.max()) == 7
-    away = LATTICE.places(torch.arange(8**3))
-    same_side = LATTICE.places(near)[probe].sign() == away.sign()
+    away = LATTICE.positions(torch.arange(8**3))
+    same_side = LATTICE.positions(near)[probe].sign() == away.sign()
     assert bool(same_side.all()), "the nearest by steps along the axes lies on the same side of each"
 
 
@@ -78,7 +78,7 @@ def test_corners_are_near_where_a_surfel_reaches_and_where_it_is_read() -> None:
     0.35 to either side, along both of its axes."""
     assert heights(sheet(0.05, scale=0.05)) == [-0.1, 0.1, 0.3]
     assert heights(sheet(0.05, (0.0, 0.0, -1.0), scale=0.05)) == [-0.1, 0.1]
-    wide = LATTICE.places(corners_near(sheet(0.0, scale=0.35), LATTICE))
+    wide = LATTICE.positions(corners_near(sheet(0.0, scale=0.35), LATTICE))
     assert sorted({round(float(x), 6) for x in wide[:, 0]}) == [-0.5, -0.3, -0.1, 0.1, 0.3, 0.5]
     assert sorted({round(float(y), 6) for y in wide[:, 1]}) == [-0.5, -0.3, -0.1, 0.1, 0.3, 0.5]
     upright = sheet(0.0, (1.0, 0.0, 0.0), scale=0.35)
@@ -135,22 +135,22 @@ def test_openness_is_clamped_direction_by_direction() -> None:
 
 def halves(axis: int) -> OcclusionVolume:
     """Closed on the lower half of the lattice along one axis, open on the upper."""
-    upper = LATTICE.places(torch.arange(8**3))[:, axis] > 0
+    upper = LATTICE.positions(torch.arange(8**3))[:, axis] > 0
     return OcclusionVolume(LATTICE, upper.long(), torch.stack([torch.zeros(16), OPEN]))
 
 
 def test_corners_behind_the_tangent_plane_do_not_count() -> None:
     """Between a closed layer and an open one a floor reads the one ahead of it, wherever in the cell it lies."""
-    place = torch.tensor([[0.03, -0.02, height] for height in (-0.08, -0.03, 0.0)])
+    position = torch.tensor([[0.03, -0.02, height] for height in (-0.08, -0.03, 0.0)])
     up = UPWARDS.expand(3, 3)
-    assert torch.equal(halves(2).openness(place, up, 64), torch.ones(3))
-    assert torch.equal(halves(2).openness(-place, -up, 64), torch.zeros(3))
+    assert torch.equal(halves(2).openness(position, up, 64), torch.ones(3))
+    assert torch.equal(halves(2).openness(-position, -up, 64), torch.zeros(3))
 
 
 def test_corners_beside_it_count_by_their_trilinear_shares() -> None:
     """Closed to the left and open to the right: from 0 to 1 across the cell, whose shares ahead are scaled to one."""
-    place = torch.tensor([[-0.1, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.0, 0.02, 0.0], [0.1, 0.0, 0.0]])
-    found = halves(0).openness(place, UPWARDS.expand(4, 3), 64)
+    position = torch.tensor([[-0.1, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.0, 0.02, 0.0], [0.1, 0.0, 0.0]])
+    found = halves(0).openness(position, UPWARDS.expand(4, 3), 64)
     torch.testing.assert_close(found, torch.tensor([0.0, 0.25, 0.5, 1.0]), rtol=0, atol=1e-5)
 
 
@@ -166,11 +166,11 @@ def test_a_point_is_read_half_a_cell_ahead() -> None:
 def test_points_at_and_beyond_the_faces_of_the_cube_read_the_corners_there() -> None:
     everywhere = OcclusionVolume(LATTICE, torch.zeros(8**3, dtype=torch.int64), OPEN[None])
     torch.manual_seed(2)
-    place = 3 * torch.rand(300, 3) - 1.5
+    position = 3 * torch.rand(300, 3) - 1.5
     normal = torch.nn.functional.normalize(torch.randn(300, 3), dim=-1)
     corner = torch.tensor([[0.7, 0.7, 0.7], [-0.7, 0.7, -0.7]])
     outward = torch.nn.functional.normalize(corner, dim=-1)
-    found = everywhere.openness(torch.cat([place, corner]), torch.cat([normal, outward]), 16)
+    found = everywhere.openness(torch.cat([position, corner]), torch.cat([normal, outward]), 16)
     torch.testing.assert_close(found, torch.ones(302))
 
 
@@ -190,9 +190,9 @@ def test_a_few_directions_say_nearly_the_same_as_many() -> None:
 def test_irradiance_is_trilinear_in_place_and_of_degree_two_in_the_normal() -> None:
     volume = IrradianceVolume.dark(LATTICE.of(4))
     assert volume.coefficients.shape == (64, 9)
-    volume.coefficients[:, 0] = (2 + LATTICE.of(4).places(torch.arange(64))[:, 0]) / CONSTANT_BASIS
-    place = torch.tensor([[0.3, 0.1, -0.2], [-0.55, 0.0, 0.6]])
-    torch.testing.assert_close(volume.at(place, UPWARDS.expand(2, 3)), 2 + place[:, 0])
+    volume.coefficients[:, 0] = (2 + LATTICE.of(4).positions(torch.arange(64))[:, 0]) / CONSTANT_BASIS
+    position = torch.tensor([[0.3, 0.1, -0.2], [-0.55, 0.0, 0.6]])
+    torch.testing.assert_close(volume.at(position, UPWARDS.expand(2, 3)), 2 + position[:, 0])
     tilted = lit(1.0)
     tilted.coefficients[:, 2] = 0.5 / math.sqrt(3 / (4 * math.pi))
     normals = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

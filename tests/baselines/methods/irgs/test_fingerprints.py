@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, own, relit, sheet, together
-from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_core.on_surfels.seen_points import covered_pixels, seen_points, seen_surfels
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
@@ -93,7 +93,7 @@ def test_rays_start_one_blended_standard_deviation_away(height: float, visibilit
     points = seen_points(looking_down(), seen, torch.tensor([4]))
     torch.testing.assert_close(points.width, torch.tensor([2.0]), rtol=0.01, atol=0)
     direction, weight = hemisphere_directions(points.normal, 1, None)
-    incident = Rays().incident(SurfelTracer(surfels), points, direction, weight, "traced")
+    incident = RaySettings().incident(SurfelTracer(surfels), points, direction, weight, "traced")
     assert float(incident.visibility) == visibility
 
 

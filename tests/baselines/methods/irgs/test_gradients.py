@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.settings import Indirect
 from radiogs_baselines.methods.irgs.shading import shade_points
 from radiogs_baselines.methods.irgs.training import neutrality, pixel_loss
@@ -23,7 +23,7 @@ from reference.trace import trace
 
 F64 = torch.float64
 CAMERA = looking_down(1.5, size=4, dtype=F64)
-RAYS = Rays(0.05, two_sided=True)
+RAYS = RaySettings(0.05, two_sided=True)
 SAMPLES = 24
 LEARNT = ("sh", "albedo_logit", "roughness_logit", "environment")
 MOVED = (*LEARNT, "centre", "opacity_logit")

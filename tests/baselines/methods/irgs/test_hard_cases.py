@@ -5,7 +5,7 @@ import torch
 
 from baselines.methods.irgs.world import UP, grey, looking_down, own, sheet
 from hard_cases.constructions import looking_along_z, two_balls
-from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.showing import RecoveredLight, Renderer
 from radiogs_core.on_surfels.model import LitSurfels as Model
 from radiogs_core.surfels.surfels import Surfels
@@ -22,7 +22,9 @@ def test_case_24_a_plane_never_shadows_itself() -> None:
         | {"centre": centre}
     )
     model = Model(floor, torch.zeros(8, 16, 3))
-    maps = Renderer(floor, floor.albedo, RecoveredLight(model, Rays(), 64, "traced"), 0).render(looking_down(0.5))
+    maps = Renderer(floor, floor.albedo, RecoveredLight(model, RaySettings(), 64, "traced"), 0).render(
+        looking_down(0.5)
+    )
     assert bool((maps["indirect"] == 0).all())
     alone = own(sheet(0.0, UP, opacity=0.9), grey())["direct"]
     torch.testing.assert_close(maps["direct"][1, 1] / maps["alpha"][1, 1], alone, rtol=0.02, atol=0)
@@ -42,7 +44,7 @@ def test_case_37_surfels_that_send_nothing_are_indirect_light_switched_off() -> 
     surfels.sh[:, 0] = -10.0  # far below zero: clamped
     camera, model = looking_along_z(), Model(surfels, torch.zeros(8, 16, 3))
     traced, off = (
-        Renderer(surfels, surfels.albedo, RecoveredLight(model, Rays(), 16, indirect), 0).render(camera)
+        Renderer(surfels, surfels.albedo, RecoveredLight(model, RaySettings(), 16, indirect), 0).render(camera)
         for indirect in ("traced", "none")
     )
     assert all(torch.equal(traced[name], off[name]) for name in traced)

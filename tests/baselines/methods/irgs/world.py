@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.settings import PRESETS, Indirect
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.on_surfels.model import LitSurfels as Model
@@ -69,9 +69,9 @@ def grey(radiance: float = 1.0, rows: int = 8) -> EnvironmentMap:
     return EnvironmentMap(torch.full((rows, 2 * rows, 3), radiance))
 
 
-def rays(start: float = 1e-3) -> Rays:
+def rays(start: float = 1e-3) -> RaySettings:
     """Rays that start so near to the floor that only the floor itself is left out."""
-    return Rays(start, two_sided=False)
+    return RaySettings(start, two_sided=False)
 
 
 def own(surfels: Surfels, light: EnvironmentMap, indirect: Indirect = "traced", samples: int = 64) -> dict[str, Tensor]:

@@ -10,7 +10,7 @@ from baselines.methods.irgs.world import DOWN, OPAQUE, grey, sheet, together
 from baselines.methods.r3dg.world import NEAR, around, middle, trained
 from known_ball import BALL, SCENE
 from radiogs_baselines.methods.r3dg.training import bounded, learnt_from
-from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
+from radiogs_baselines.methods.r3dg.visibility import RaySettings, VisibilityTable
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels
@@ -95,13 +95,13 @@ def test_local_light_is_that_from_above_cut_at_zero(slope: float, expected: floa
 
 def test_local_light_has_degree_three() -> None:
     """Each of the 16 coefficients of a surfel changes what it receives; the surfels of a ball face all sides."""
-    table = VisibilityTable(BALL, Rays(NEAR), 16)
-    for place in range(COEFFICIENTS):
+    table = VisibilityTable(BALL, RaySettings(NEAR), 16)
+    for index in range(COEFFICIENTS):
         local = around(BALL, 0.3)
-        local[:, place] += 0.2
+        local[:, index] += 0.2
         found = trained(BALL, grey(), local).prepare().render(SCENE.test[0].camera)["indirect"]
         plain = trained(BALL, grey(), around(BALL, 0.3)).prepare().render(SCENE.test[0].camera)["indirect"]
-        assert not torch.equal(found, plain), place
+        assert not torch.equal(found, plain), index
     assert table.direction.shape == (len(BALL), 16, 3)
 
 
@@ -147,7 +147,7 @@ def test_surfels_are_shaded_before_they_are_blended() -> None:
 
 def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked() -> None:
     for floor, lowest in ((True, math.sin(math.radians(10))), (False, 0.5 / 32)):
-        table = VisibilityTable(BALL, Rays(NEAR, floor=floor), 32)
+        table = VisibilityTable(BALL, RaySettings(NEAR, floor=floor), 32)
         normal = BALL.frame[..., 2]
         assert torch.equal(table.direction, hemisphere_directions(normal, 32, None, floor)[0]), "none is turned"
         height = (table.direction * normal[:, None]).sum(-1)
@@ -160,10 +160,10 @@ def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked
 def test_rays_start_one_standard_deviation_away(height: float, visibility: float) -> None:
     """It is 2 wide. One ray leaves it, at 60 degrees to the normal, and meets a sheet after twice that one's height."""
     surfels = together(sheet(0.0, scale=2.0), sheet(2 * height, DOWN))
-    assert float(VisibilityTable(surfels, Rays(two_sided=False), 1).visibility[0]) == visibility
+    assert float(VisibilityTable(surfels, RaySettings(two_sided=False), 1).visibility[0]) == visibility
 
 
 @pytest.mark.parametrize(("two_sided", "visibility"), [(True, 0.0), (False, 1.0)])
 def test_surfels_are_met_from_behind_where_asked(two_sided: bool, visibility: float) -> None:
     surfels = together(sheet(0.0, scale=1e-2), sheet(1.0))
-    assert float(VisibilityTable(surfels, Rays(two_sided=two_sided), 1).visibility[0]) == visibility
+    assert float(VisibilityTable(surfels, RaySettings(two_sided=two_sided), 1).visibility[0]) == visibility

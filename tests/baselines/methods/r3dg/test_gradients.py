@@ -11,7 +11,7 @@ from radiogs_baselines.methods.r3dg.local_light import arriving, local_radiance
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
 from radiogs_baselines.methods.r3dg.settings import LocalLight, MaterialWeights
 from radiogs_baselines.methods.r3dg.training import Lit, blended, bounded, image_losses, light_losses, light_surfels
-from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
+from radiogs_baselines.methods.r3dg.visibility import RaySettings, VisibilityTable
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.colour import srgb_encode
@@ -27,7 +27,7 @@ F64 = torch.float64
 CAMERA = looking_down(1.5, size=4, dtype=F64)
 SAMPLES = 24
 START = 0.05
-RAYS = Rays(START, two_sided=False)
+RAYS = RaySettings(START, two_sided=False)
 LEARNT = ("albedo_logit", "roughness_logit", "raw_environment", "local")
 WEIGHTS = MaterialWeights()
 GEOMETRY = GeometryLearning()

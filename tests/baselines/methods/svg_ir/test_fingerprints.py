@@ -18,7 +18,7 @@ from radiogs_core.surfels.surfels import Surfels
 def test_an_occluder_within_a_hop_shadows_and_one_beyond_does_not(way: float, visibility: float) -> None:
     table = first_ray(floor(), above(way, radiance=0.7))
     assert float(table.visibility[0]) == visibility
-    assert int(table.first[0]) == (1 if visibility == 0 else -1)
+    assert int(table.hit_surfel[0]) == (1 if visibility == 0 else -1)
     torch.testing.assert_close(table.radiance[0, 0], torch.full((3,), 0.7 * 0.99 * (1 - visibility)))
     long = first_ray(floor(), above(way, radiance=0.7), hop=torch.inf)
     assert float(long.visibility[0]) == 0, "rays of full length meet both"
@@ -46,7 +46,7 @@ def test_what_is_met_shines_by_its_harmonics_as_far_as_it_is_seen() -> None:
     """0.5 of the first, 0.5 of a half of the second; and a bright one is kept at 10."""
     two = first_ray(floor(), above(0.1, opacity=0.5, radiance=0.6), above(0.2, opacity=0.5, radiance=2.0))
     torch.testing.assert_close(two.radiance[0, 0], torch.full((3,), 0.3 + 0.5), rtol=1e-3, atol=0)
-    assert int(two.first[0]) == 1
+    assert int(two.hit_surfel[0]) == 1
     assert float(first_ray(floor(), above(0.1, radiance=70.0)).radiance[0, 0, 0]) == 10
 
 
@@ -112,11 +112,11 @@ def test_relit_indirect_light_is_one_bounce_at_the_kept_hit() -> None:
     albedos, whatever its opacity and what it sent before."""
     light = grey(0.8)
     dark, bright = (relit(together(floor(), above(0.05, albedo=albedo)), light) for albedo in (0.2, 0.7))
-    met = dark.first[0] == 1
-    assert 0 < int(met.sum()) < 64, "grazing rays pass below the sheet for longer than a hop"
+    hit = dark.hit_surfel[0] == 1
+    assert 0 < int(hit.sum()) < 64, "grazing rays pass below the sheet for longer than a hop"
     difference = (bright.radiance - dark.radiance)[0]
-    torch.testing.assert_close(difference[met], torch.full_like(difference[met], 0.8 * 0.5), rtol=1e-4, atol=0)
-    assert not difference[~met].any()
+    torch.testing.assert_close(difference[hit], torch.full_like(difference[hit], 0.8 * 0.5), rtol=1e-4, atol=0)
+    assert not difference[~hit].any()
     other = relit(together(floor(), above(0.05, albedo=0.7, radiance=5.0)), light)
     assert torch.equal(other.radiance, bright.radiance)
 
@@ -124,8 +124,8 @@ def test_relit_indirect_light_is_one_bounce_at_the_kept_hit() -> None:
 def test_what_is_met_is_shadowed_by_its_own_table() -> None:
     """A floor without end hides the light from the sheet as far as hops reach: all rays but the grazing ones."""
     open_sheet, hidden = (relit(together(floor(scale=scale), above(0.05)), grey()) for scale in (0.0005, 1e4))
-    met = hidden.first[0] == 1
-    assert bool((hidden.radiance[0, met] < 0.2 * open_sheet.radiance[0, met]).all())
+    hit = hidden.hit_surfel[0] == 1
+    assert bool((hidden.radiance[0, hit] < 0.2 * open_sheet.radiance[0, hit]).all())
 
 
 def test_what_is_met_has_the_material_of_its_own_place() -> None:
@@ -137,10 +137,10 @@ def test_what_is_met_has_the_material_of_its_own_place() -> None:
     table = table_of(surfels, walk(), 1, 0)
     first, sample = torch.tensor([0]), torch.tensor([0])
     towards = table.direction[0, 0]
-    place = towards * 0.1
+    position = towards * 0.1
     axis_u = surfels.frame[1, :, 0]
-    share = float((place @ axis_u) / 0.1 / DISTANCE / 2 + 0.5)
-    torch.testing.assert_close(table.place[0, 0, 0], (place @ axis_u) / 0.1, rtol=1e-4, atol=1e-5)
+    share = float((position @ axis_u) / 0.1 / DISTANCE / 2 + 0.5)
+    torch.testing.assert_close(table.hit_uv[0, 0, 0], (position @ axis_u) / 0.1, rtol=1e-4, atol=1e-5)
 
     def sent(colour: torch.Tensor) -> torch.Tensor:
         return one_bounce(materials_of(model, colour), table, first, sample, grey().radiance, DISTANCE)[0]

@@ -57,13 +57,13 @@ def differences(values: Values) -> Tensor:
     surfels, table = fixed()
     found, apart = model(values), []
     for surfel, sample in zip(*mirrored(table, surfels, torch.arange(len(surfels)), EYE), strict=True):
-        met, (u, v) = int(table.first[surfel, sample]), table.place[surfel, sample]
+        hit, (u, v) = int(table.hit_surfel[surfel, sample]), table.hit_uv[surfel, sample]
         right, up = (max(0.0, min(1.0, float(each) / (2 * DISTANCE) + 0.5)) for each in (u, v))
         share = torch.tensor([(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up], dtype=F64)
         parts = shade(
-            surfels.frame[met, :, 2][None], (share @ found.albedo[met])[None], (share @ found.roughness[met])[None],
-            -table.direction[surfel, sample][None, None], table.direction[met][None], table.weight[met][None],
-            table.visibility[met][None], torch.zeros(1, 24, 3, dtype=F64), found.environment,
+            surfels.frame[hit, :, 2][None], (share @ found.albedo[hit])[None], (share @ found.roughness[hit])[None],
+            -table.direction[surfel, sample][None, None], table.direction[hit][None], table.weight[hit][None],
+            table.visibility[hit][None], torch.zeros(1, 24, 3, dtype=F64), found.environment,
         )  # fmt: skip
         apart.append(parts.sum(2)[0, 0] - found.ratio * table.radiance[surfel, sample])
     return torch.stack(apart)

@@ -22,8 +22,8 @@ def assert_finite(maps: Maps) -> None:
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
     """A floor of overlapping surfels that lie in a plane: all of the light arrives, and nothing else."""
-    place = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(place, place, indexing="ij")
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
     tile = sheet(0.0, UP, scale=0.1, opacity=0.9, radiance=0.5)
     plane = Surfels.of(

@@ -28,7 +28,7 @@ def test_a_trained_model_comes_back_as_it_was_and_is_shown_with_the_table_of_tra
     assert torch.equal(found.light.radiance, stage.model.environment.detach())
     assert not torch.equal(found.model.cached.opacity_logit, found.model.surfels.opacity_logit)
     table = found.prepare().renderer.lit.table  # type: ignore[attr-defined]
-    for name in ("direction", "visibility", "radiance", "first", "place"):
+    for name in ("direction", "visibility", "radiance", "hit_surfel", "hit_uv"):
         assert torch.equal(getattr(table, name), getattr(stage.table, name)), name
 
 

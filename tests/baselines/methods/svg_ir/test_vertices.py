@@ -57,9 +57,9 @@ def test_a_pixel_shows_what_lies_at_its_own_place_on_the_surfel() -> None:
     camera = looking_down(1.0, 9, F64)
     u, v = surfels.frame[0, :, 0], surfels.frame[0, :, 1]
     rays = camera.ray_directions()
-    place = camera.centre + rays * (1.0 / -rays[..., 2:])
+    position = camera.centre + rays * (1.0 / -rays[..., 2:])
     values = torch.tensor([1.0, 2.0, 4.0, 9.0], dtype=F64)
-    right, up = (((place @ axis) / 0.5 / 0.8).clamp(-1, 1) / 2 + 0.5 for axis in (u, v))
+    right, up = (((position @ axis) / 0.5 / 0.8).clamp(-1, 1) / 2 + 0.5 for axis in (u, v))
     expected = (1 - up) * (values[0] * (1 - right) + values[1] * right) + up * (
         values[2] * (1 - right) + values[3] * right
     )
@@ -82,7 +82,7 @@ def test_gradients_are_those_of_finite_differences() -> None:
         given = Surfels.of(surfels.parameters() | {"opacity_logit": values["opacity_logit"]})
         return (blended(camera, given, values["attributes"]) * pull).sum()
 
-    def met(values: Values) -> object:
+    def hits(values: Values) -> object:
         return _supports(surfels, values["opacity_logit"], camera)
 
     values = {"attributes": torch.randn(2, 4, 2, dtype=F64), "opacity_logit": surfels.opacity_logit}
@@ -90,7 +90,7 @@ def test_gradients_are_those_of_finite_differences() -> None:
     total(leaves).backward()
     gradients = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
     assert set(gradients) == set(values)
-    assert_gradients(lambda moved: float(total(moved)), values, gradients, 1e-3, met)
+    assert_gradients(lambda moved: float(total(moved)), values, gradients, 1e-3, hits)
 
 
 def _supports(surfels: Surfels, opacity_logit: torch.Tensor, camera: Camera) -> object:

@@ -35,8 +35,8 @@ UP = torch.tensor([[0.0, 0.0, 1.0]])
 def upward_ray(field: Field, height: float, samples: int, indirect: bool = True) -> tuple[float, torch.Tensor]:
     """V and L_ind along one ray straight up from ``height`` over the origin."""
     like = field.box.centre
-    place, direction = torch.tensor([[0.0, 0.0, height]]).to(like), UP[:, None].to(like)
-    found = arriving(field, place, direction, torch.ones(1, 1, dtype=torch.bool), samples, indirect)
+    position, direction = torch.tensor([[0.0, 0.0, height]]).to(like), UP[:, None].to(like)
+    found = arriving(field, position, direction, torch.ones(1, 1, dtype=torch.bool), samples, indirect)
     return float(found.visibility), found.radiance[0, 0]
 
 
@@ -81,7 +81,7 @@ def test_a_camera_ray_is_covered_by_one_minus_exp_of_density_times_length() -> N
     assert len(marched.weight) == steps
     alpha = 1 - torch.exp(torch.tensor(-0.7 * 2, dtype=torch.float64))
     torch.testing.assert_close(marched.alpha, alpha[None], rtol=1e-6, atol=0)
-    features = field.features(marched.places)
+    features = field.features(marched.positions)
     seen = marched.blended(field.radiance(features, -UP.double().expand(len(features), 3)))
     torch.testing.assert_close(seen, 0.25 * alpha.expand(1, 3), rtol=1e-6, atol=0)
 
@@ -94,39 +94,39 @@ def test_derived_normals_are_minus_the_normalised_gradient_of_a_known_density() 
     planes[0, :, :, 0], lines[0, :, 0] = 3 * axis[:, None], 1.0
     planes[2, :, :, 0], lines[2, :, 0] = axis[:, None] * axis, 2.0
     field = Field(field.box, {**field.parameters, "density_plane": planes, "density_line": lines})
-    place = torch.rand(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 1.8 - 0.9
-    x, y, z = place.unbind(-1)
+    position = torch.rand(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 1.8 - 0.9
+    x, y, z = position.unbind(-1)
     slope = torch.stack([torch.full_like(x, 3.0), 2 * z, 2 * y], -1)
     expected = -torch.nn.functional.normalize(slope, dim=-1)
-    torch.testing.assert_close(field.derived_normal(place), expected, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(field.derived_normal(position), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_derived_normals_are_of_the_density_of_any_field() -> None:
     field = random_field()
-    place = torch.rand(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) * 1.8 - 0.9
-    place.requires_grad_()
-    (slope,) = torch.autograd.grad(field.density(place).sum(), place)
+    position = torch.rand(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) * 1.8 - 0.9
+    position.requires_grad_()
+    (slope,) = torch.autograd.grad(field.density(position).sum(), position)
     expected = -torch.nn.functional.normalize(slope, dim=-1)
-    torch.testing.assert_close(field.derived_normal(place.detach()), expected, rtol=1e-7, atol=1e-9)
+    torch.testing.assert_close(field.derived_normal(position.detach()), expected, rtol=1e-7, atol=1e-9)
 
 
 def test_a_finer_grid_that_keeps_the_nodes_keeps_the_field() -> None:
     field = random_field(grid_start=9)
     finer = field.finer(17)
     assert finer.size == 17
-    place = torch.rand(200, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(2)) * 2 - 1
-    torch.testing.assert_close(finer.density(place), field.density(place), rtol=1e-9, atol=0)
-    torch.testing.assert_close(finer.features(place), field.features(place), rtol=1e-9, atol=1e-12)
+    position = torch.rand(200, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(2)) * 2 - 1
+    torch.testing.assert_close(finer.density(position), field.density(position), rtol=1e-9, atol=0)
+    torch.testing.assert_close(finer.features(position), field.features(position), rtol=1e-9, atol=1e-12)
     odd = field.finer(12)
-    assert not torch.allclose(odd.density(place), field.density(place)), "other nodes, another interpolation"
+    assert not torch.allclose(odd.density(position), field.density(position)), "other nodes, another interpolation"
 
 
 def test_factors_are_planes_times_lines_at_the_nodes() -> None:
     field = random_field(grid_start=5)
     planes, lines = field.parameters["density_plane"], field.parameters["density_line"]
     axis = torch.linspace(-1, 1, 5, dtype=torch.float64)
-    place = torch.stack([axis[[1, 4]], axis[[2, 0]], axis[[3, 4]]], -1)
-    found = products(planes, lines, nodes_around(place, 5))
+    position = torch.stack([axis[[1, 4]], axis[[2, 0]], axis[[3, 4]]], -1)
+    found = products(planes, lines, nodes_around(position, 5))
     for point, (x, y, z) in enumerate([(1, 2, 3), (4, 0, 4)]):
         expected = torch.stack(
             [planes[0, x, y] * lines[0, z], planes[1, x, z] * lines[1, y], planes[2, y, z] * lines[2, x]]
@@ -172,10 +172,10 @@ def test_directions_are_one_of_each_cell_of_the_sphere(random: bool) -> None:
     assert torch.equal(row * 12 + column, torch.arange(72))
 
 
-def points_up(place: list[float], albedo: float = 0.6) -> SurfacePoints:
+def points_up(position: list[float], albedo: float = 0.6) -> SurfacePoints:
     """One point that faces up and is looked at from above."""
     return SurfacePoints(
-        ray=torch.zeros(1, dtype=torch.long), place=torch.tensor([place]), normal=UP,
+        ray=torch.zeros(1, dtype=torch.long), position=torch.tensor([position]), normal=UP,
         albedo=torch.full((1, 3), albedo), roughness=torch.full((1,), 0.99), outgoing=UP,
     )  # fmt: skip
 

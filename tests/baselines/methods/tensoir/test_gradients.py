@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from baselines.methods.tensoir.world import BUDGET, random_field, whole_box
-from radiogs_baselines.methods.tensoir.drawing import Drawn
+from radiogs_baselines.methods.tensoir.drawing import RayBatch
 from radiogs_baselines.methods.tensoir.field import Field
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start
 from radiogs_baselines.methods.tensoir.marching import Rays, march
@@ -41,7 +41,7 @@ def losses_of(tensors: dict[str, Tensor], variant: Variant, some: Rays) -> dict[
     target = torch.linspace(0.1, 0.9, 3 * len(some), dtype=torch.float64).view(-1, 3)
     model = Model(field, SphericalGaussians(tensors[LIGHT]))
     background = torch.linspace(0, 1, len(some), dtype=torch.float64)[:, None]
-    return inverse_losses(model, Drawn(some, target, background), variant, BUDGET, torch.Generator().manual_seed(1))
+    return inverse_losses(model, RayBatch(some, target, background), variant, BUDGET, torch.Generator().manual_seed(1))
 
 
 def check(function: Callable[[dict[str, Tensor]], Tensor], tensors: dict[str, Tensor], names: list[str]) -> None:
@@ -117,9 +117,9 @@ def test_weights_are_those_of_a_loop_over_each_ray() -> None:
     for ray in range(len(rays())):
         transmittance, total = 1.0, 0.0
         for index in torch.nonzero(samples.ray == ray)[:, 0]:
-            opacity = 1 - float(torch.exp(-field.density(samples.place[index][None]) * step))
+            opacity = 1 - float(torch.exp(-field.density(samples.position[index][None]) * step))
             assert float(marched.weight[index]) == pytest.approx(transmittance * opacity, rel=1e-9, abs=1e-300)
             total += transmittance * opacity
             transmittance *= 1 - opacity
         assert float(marched.alpha[ray]) == pytest.approx(total, rel=1e-9)
-    assert bool(box.holds(samples.place).all())
+    assert bool(box.holds(samples.position).all())

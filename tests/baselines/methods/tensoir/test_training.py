@@ -9,7 +9,7 @@ import torch
 from baselines.methods.tensoir.world import BUDGET, run_of
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.tensoir.box import box_of, cell_centres
-from radiogs_baselines.methods.tensoir.drawing import Drawn
+from radiogs_baselines.methods.tensoir.drawing import RayBatch
 from radiogs_baselines.methods.tensoir.marching import Rays
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import LIGHT
@@ -163,8 +163,8 @@ def test_radiance_is_display_values_at_first_and_linear_later() -> None:
 def radiance_loss(stage: RadianceField | InverseRendering, shown: float) -> float:
     """Of rays through the middle of the box to pixels that show one value."""
     towards = torch.nn.functional.normalize(torch.randn(20, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
-    drawn = Drawn(Rays(-3 * towards, towards), torch.full((20, 3), shown), torch.zeros(20, 1))
-    return float(stage.losses(drawn)["radiance"].detach())
+    batch = RayBatch(Rays(-3 * towards, towards), torch.full((20, 3), shown), torch.zeros(20, 1))
+    return float(stage.losses(batch)["radiance"].detach())
 
 
 def test_indirect_light_and_visibility_are_left_out_by_their_fields() -> None:
@@ -181,12 +181,12 @@ def test_indirect_light_and_visibility_are_left_out_by_their_fields() -> None:
 def test_the_box_holds_the_ball_and_little_else() -> None:
     box = box_of(SCENE, load(SCENE.train, CPU), 24)
     assert 1.0 < box.radius < 1.5
-    place = box.centre + box.radius * cell_centres(24)
-    inside = place.norm(dim=-1) < 1.0
-    held = box.holds(box.local(place))
-    assert torch.equal(held, box.occupied.flatten())
-    assert bool(held[inside].all()), "what the ball fills is never empty"
-    assert not held.all()
+    position = box.centre + box.radius * cell_centres(24)
+    inside = position.norm(dim=-1) < 1.0
+    occupied = box.holds(box.local(position))
+    assert torch.equal(occupied, box.occupied.flatten())
+    assert bool(occupied[inside].all()), "what the ball fills is never empty"
+    assert not occupied.all()
     assert not box.holds(torch.tensor([[1.01, 0.0, 0.0], [0.0, -1.01, 0.0]])).any()
 
 
@@ -235,8 +235,8 @@ def test_white_and_empty_are_told_apart_by_the_background_of_the_second_stage() 
     random = InverseRendering(run_of(), first.product())
     white = InverseRendering(run_of(Variant(background="white")), first.product())
     for stage, one in ((first, True), (white, True), (random, False)):
-        drawn = stage.drawn()
-        outside = drawn.target[(drawn.target == drawn.background).all(-1)]
+        batch = stage.next_batch()
+        outside = batch.target[(batch.target == batch.background).all(-1)]
         assert len(outside) > 20
         assert bool((outside == 1).all()) == one
         assert (len(outside.unique()) == 1) == one
