@@ -1,6 +1,6 @@
-"""Tests that all methods share: hard cases of ``hard_cases.catalogue``, resuming, keys of stages, and wrong variants.
+"""Tests that all surfel methods share: hard cases of ``hard_cases.catalogue``, resuming, stage keys, wrong variants.
 
-Cases that are a method's own are in its folder; ``test_contract`` has what the harness asks of every method.
+Tests of a single method are in its folder; ``test_contract`` tests the contract of every method.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ def same(one: Any, other: Any) -> bool:
 
 @METHODS
 @pytest.mark.parametrize("kind", ["none", "all behind", "one"])
-def test_case_21_empty_and_nearly_empty_scenes_are_shown(name: str, kind: str) -> None:
+def test_case_21_empty_and_nearly_empty_scenes_are_rendered(name: str, kind: str) -> None:
     surfels = raw_surfels(0 if kind == "none" else 5)
     if kind == "all behind":
         surfels.centre = surfels.centre - torch.tensor([0.0, 0.0, 20.0])
@@ -60,7 +60,7 @@ def test_case_21_empty_and_nearly_empty_scenes_are_shown(name: str, kind: str) -
 
 
 @METHODS
-def test_case_21_a_step_that_sees_no_surfel_moves_no_material(name: str) -> None:
+def test_case_21_a_step_that_sees_no_surfel_changes_no_material(name: str) -> None:
     tried = TRIED[name]
     still = dict(tried.learnt) | {"lr_scale": 0.0} if "lr_scale" in tried.learnt else tried.learnt
     away = replace(BALL, centre=BALL.centre + FAR)
@@ -86,8 +86,9 @@ def test_case_22_images_of_any_shape(name: str, shape: tuple[int, int]) -> None:
 @METHODS
 @pytest.mark.parametrize("exponent", [-10, 10])
 def test_case_19_the_world_may_have_any_scale(name: str, exponent: int) -> None:
-    """Lengths of the method grow with it. Powers of two round alike; the tolerance is for logarithms of scales, which
-    do not, and for rays that graze an edge."""
+    """The method's lengths are scaled with the world. Powers of two round alike; the tolerance is for logarithms of
+    scales, which do not, and for rays that graze an edge.
+    """
     surfels, camera = two_balls(), looking_along_z(16, 12, 14.0)
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     large, its = moved(surfels, camera, 2.0**exponent)
@@ -114,8 +115,8 @@ def test_case_26_a_floor_seen_at_grazing_angles(name: str, cosine: float) -> Non
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_case_33_a_black_light_is_black_and_a_sun_is_finite(name: str) -> None:
-    """``test_contract`` has the broken texel."""
+def test_case_33_a_black_light_gives_black_and_a_sun_a_finite_image(name: str) -> None:
+    """``test_contract`` tests the error for a broken texel."""
     camera = down_upon_a_field() if name == "tensoir" else looking_down(4.0, 9)
     model = r3dg(r3dg_training.variant(relight_local_light=False)) if name == "r3dg" else MODELS[name]()
     black = model.prepare(grey(0.0)).render(camera)
@@ -128,7 +129,7 @@ def test_case_33_a_black_light_is_black_and_a_sun_is_finite(name: str) -> None:
 
 @METHODS
 def test_case_40_blended_normals_that_cancel_leave_finite_maps(name: str) -> None:
-    """Two sheets at right angles to the view, half and half, leaning to either side by nearly 90 degrees."""
+    """Two sheets of equal weight lean to opposite sides by nearly 90 degrees from the view."""
     lean = (1 - 1e-12) ** 0.5
     left = sheet(0.0, (lean, 0.0, 1e-6), scale=1.0, opacity=0.5)
     right = sheet(0.0, (-lean, 0.0, 1e-6), scale=1.0, opacity=OPAQUE)
@@ -137,7 +138,7 @@ def test_case_40_blended_normals_that_cancel_leave_finite_maps(name: str) -> Non
 
 
 @METHODS
-def test_case_44_the_same_seed_gives_the_same_on_any_number_of_threads(name: str) -> None:
+def test_case_44_the_same_seed_gives_the_same_model_on_any_number_of_threads(name: str) -> None:
     training = TRIED[name].training
     surfels = together(BALL, ball_of_surfels())
 
@@ -168,7 +169,7 @@ def test_case_44_the_same_seed_gives_the_same_on_any_number_of_threads(name: str
     ],
 )  # fmt: skip
 def test_stage_two_resumes_bit_for_bit(name: str, turned: dict[str, Any]) -> None:
-    """With the search for the light, as it is by default."""
+    """Includes the default search for the initial light."""
     training = TRIED[name].training
     surfels = STANDING if name == "gi-gs" else RESUMED
     budget = training.BUDGET
@@ -201,7 +202,7 @@ SHOWN: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "r3dg": ({"relight_local_light": False}, {"relight_samples": 1}),
     "svg-ir": ({"relight_indirect": False, "relight_rows": 4}, {"relight_samples": 1}),
 }
-"""Fields of variant and budget that matter for showing a model alone, turned."""
+"""Fields of variant and budget that only affect rendering, with changed values."""
 
 TRAINED: Mapping[str, list[dict[str, Any]]] = {
     "gs-ir": [
@@ -213,7 +214,7 @@ TRAINED: Mapping[str, list[dict[str, Any]]] = {
     "r3dg": [{"local_light": "gated"}, {"hidden_below": 0.5}, {"visibility": "retraced"}, {"floor": True}],
     "svg-ir": [{"hop": None}, {"attributes": "constant"}, {"ray_start": 0.01}, {"opaque": 0.1}],
 }  # fmt: skip
-"""Fields of the variant that training depends on, turned one by one."""
+"""Fields of the variant that training depends on, changed one by one."""
 
 MORE: Mapping[str, tuple[str, ...]] = {
     "gs-ir": ("occlusion_corners", "occlusion_directions", "occlusion_samples", "irradiance_corners"),
@@ -222,12 +223,12 @@ MORE: Mapping[str, tuple[str, ...]] = {
     "r3dg": ("incident_samples",),
     "svg-ir": ("incident_samples", "consistency_surfels"),
 }
-"""Numbers of the budget that training depends on."""
+"""Fields of the budget that training depends on."""
 
 
 @METHODS
-def test_training_reads_nothing_that_its_key_leaves_out(name: str) -> None:
-    """Fields of showing change neither key nor losses; those of training change the key."""
+def test_training_reads_no_field_outside_its_key(name: str) -> None:
+    """Fields for rendering change neither key nor losses; fields for training change the key."""
     ours, training = method(name), TRIED[name].training
     geometry, invert = ours.stages(ours.variant(), training.BUDGET)
     assert geometry.owner == "radiogs_core"
@@ -266,11 +267,11 @@ WRONG: Mapping[str, dict[str, list[Any]]] = {
     ("name", "field", "value"),
     [(name, field, value) for name, fields in WRONG.items() for field, values in fields.items() for value in values],
 )
-def test_a_variant_that_means_nothing_is_refused(name: str, field: str, value: Any) -> None:
+def test_an_invalid_variant_is_refused(name: str, field: str, value: Any) -> None:
     with pytest.raises(UsageError, match=field):
         method(name).variant(**{field: value})
 
 
-def test_every_surfel_method_is_tried() -> None:
+def test_every_surfel_method_is_in_the_table() -> None:
     assert set(TRIED) == set(MODELS) - {"tensoir"}
     assert set(WRONG) == {*MODELS, "radiogs"}

@@ -1,4 +1,4 @@
-"""What the harness asks of every method: it is registered, its maps are as declared, and bad lights are refused."""
+"""The contract of every method: it is registered, its maps are as declared, and invalid lights are refused."""
 
 import tomllib
 from importlib import import_module
@@ -20,7 +20,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget
 
 WITH_INCIDENT = {"gi-gs", "irgs", "r3dg", "svg-ir"}
-"""Methods that show the indirect light that arrives, under the recovered light."""
+"""Methods with a map of incident indirect light under the recovered light."""
 
 BALL_SEEN, FLOOR_SEEN = SCENE.test[0].camera, looking_down(size=5)
 
@@ -30,7 +30,7 @@ def test_every_published_method_is_tested_here() -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_it_is_a_method_and_registered(name: str) -> None:
+def test_the_method_is_registered_and_implements_the_protocol(name: str) -> None:
     project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
     module, _, attribute = project["project"]["entry-points"]["radiogs_bench.methods"][name].partition(":")
     ours = getattr(import_module(module), attribute)
@@ -47,8 +47,8 @@ def test_it_is_a_method_and_registered(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_no_stage_depends_on_how_a_model_is_shown(name: str) -> None:
-    """A reworded label or one more map trains nothing anew: stages' sources and their imports hold no such module."""
+def test_no_stage_depends_on_the_rendering_modules(name: str) -> None:
+    """A reworded label or an additional map must not retrain a model: no stage's sources import such a module."""
     ours, sources = method(name), installed()
     core = (
         "radiogs_core.transport.maps",
@@ -63,7 +63,7 @@ def test_no_stage_depends_on_how_a_model_is_shown(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_suite_has_rows_of_its_variants(name: str) -> None:
+def test_a_suite_has_rows_for_the_variants(name: str) -> None:
     rows = suite("tensoir-method" if name == "tensoir" else name).rows
     assert {row.method for row in rows} == {name}
     assert len(rows) > 1
@@ -71,7 +71,7 @@ def test_a_suite_has_rows_of_its_variants(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("relit", [False, True])
-def test_maps_are_as_they_are_declared(name: str, relit: bool) -> None:
+def test_maps_match_their_declaration(name: str, relit: bool) -> None:
     camera = FLOOR_SEEN if name == "tensoir" else BALL_SEEN
     shown = MODELS[name]().prepare(grey() if relit else None)
     assert isinstance(shown, Prepared)
@@ -96,7 +96,7 @@ def test_maps_are_as_they_are_declared(name: str, relit: bool) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_light_with_a_broken_texel_is_refused_by_name(name: str) -> None:
+def test_a_light_with_a_broken_texel_is_refused(name: str) -> None:
     light = grey()
     light.radiance[1, 2, 0] = float("nan")
     with pytest.raises(DataError, match="1 texels of the environment map are not finite"):

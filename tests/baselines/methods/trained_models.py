@@ -1,4 +1,4 @@
-"""One model of each method, as if training had found it: a ball under a roof, in front of a small scene's cameras."""
+"""One model of each method with values set by hand: a ball under a roof, seen by a small scene's cameras."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -43,7 +43,7 @@ from radiogs_core.contract import Trained
 from radiogs_core.on_surfels.model import LitSurfels as IRGSModel
 
 WHITE = torch.zeros(8, 16, 3)
-"""Logarithm of a radiance of 1 from everywhere."""
+"""Log-radiance of a constant light of 1."""
 
 HIGH_ROOF = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
 LOW_ROOF = together(BALL, sheet(1.5, DOWN, scale=0.5, radiance=0.4))
@@ -70,12 +70,12 @@ def svg_ir(turned: SVGIRVariant | None = None) -> TrainedSVGIR:
 
 
 def gs_ir_model(**changes: object) -> GSIRModel:
-    """GS-IR with a low roof and both volumes, some of its fields changed."""
+    """GS-IR with a low roof and both volumes; some fields may be changed."""
     return replace(GSIRModel(LOW_ROOF, WHITE, **VOLUMES), **changes)  # type: ignore[arg-type]
 
 
 def gs_ir(turned: GSIRVariant | None = None, **changes: object) -> TrainedGSIR:
-    """``gs_ir_model``, trained."""
+    """``gs_ir_model`` as a trained model."""
     return GS_IR_METHOD.restore(gs_ir_training.run_of(turned), gs_ir_model(**changes).tensors())
 
 

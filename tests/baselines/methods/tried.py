@@ -1,4 +1,4 @@
-"""Each surfel method as the tests of all methods drive it: stage 2 on a known ball, and maps of any surfels."""
+"""Adapters of all surfel methods for the shared tests: stage 2 on a known ball, and maps of any surfels."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,37 +31,37 @@ from radiogs_core.surfels.surfels import Surfels
 Maps = Mapping[str, Tensor]
 
 RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95, radiance=0.4))
-"""The ball under a lid, 0.4 above its top, that shines down on it."""
+"""The ball under a lid 0.4 above its top with radiance towards it."""
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A surfel method as the tests of all methods drive it."""
+    """Adapter of a surfel method for the shared tests."""
 
     training: ModuleType
-    """Its helpers: ``run_of``, ``product_of``, ``stage_of``, ``variant`` and ``tensors_of``."""
+    """Test module of the method with ``run_of``, ``product_of``, ``stage_of``, ``variant`` and ``tensors_of``."""
     shown: Callable[[Surfels, Camera, float], list[Maps]]
-    """Maps under a recovered light of random texels and, for some, relit by a grey light. All lengths of the method are
-    multiplied by the last argument."""
+    """Renders maps under a recovered light of random texels and, for some methods, relit by a grey light. The last
+    argument is a factor on all lengths of the method."""
     lights_itself: bool
-    """Whether a surfel that is alone may receive indirect light."""
+    """Whether a single surfel may receive indirect light."""
     tolerance: tuple[float, float] = (1e-3, 0.01)
-    """How far pixels of a scaled world may be off, and the share of pixels that may be off by more."""
+    """Tolerance of pixels in a scaled world, and the share of pixels that may exceed it."""
     learnt: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the variant in tests of single steps: with all parameters that the method may learn."""
+    """Fields of the variant in tests of single steps, with which the method learns all its parameters."""
     seen_alone: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the variant with which nothing but the images and the light have losses."""
+    """Fields of the variant with which only the images and the light have losses."""
     silent: tuple[str, ...] = ()
-    """Losses that are zero where no surfel is seen."""
+    """Names of the losses that are zero if no surfel is seen."""
 
 
 def random_light() -> EnvironmentMap:
-    """Independent texels, the same at each call."""
+    """A light with independent random texels, the same at each call."""
     return EnvironmentMap(torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(4)).exp())
 
 
 def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
-    """The rays start at a share of each surfel's size."""
+    """Maps by IRGS; rays start at a share of each surfel's size."""
     model = irgs.Model(surfels, random_light().radiance.log())
     new = NewLight(surfels, surfels.albedo, irgs.grey(), RaySettings(), (16, 8), True)
     lights = (RecoveredLight(model, RaySettings(), 16, "traced"), new)
@@ -69,7 +69,7 @@ def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 
 def by_r3dg(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
-    """With random local light."""
+    """Maps by R3DG with random local light."""
     noise = torch.randn(len(surfels), 16, 3, generator=torch.Generator().manual_seed(5))
     local = r3dg.around(surfels, 0.1) + 0.1 * noise
     model = r3dg.trained(surfels, random_light(), local, 16, ray_start=None, two_sided=True)
@@ -77,7 +77,7 @@ def by_r3dg(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 
 def by_gi_gs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
-    """Marches through the frame."""
+    """Maps by GI-GS with marches through the frame."""
     marches = gi_gs.march(thick=1.0)
     lengths = (scale * value for value in (marches.radius, marches.bias, marches.thick, marches.far))
     how = gi_gs.shader(marches=type(marches)(marches.grid, marches.distances, *lengths))
@@ -85,7 +85,7 @@ def by_gi_gs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 
 def by_svg_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
-    """With what one bounce sends."""
+    """Maps by SVG-IR with one-bounce radiance."""
     light = random_light()
     table = svg_ir.table_of(surfels, svg_ir.Walk(None, 0.01 * scale, 3.0 * scale, 0.2, 10.0), 16, 0)
     model = svg_ir.model_of(surfels, light)
@@ -95,7 +95,7 @@ def by_svg_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 
 def by_gs_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
-    """Occluded, with random irradiance; of no surfels, in the volumes of a ball."""
+    """Maps by GS-IR with occlusion and random irradiance; without surfels, the volumes are of a ball."""
     over = surfels if len(surfels) else BALL
     lattice = Lattice.over(over, 12)
     occlusion = bake(over, lattice, Reach(tau=scale), 64)
@@ -108,7 +108,7 @@ def by_gs_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 
 def images_alone() -> Any:
-    """SVG-IR's losses of images and light alone: consistency and offsets move what no camera sees."""
+    """SVG-IR with only the losses of images and light: consistency and offsets change unseen surfels."""
     learning = svg_ir_training.variant().materials
     return replace(learning, weights=replace(learning.weights, consistency=0.0, offset=0.0))
 

@@ -1,6 +1,6 @@
-"""A frame of GI-GS as loops in float64, written from the formulas: every pixel, direction and step by itself.
+"""A frame of GI-GS in float64, written from the formulas as loops over pixels, directions and steps.
 
-What the rest of the house answers for is taken from it: filtered light maps, the table of the BRDF, tangent frames.
+Filtered light maps, the table of the BRDF and tangent frames are taken from the product; other tests check them.
 """
 
 import math
@@ -17,14 +17,14 @@ from reference.rasterize import rasterize
 from reference.shade import environment_radiance
 
 HEIGHTS, AZIMUTHS = 5, 8
-"""Of the grid; its directions of no weight are marched, too."""
+"""Size of the grid of directions; directions without weight are marched, too."""
 
 PUBLISHED = sum(math.cos(b * math.pi / 32) * math.sin(b * math.pi / 32) for b in range(17)) * 32 * math.pi / (32 * 17)
-"""What the published grid of 32 x 17 gathers of a constant radiance of 1."""
+"""Irradiance over pi that the published grid of 32 x 17 gathers from a constant radiance of 1."""
 
 
 def encode(linear: Tensor) -> Tensor:
-    """The sRGB curve."""
+    """The sRGB curve, not clipped."""
     return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
 
 
@@ -40,8 +40,8 @@ def materials(camera: Camera, surfels: Surfels, metallic: Tensor) -> tuple[Tenso
     return features / whole[:, None], alpha, (depth / whole).detach()
 
 
-def met_by(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, normal: Tensor) -> list[list[int | None]]:
-    """For each pixel and each direction (azimuths outside, heights inside) the pixel that is met, or None."""
+def pixels_hit(camera: Camera, marches: March, alpha: Tensor, depth: Tensor, normal: Tensor) -> list[list[int | None]]:
+    """Index of the pixel that each direction (azimuths outside, heights inside) of each pixel hits, or None."""
     rays = camera.ray_directions().flatten(0, 1) @ camera.axes
     found = []
     for pixel, ray in enumerate(rays):
@@ -80,9 +80,9 @@ def image(
     radiance: Tensor,
     hit_pixels: list[list[int | None]],
 ) -> Tensor:
-    """The display image [pixels, 3], not clipped: sRGB(direct) + median(sRGB(bounce)), both times alpha.
+    """Display image [pixels, 3], not clipped: sRGB(direct) + sRGB(median(bounce)), both multiplied by alpha.
 
-    Without gradient are what is met, what it sends, occlusion, Fresnel's share, normals and depth.
+    Hits, the radiance that hit pixels send, occlusion, Fresnel's factor, normals and depth have no gradient.
     """
     straight, alpha, _ = materials(camera, surfels, metallic)
     direct, diffuse_share = [], []
@@ -119,7 +119,7 @@ def image(
 
 
 def _lobe(light: PrefilteredLight, mirrored: Tensor, roughness: Tensor) -> Tensor:
-    """Linear between the light itself at roughness 0 and the lobes of 0.2, 0.4, 0.6, 0.8 and 1."""
+    """Linear interpolation between the light itself at roughness 0 and the lobes of 0.2, 0.4, 0.6, 0.8 and 1."""
     maps = [environment_radiance(map_, mirrored) for map_ in (light.sharp, *light.glossy)]
     lower = min(int(float(roughness.detach()) / 0.2), 4)
     share = roughness / 0.2 - lower
@@ -137,7 +137,7 @@ def _table(table: Tensor, cosine: float, roughness: Tensor) -> tuple[Tensor, Ten
 
 
 def _median(values: Tensor, camera: Camera) -> Tensor:
-    """The fifth of the nine values around each pixel; zero beyond the border."""
+    """The fifth of the nine sorted values around each pixel; values beyond the border are zero."""
     grid = values.view(camera.height, camera.width, 3)
     rows = []
     for row in range(camera.height):

@@ -1,4 +1,4 @@
-"""What makes GI-GS itself, against closed forms: it sees what the frame shows, and adds up what is displayed."""
+"""The characteristic properties of GI-GS against closed forms: screen-space occlusion, bounce and display sum."""
 
 import math
 
@@ -36,12 +36,12 @@ from radiogs_core.surfels.surfels import Surfels
 
 F64 = torch.float64
 SOLID = 1e3
-"""A thickness that leaves no march behind a surface unmet."""
+"""A thickness at which every march behind a surface hits it."""
 
 
 @pytest.mark.parametrize("azimuths", [8, 16, 32])
-def test_a_wall_inside_the_frame_hides_its_share_of_the_grid_and_outside_nothing(azimuths: int) -> None:
-    """Higher than the marches are long, it hides every direction that turns towards it."""
+def test_a_wall_occludes_its_share_of_the_grid_only_inside_the_frame(azimuths: int) -> None:
+    """The wall is higher than the marches are long, so it hides every direction that points towards it."""
     marches = march(azimuths=azimuths, thick=SOLID)
     inside, outside = only_beside_a_wall(2.0), only_beside_a_wall(2.0, columns=FINE // 2 + 1)
     hidden = share_towards(azimuths)
@@ -51,8 +51,8 @@ def test_a_wall_inside_the_frame_hides_its_share_of_the_grid_and_outside_nothing
     assert float(of_middle(openness(marches.hit_pixels(outside), marches.grid), outside)) == 1.0
 
 
-def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
-    """Its last column is a wall 0.08 away; the place nearest to the point lies 0.11 to the right of it."""
+def test_pixels_at_the_border_are_not_repeated_beyond_the_frame() -> None:
+    """The last column is a wall 0.08 away; the marched position nearest to the point lies 0.11 to its right."""
     buffer = only_beside_a_wall(0.0, columns=FINE // 2 + 9)
     buffer.depth[:, -1] -= 2.0
     marches = march(thick=SOLID)
@@ -63,7 +63,7 @@ def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
 
 
 def test_surfels_outside_the_frame_neither_shadow_nor_bounce() -> None:
-    """The same surfels and pixels, in a frame that ends before the block and in one that does not."""
+    """The same surfels and pixels, in a frame that ends before the block and in one that contains it."""
     surfels = together(sheet(0.0), block(1.0, 0.1, 1.5))
     how = shader(marches=march(thick=SOLID, distances=(0.5, 0.75, 1.0)))
     whole, cut = (shown(surfels, camera, light_of(1.0), how) for camera in (above(), cropped(above(), 16)))
@@ -76,9 +76,9 @@ def test_surfels_outside_the_frame_neither_shadow_nor_bounce() -> None:
 
 
 def test_one_point_is_shaded_differently_from_two_cameras() -> None:
-    """From afar the frame has the block, from nearby it has not; the point and its light are the same.
+    """The far camera's frame contains the block, the near camera's does not; point and light are the same.
 
-    The difference of two albedos leaves out the lobe, which follows the view: it is the difference times O.
+    The difference of two albedos removes the view-dependent lobe: it is the albedo difference times O.
     """
     marches = march(azimuths=8, thick=SOLID, distances=(0.75,))
     far, near = above(3.0), above(0.1)
@@ -97,8 +97,8 @@ def test_one_point_is_shaded_differently_from_two_cameras() -> None:
 
 
 @pytest.mark.parametrize("height", [0.2, 0.23, 0.3, 0.43, 0.5, 0.65])
-def test_a_surface_counts_as_met_between_thick_before_and_bias_behind_the_place(height: float) -> None:
-    """A block of height h: a place s cos(theta) above the floor meets it from h - thick to h + bias."""
+def test_a_surface_is_hit_from_thick_before_to_bias_behind_the_marched_position(height: float) -> None:
+    """A block of height h is hit by a position s cos(theta) above the floor if h is in that range."""
     bias, thick, length = 0.02, 0.2, 0.6
     marches = march((length / 0.8,), bias=bias, thick=thick)
     buffer = only_beside_a_wall(height)
@@ -114,8 +114,8 @@ def march_of(steps: int, start: int) -> March:
     return March.of(Grid.of(8, 5), Variant(), steps, 1.0, start)
 
 
-def test_marches_begin_where_they_are_told_to() -> None:
-    """A low ledge beside the pixel: places a sixth of the radius away meet it, those beyond half of it do not."""
+def test_marches_begin_at_the_start_step() -> None:
+    """A low ledge beside the pixel is hit a sixth of the radius away, but not from half of the radius on."""
     depth = torch.full((SIZE, SIZE), DISTANCE, dtype=F64)
     depth[:, EDGE] -= 0.1
     buffer = frame(depth)
@@ -127,14 +127,14 @@ def test_marches_begin_where_they_are_told_to() -> None:
     assert march_of(16, 64).distances == ()
 
 
-def test_lengths_are_of_the_scene_s_extent() -> None:
+def test_lengths_are_multiplied_by_the_extent_of_the_scene() -> None:
     marches = March.of(Grid.of(8, 5), Variant(), 16, 4.55, 8)
     lengths = (marches.radius, marches.bias, marches.thick, marches.far)
     assert lengths == pytest.approx((0.8, 0.01, 0.05, 100.0), rel=0.01), "TensoIR's"
 
 
 def test_the_radius_grows_with_depth() -> None:
-    """By (1 + z / far)^2: where far is five times z, it is 1.44 times as long, and meets a wall 0.85 away."""
+    """The factor is (1 + z / far)^2: with far = 5 z the radius is 1.44 times as long and hits a wall 0.85 away."""
     depth = torch.full((SIZE, SIZE), DISTANCE, dtype=F64)
     depth[:, MIDDLE + 9 :] = 1.0
     buffer = frame(depth)
@@ -144,8 +144,8 @@ def test_the_radius_grows_with_depth() -> None:
 
 
 @pytest.mark.parametrize(("azimuths", "heights"), [(32, 17), (8, 5)])
-def test_the_gather_of_a_known_wall(azimuths: int, heights: int) -> None:
-    """The published sum over 32 x 17 directions, those of no weight included, and a smaller grid weighted alike."""
+def test_gathered_radiance_of_a_wall_equals_the_published_sum(azimuths: int, heights: int) -> None:
+    """The published sum over 32 x 17 directions, those without weight included, and a smaller grid."""
     marches = march(azimuths=azimuths, heights=heights, thick=SOLID)
     buffer, colour = only_beside_a_wall(2.0), torch.tensor([0.9, 0.4, 0.1], dtype=F64)
     radiance = torch.where(buffer.depth[..., None] < DISTANCE, colour, 0.3)
@@ -167,7 +167,7 @@ def test_the_gather_of_a_known_wall(azimuths: int, heights: int) -> None:
     torch.testing.assert_close(mean, share_towards(azimuths) * colour, rtol=1e-12, atol=0)
 
 
-def test_what_is_gathered_is_what_the_direct_image_shows_at_most_one() -> None:
+def test_gathered_radiance_is_the_direct_image_clipped_to_one() -> None:
     buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
     how = shader(marches=march(thick=SOLID), occlusion=False)
     once, bright, brighter = (how.shade(buffer, alpha, light_of(level))["indirect"] for level in (1.0, 5.0, 50.0))
@@ -178,8 +178,8 @@ def test_what_is_gathered_is_what_the_direct_image_shows_at_most_one() -> None:
     assert bool((middle < bright[MIDDLE, MIDDLE]).all())
 
 
-def test_lights_are_summed_as_they_are_displayed() -> None:
-    """sRGB(a) + sRGB(b), which is brighter than sRGB(a + b)."""
+def test_direct_and_indirect_light_are_added_in_display_srgb() -> None:
+    """sRGB(a) + sRGB(b) is brighter than sRGB(a + b)."""
     buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
     for where in ("display", "linear"):
         maps = shader(where=where, marches=march(thick=SOLID)).shade(buffer, alpha, light_of(0.6))
@@ -189,7 +189,7 @@ def test_lights_are_summed_as_they_are_displayed() -> None:
         assert float((apart - together_)[MIDDLE, MIDDLE].min()) > 0.05
 
 
-def test_the_sum_is_of_the_covered_part_of_a_pixel() -> None:
+def test_the_sum_is_encoded_for_the_covered_part_of_a_pixel() -> None:
     alpha = torch.full((2, 2), 0.25)
     direct, indirect = (level * alpha[..., None].expand(2, 2, 3) for level in (0.4, 0.1))
     found = summed(direct, indirect, alpha, "display", True)
@@ -197,8 +197,8 @@ def test_the_sum_is_of_the_covered_part_of_a_pixel() -> None:
     torch.testing.assert_close(found, expected.expand(2, 2, 3))
 
 
-def test_single_pixels_of_the_bounce_are_smoothed_away() -> None:
-    """The median of three by three; a corner of the image has five black neighbours."""
+def test_the_bounce_is_median_filtered() -> None:
+    """The filter is the median of three by three pixels; a corner of the image has five black neighbours."""
     image = torch.zeros(5, 5, 1)
     image[2, 2] = 1.0
     assert not median(image).any()
@@ -214,8 +214,8 @@ def test_single_pixels_of_the_bounce_are_smoothed_away() -> None:
     torch.testing.assert_close(maps["indirect"], median(buffer.image(raw)))
 
 
-def test_lobes_are_not_occluded() -> None:
-    """A black floor beside the wall shows the whole lobe, a white one O times the light beside it."""
+def test_the_specular_lobe_is_not_occluded() -> None:
+    """A black floor beside the wall shows the whole lobe; a white one shows O times the diffuse light in addition."""
     alpha, light = torch.ones(SIZE, SIZE), light_of(1.0)
     how = shader(marches=march(thick=SOLID), indirect=False)
     black, white = (how.shade(beside_a_wall(2.0, albedo=albedo), alpha, light)["direct"] for albedo in (0.0, 1.0))
@@ -227,8 +227,8 @@ def test_lobes_are_not_occluded() -> None:
     )
 
 
-def test_the_readme_trains_without_what_its_images_show() -> None:
-    """Marches from step 64 of 16 find nothing: its training is that without occlusion and indirect light."""
+def test_the_readme_variant_trains_without_occlusion_but_renders_with_it() -> None:
+    """Marches from step 64 of 16 find nothing: training equals training without occlusion and indirect light."""
     bug, without, full = (
         stage_of(variant(**turned)) for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
     )
@@ -239,7 +239,7 @@ def test_the_readme_trains_without_what_its_images_show() -> None:
 
 
 def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:
-    """F0 = 0.04 (1 - m) + m albedo, at the published place: diffuse light stays as it is."""
+    """F0 = 0.04 (1 - m) + m albedo, as published; the diffuse light does not change."""
     surfels = together(sheet(0.0, albedo=0.6, roughness=0.5))
     maps = [buffer_of(above(), surfels, torch.full((1,), metal)) for metal in (0.0, 1.0)]
     dielectric, metal = (shader(indirect=False).shade(*each, light_of(1.0))["direct"][15, 15] for each in maps)
@@ -260,8 +260,8 @@ def moved_aside(surfels: Surfels, by: float) -> Surfels:
     return Surfels.of(surfels.parameters() | {"centre": surfels.centre + torch.tensor([by, 0.0, 0.0])})
 
 
-def test_what_lies_behind_something_neither_shadows_nor_bounces() -> None:
-    """A block under a roof that hides it from the camera might as well not be there."""
+def test_surfaces_hidden_from_the_camera_neither_shadow_nor_bounce() -> None:
+    """A block under a roof that hides it from the camera changes nothing."""
     roof, hidden = block(2.0, 0.1, 1.5, scale=0.05), block(1.0, 0.4, 1.0)
     with_it, without = (
         shown(surfels, above(4.0), light_of(1.0), shader(marches=march(thick=SOLID)))

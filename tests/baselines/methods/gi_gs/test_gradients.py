@@ -1,4 +1,4 @@
-"""A whole frame in float64 against loops over the formulas, and the gradient of each loss against differences."""
+"""A whole frame in float64 against loops over the formulas, and gradients of each loss against differences."""
 
 from functools import cache
 
@@ -29,7 +29,7 @@ MOVED = (*LEARNT, "centre", "opacity_logit", "log_scale", "rotation")
 
 @cache
 def start() -> Values:
-    """A floor of two overlapping surfels, and two raised ones beside each other that shadow it and shine on it."""
+    """A floor of two overlapping surfels, and two raised, adjacent surfels that occlude it and send it a bounce."""
     torch.manual_seed(3)
     low = [
         sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.95, 0.6, 0.5, dtype=F64),
@@ -68,7 +68,7 @@ def dense_hits() -> list[list[int | None]]:
     surfels, metallic = surfels_of(start()), start()["metallic_logit"].sigmoid()
     straight, alpha, depth = dense.materials(CAMERA, surfels, metallic)
     normal = straight[:, :3] / straight[:, :3].norm(dim=-1, keepdim=True)
-    return dense.met_by(CAMERA, MARCHES, alpha, depth, normal)
+    return dense.pixels_hit(CAMERA, MARCHES, alpha, depth, normal)
 
 
 def dense_image(values: Values) -> Tensor:
@@ -83,7 +83,7 @@ def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
     return {name: leaves[name].grad for name in names if leaves[name].grad is not None}  # type: ignore[misc]
 
 
-def test_every_direction_meets_what_the_loops_meet() -> None:
+def test_every_direction_hits_the_same_pixel_as_the_loops() -> None:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()))
     assert len(buffer) == SIZE * SIZE
     hits = MARCHES.hit_pixels(buffer).view(SIZE * SIZE, dense.HEIGHTS - 2, dense.AZIMUTHS).mT
@@ -91,12 +91,12 @@ def test_every_direction_meets_what_the_loops_meet() -> None:
     expected = expected.view(SIZE * SIZE, dense.AZIMUTHS, dense.HEIGHTS)[:, :, 1:-1]
     assert torch.equal(hits.long(), expected)
     share = float((hits != NO_HIT).double().mean())
-    assert 0.02 < share < 0.9, "something is met, and something is not"
+    assert 0.02 < share < 0.9, "some directions hit a surface, and some do not"
     assert len(hits.unique()) > 5
 
 
-def test_a_frame_and_its_gradients_are_those_of_the_formulas() -> None:
-    """Gradients to geometry as well, which the blending of the maps has."""
+def test_a_frame_and_its_gradients_equal_the_formulas() -> None:
+    """Includes the gradients to geometry from the blending of the maps."""
     found, expected = found_image(start()), dense_image(start())
     torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-12)
     ours, theirs = (
@@ -109,7 +109,7 @@ def test_a_frame_and_its_gradients_are_those_of_the_formulas() -> None:
         assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
 
 
-def test_the_bounce_has_gradient_to_the_albedo_alone() -> None:
+def test_the_bounce_has_gradient_only_to_the_albedo() -> None:
     values = {name: value.clone().requires_grad_() for name, value in start().items()}
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
     light = SplitSumLight(PrefilteredLight(values["environment"]))
@@ -130,7 +130,7 @@ def test_the_bounce_has_gradient_to_the_albedo_alone() -> None:
 
 @cache
 def fixed() -> tuple[Tensor, Tensor]:
-    """Of the start: how open each point is, and what of its albedo it sends as a bounce."""
+    """Openness of each point of the start, and the factor of its albedo in its bounce; both have no gradient."""
     buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"].sigmoid())
     hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
     open_share = openness(hits, grid)
@@ -139,8 +139,8 @@ def fixed() -> tuple[Tensor, Tensor]:
     return open_share, sent / buffer.albedo
 
 
-def held_image(values: Values) -> Tensor:
-    """The image where all that has no gradient stays as it was at the start."""
+def image_with_fixed_parts(values: Values) -> Tensor:
+    """The image with all parts without gradient fixed to their values at the start."""
     open_share, of_albedo = fixed()
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
     direct = reflect(buffer, SplitSumLight(PrefilteredLight(values["environment"]))).occluded(open_share)
@@ -149,21 +149,26 @@ def held_image(values: Values) -> Tensor:
 
 
 def branches(values: Values) -> list[bool]:
-    """Where the image loss has kinks: signs of the error, cells of tables, and who is the median."""
+    """The branch of every kink of the image loss: signs of errors, cells of tables, and indices of medians."""
     buffer, _ = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
     bounced = buffer.image(fixed()[1] * buffer.albedo)
     flags = torch.cat([
-        (held_image(values) > target()).flatten(),
+        (image_with_fixed_parts(values) > target()).flatten(),
         *((buffer.roughness * cells).floor().flatten().double() for cells in (5, 31)),
         (bounced == median(bounced)).flatten(),
     ])  # fmt: skip
     return flags.tolist()
 
 
-def test_the_image_s_gradients_equal_central_differences() -> None:
+def test_gradients_of_the_image_loss_equal_central_differences() -> None:
     ours = gradients(lambda values: image_loss(found_image(values), target()), start(), LEARNT)
     assert_gradients(
-        lambda values: float(image_loss(held_image(values), target())), start(), ours, 1e-4, branches, directions=4
+        lambda values: float(image_loss(image_with_fixed_parts(values), target())),
+        start(),
+        ours,
+        1e-4,
+        branches,
+        directions=4,
     )
 
 
@@ -193,8 +198,8 @@ def test_gradients_of_the_other_losses_equal_central_differences(loss: object, n
     assert_gradients(lambda values: float(loss(values)), start(), ours, 1e-3, directions=4)  # type: ignore[operator]
 
 
-def test_variation_is_of_solid_neighbours_weighted_by_the_image() -> None:
-    """Two pixels that differ by 0.3 across, where the image differs by 0.6; the third one is not solid."""
+def test_variation_compares_solid_neighbours_weighted_by_the_image() -> None:
+    """Two pixels differ by 0.3 across, where the image differs by 0.6; the third pixel is not solid."""
     maps = torch.tensor([[[0.1], [0.4], [5.0]]], dtype=F64)
     shown = torch.tensor([0.0, 0.6, 0.0], dtype=F64)[None, :, None].expand(1, 3, 3)
     solid = torch.tensor([[True, True, False]])
@@ -203,14 +208,14 @@ def test_variation_is_of_solid_neighbours_weighted_by_the_image() -> None:
     torch.testing.assert_close(variation(maps.transpose(0, 1), shown.transpose(0, 1), solid.T), expected)
 
 
-def test_plainness_is_the_distance_from_rough_plastic() -> None:
+def test_plainness_is_the_distance_from_a_rough_dielectric() -> None:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()), torch.full((4,), 0.25, dtype=F64))
     rough = float((1 - buffer.roughness).mean())
     assert float(plainness(buffer, True)) == pytest.approx(rough + 0.25)
     assert float(plainness(buffer, False)) == pytest.approx(rough)
 
 
-def test_a_saturated_target_is_no_ceiling() -> None:
+def test_an_image_brighter_than_a_saturated_target_is_no_error() -> None:
     image = torch.tensor([[[3.0, 0.5, 0.5]]], dtype=F64, requires_grad=True)
     image_loss(image, torch.tensor([[[1.0, 1.0, 0.2]]], dtype=F64)).backward()
     assert image.grad is not None

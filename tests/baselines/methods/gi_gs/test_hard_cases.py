@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for GI-GS, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for GI-GS; test names contain the number of the case."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def assert_finite(maps: Maps) -> None:
 
 
 def test_case_22_a_step_on_images_of_one_row() -> None:
-    """Neighbours exist along one axis alone."""
+    """Such images have neighbours along only one axis."""
     stage = stage_of()
     view = stage.views[0]
     row = Camera(view.camera.camera_to_world, view.camera.fx, view.camera.fy, view.camera.cx, 0.5, 24, 1)
@@ -38,9 +38,10 @@ def test_case_22_a_step_on_images_of_one_row() -> None:
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_case_24_a_plane_that_is_looked_down_upon_never_shadows_itself(dtype: torch.dtype) -> None:
-    """All of the light arrives, and nothing else. At grazing angles neighbouring pixels differ by more in depth than
-    the published bias, and the method does shadow planes by themselves."""
+def test_case_24_a_plane_seen_from_above_never_shadows_itself(dtype: torch.dtype) -> None:
+    """All of the light arrives, and there is no bounce. At grazing angles the depth of neighbouring pixels differs by
+    more than the published bias, and the method does shadow planes by themselves.
+    """
     floor = sheet(0.0, dtype=dtype)
     camera = looking_down(2.0, 15, dtype=dtype)
     maps = shown(floor, camera, light_of(1.0, dtype=dtype), shader(marches=march(thick=0.05)))
@@ -50,8 +51,8 @@ def test_case_24_a_plane_that_is_looked_down_upon_never_shadows_itself(dtype: to
 
 
 @pytest.mark.parametrize("rows", [4, 16, 64])
-def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(rows: int) -> None:
-    """Albedo enters linearly and exactly, on maps of any size, also on those that are averaged down."""
+def test_case_28_a_white_furnace_shows_the_albedo_plus_the_lobe(rows: int) -> None:
+    """Albedo enters linearly and exactly, on maps of any size, including those that are downsampled."""
     low, high = (
         shown(sheet(0.0, albedo=albedo), looking_down(), light_of(1.0, rows), shader(False, False))
         for albedo in (0.2, 0.9)
@@ -60,8 +61,8 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(rows: int) -> None:
     torch.testing.assert_close((high["direct"] - low["direct"])[1, 1] / alpha, torch.full((3,), 0.7), rtol=1e-4, atol=0)
 
 
-def test_case_33_a_black_light_is_black_and_a_sun_is_finite() -> None:
-    """A broken texel is refused by name: see ``test_showing``."""
+def test_case_33_a_black_light_gives_black_and_a_sun_a_finite_image() -> None:
+    """``test_showing`` tests the error for a broken texel."""
     floor = together(sheet(0.0), block(1.0, 0.1, 1.5))
     black = shown(floor, looking_down(3.0, 31), SplitSumLight(PrefilteredLight(grey(0.0).radiance)))
     assert all(not black[name].any() for name in ("image", "direct", "indirect"))
@@ -72,8 +73,8 @@ def test_case_33_a_black_light_is_black_and_a_sun_is_finite() -> None:
     assert float(maps["indirect"].max()) < 1, "what is gathered is at most what is displayed"
 
 
-def test_case_37_black_surfaces_are_indirect_light_switched_off() -> None:
-    """Bit for bit: a bounce off black, and none."""
+def test_case_37_black_surfaces_equal_indirect_light_off() -> None:
+    """Images are equal bit for bit."""
     surfels = two_balls()
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     surfels.albedo_logit = torch.full_like(surfels.albedo_logit, -200.0)
@@ -82,7 +83,7 @@ def test_case_37_black_surfaces_are_indirect_light_switched_off() -> None:
     assert all(torch.equal(with_it[name], off[name]) for name in ("image", "direct", "indirect"))
 
 
-def test_a_frame_is_the_same_however_many_places_are_looked_up_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_does_not_depend_on_the_size_of_the_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     surfels = Surfels.of(together(sheet(0.0), block(1.0, 0.1, 1.5)).parameters())
     whole = shown(surfels, looking_down(3.0, 31), random_light())
     for module in ("marching", "shading"):

@@ -1,4 +1,4 @@
-"""A trained GI-GS model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained GI-GS model: facts, relighting, and restoring from its tensors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ CAMERA = SCENE.test[0].camera
 
 
 @pytest.mark.parametrize("metallic", [None, torch.linspace(-1, 1, len(STANDING))])
-def test_the_recovered_light_and_the_model_come_back_as_they_were(metallic: torch.Tensor | None) -> None:
+def test_the_recovered_light_and_the_model_are_restored_unchanged(metallic: torch.Tensor | None) -> None:
     light = torch.randn(8, 16, 3)
     found = GI_GS_METHOD.restore(run_of(), Model(STANDING, light, metallic).tensors())
     assert torch.equal(found.light.radiance, light.exp())
@@ -33,7 +33,7 @@ def test_the_recovered_light_and_the_model_come_back_as_they_were(metallic: torc
 
 
 def test_relighting_is_not_occluded_and_has_the_bounce_of_the_new_light() -> None:
-    """The recovered light, put in as a new one: the same but for occlusion, which is 1."""
+    """Relit by the recovered light, the images differ from the recovered ones only in the occlusion, which is 1."""
     own = trained(variant(occlusion=False)).prepare().render(CAMERA)
     occluded = trained().prepare().render(CAMERA)
     relit = trained().prepare(grey()).render(CAMERA)
@@ -48,7 +48,7 @@ def test_relighting_is_not_occluded_and_has_the_bounce_of_the_new_light() -> Non
     assert not without["indirect"].any()
 
 
-def test_under_its_own_light_it_is_shown_as_it_was_trained() -> None:
+def test_under_the_recovered_light_images_are_shaded_as_in_training() -> None:
     full = trained().prepare().render(CAMERA)
     assert full["indirect"].any()
     assert not trained(variant(indirect=False)).prepare().render(CAMERA)["indirect"].any()
@@ -59,14 +59,14 @@ def test_under_its_own_light_it_is_shown_as_it_was_trained() -> None:
     assert float((full["image"] - linear["image"]).max()) > 0.01
 
 
-def test_images_of_a_model_that_was_trained_by_the_readme_have_what_training_lacked() -> None:
+def test_images_of_the_readme_variant_have_occlusion() -> None:
     found = trained(variant(readme_bug=True)).prepare().render(CAMERA)
     assert torch.equal(found["image"], trained().prepare().render(CAMERA)["image"])
     assert not trained(variant(start=16)).prepare().render(CAMERA)["indirect"].any()
 
 
-def test_the_factor_of_albedo_is_of_what_is_seen_and_so_of_what_is_gathered() -> None:
-    """A black light for the lobes would leave nothing: the difference of two albedos leaves them out."""
+def test_the_albedo_scale_applies_to_seen_and_gathered_surfaces() -> None:
+    """The difference of two albedos removes the lobe (a black light would leave no light at all)."""
     plain, twice = (trained().prepare(grey(0.5), torch.full((3,), scale)).render(CAMERA) for scale in (1.0, 2.0))
     thrice = trained().prepare(grey(0.5), torch.full((3,), 3.0)).render(CAMERA)
     torch.testing.assert_close(twice["albedo"], 2 * plain["albedo"])
@@ -76,7 +76,7 @@ def test_the_factor_of_albedo_is_of_what_is_seen_and_so_of_what_is_gathered() ->
     assert bool((twice["indirect"][lit] > 2.5 * plain["indirect"][lit]).all()), "twice the albedo, and what it meets"
 
 
-def test_as_shipped_the_same_map_lights_another_side() -> None:
+def test_the_as_shipped_frame_lights_another_side() -> None:
     light = grey(0.0)
     light.radiance[:2] = 1.0
     oriented = trained().prepare(light).render(CAMERA)
@@ -87,7 +87,7 @@ def test_as_shipped_the_same_map_lights_another_side() -> None:
     assert torch.equal(own["image"], trained().prepare().render(CAMERA)["image"]), "the recovered light has its frame"
 
 
-def test_shown_frames_have_a_grid_of_their_own() -> None:
+def test_rendered_frames_use_the_render_grid() -> None:
     fine = replace(BUDGET, render_azimuths=32, render_heights=17)
     model = Model(STANDING, torch.zeros(8, 16, 3)).tensors()
     found = GI_GS_METHOD.restore(run_of(budget=fine), model).prepare().render(CAMERA)
@@ -98,14 +98,14 @@ def test_shown_frames_have_a_grid_of_their_own() -> None:
     assert not torch.equal(near, coarse["direct"])
 
 
-def test_metal_is_shown() -> None:
+def test_metalness_changes_the_image() -> None:
     metal = trained(metallic=torch.full((len(STANDING),), 3.0)).prepare().render(CAMERA)
     plain = trained().prepare().render(CAMERA)
     assert float(metal["direct"].mean()) > float(plain["direct"].mean())
     assert float(metal["indirect"].mean()) < 0.5 * float(plain["indirect"].mean())
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(STANDING)
     assert facts["labels"]["stage1"].startswith("shared")
@@ -119,7 +119,7 @@ def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
     assert "frozen" in labels_of(Variant(lr_scale=0.0), PRESETS["paper"], 1.0)["geometry"]
 
 
-def test_labels_say_where_marches_begin_and_how_maps_are_read() -> None:
+def test_labels_state_the_start_of_marches_and_the_frame_of_maps() -> None:
     def label(name: str, turned: Variant) -> str:
         return labels_of(turned, PRESETS["paper"], 1.0)[name]
 
@@ -129,6 +129,6 @@ def test_labels_say_where_marches_begin_and_how_maps_are_read() -> None:
     assert label("relight_frame", Variant(frame="as_shipped")).startswith("light maps with Y up")
 
 
-def test_the_exported_surfels_are_a_file(tmp_path: Path) -> None:
+def test_export_writes_the_surfels(tmp_path: Path) -> None:
     assert [path.name for path in trained().export(tmp_path)] == ["surfels.ply"]
     assert (tmp_path / "surfels.ply").stat().st_size > 0

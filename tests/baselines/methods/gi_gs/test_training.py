@@ -1,4 +1,4 @@
-"""Stage 2 of GI-GS: what its losses change and what they leave, and that it resumes bit for bit."""
+"""Stage 2 of GI-GS: which parameters its losses change and which they do not, and that it resumes bit for bit."""
 
 from dataclasses import replace
 
@@ -23,8 +23,8 @@ from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 
-def turned_to(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
-    """The stage with some of what it has learnt replaced."""
+def with_values(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
+    """The stage with some of its learnt tensors replaced."""
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | tensors
     stage.restore(state)
@@ -32,7 +32,7 @@ def turned_to(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRender
 
 
 @pytest.mark.parametrize("scale", [0.0, 1.0])
-def test_geometry_is_frozen_unless_it_has_a_rate_and_radiance_always(scale: float) -> None:
+def test_geometry_is_frozen_without_a_rate_and_radiance_always(scale: float) -> None:
     stage = stage_of(variant(lr_scale=scale))
     before = tensors_of(stage)
     for _ in range(4):
@@ -46,7 +46,7 @@ def test_geometry_is_frozen_unless_it_has_a_rate_and_radiance_always(scale: floa
         assert not torch.equal(after[name], before[name]), name
 
 
-def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> None:
+def test_geometry_moves_at_its_share_of_the_final_rates_of_stage_one() -> None:
     stage = stage_of(variant(lr_scale=0.25))
     before, first = tensors_of(stage), Variant().geometry.rates
     stage.step()
@@ -70,26 +70,26 @@ def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> 
         ("light_smoothness", {"log_environment"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
-    """Of the variation of materials see below: the ball's are smooth."""
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
+    """The variation loss has its own test below, because the ball's materials are smooth."""
     stage = stage_of(variant(materials=only(**{weight: 1.0}), lr_scale=0.0, metallic=True))
     light = 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))
-    before = tensors_of(turned_to(stage, log_environment=light))
+    before = tensors_of(with_values(stage, log_environment=light))
     stage.step()
     after = tensors_of(stage)
     assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
 
 
 @pytest.mark.parametrize("name", ["albedo_logit", "roughness_logit", "metallic_logit"])
-def test_variation_evens_out_one_material(name: str) -> None:
+def test_the_variation_loss_evens_out_a_material(name: str) -> None:
     stage = stage_of(variant(materials=only(variation=1.0), lr_scale=0.0, metallic=True))
     even = tensors_of(stage)[name]
-    turned_to(stage, **{name: even + noise(even, 1.0)})
+    with_values(stage, **{name: even + noise(even, 1.0)})
     losses = [stage.step()["variation"] for _ in range(20)]
     assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
 
 
-def test_metal_is_learnt_only_where_it_is_asked_for() -> None:
+def test_metalness_is_learnt_only_if_the_variant_says_so() -> None:
     plain, metal = (stage_of(variant(metallic=metallic)) for metallic in (False, True))
     assert "metallic_logit" not in plain.optimiser.tensors
     assert plain.model.metallic_logit is None
@@ -100,7 +100,7 @@ def test_metal_is_learnt_only_where_it_is_asked_for() -> None:
     assert float(metal.model.metallic.detach().mean()) < 0.73, "nothing shows metal, and it has its price"
 
 
-def test_the_rate_of_albedo_falls_and_the_others_stay() -> None:
+def test_only_the_rate_of_albedo_decays() -> None:
     stage = stage_of(variant(lr_scale=0.0))
     rates = stage.variant.materials.rates
 
@@ -117,7 +117,7 @@ def test_the_rate_of_albedo_falls_and_the_others_stay() -> None:
 
 
 def test_the_frames_of_training_have_hits() -> None:
-    """Else the tests of this folder would be of the split sum alone."""
+    """Without hits the tests of this folder would only test the split sum."""
     stage = stage_of()
     for view in stage.views:
         model = stage.model
@@ -129,20 +129,20 @@ def test_the_frames_of_training_have_hits() -> None:
 
 
 @pytest.mark.parametrize("part", ["occlusion", "indirect", "sum", "start", "radius"])
-def test_training_is_done_with_what_the_variant_says(part: str) -> None:
+def test_training_uses_the_shader_settings_of_the_variant(part: str) -> None:
     changed = {"occlusion": False, "indirect": False, "sum": "linear", "start": 12, "radius": 0.1}[part]
     assert stage_of(variant(**{part: changed})).step() != stage_of().step()
 
 
-def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe, 0.013 as seen from the front."""
+def test_materials_are_recovered_under_known_light_and_shape() -> None:
+    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe, 0.013 from the front."""
     learning = replace(
         CONSTANT,
         rates=replace(CONSTANT.rates, light=0.0, roughness=0.0, albedo_end=0.02),
         start=replace(CONSTANT.start, albedo=0.3),
     )
     stage = stage_of(variant(materials=learning, lr_scale=0.0), BALL)
-    turned_to(stage, log_environment=torch.zeros(8, 16, 3))
+    with_values(stage, log_environment=torch.zeros(8, 16, 3))
     for _ in range(100):
         stage.step()
     surfels = stage.model.surfels
@@ -151,7 +151,7 @@ def test_materials_are_found_where_light_and_shape_are_known() -> None:
     torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.013, rtol=0, atol=0.01)
 
 
-def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for() -> None:
+def test_a_constant_start_has_the_exposure_and_the_shared_start_is_searched() -> None:
     constant = stage_of().model
     assert torch.equal(constant.log_environment, constant.log_environment[:1, :1].expand(8, 16, 3))
     torch.testing.assert_close(constant.surfels.albedo, torch.full_like(constant.surfels.albedo, 0.73))
@@ -161,13 +161,13 @@ def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for(
     assert float(shared.surfels.albedo.detach().std()) > 1e-3
 
 
-def test_a_grid_without_a_direction_that_counts_is_refused() -> None:
+def test_a_grid_without_weighted_directions_is_refused() -> None:
     for name in ("heights", "render_heights"):
         with pytest.raises(UsageError, match=f"^{name}"):
             replace(BUDGET, **{name: 2})
     assert isinstance(replace(BUDGET, heights=3), Budget)
 
 
-def test_the_readme_s_march_begins_beyond_its_end() -> None:
+def test_the_march_of_the_readme_starts_beyond_its_end() -> None:
     assert Variant(readme_bug=True).training_start == README_START == 64
     assert Variant().training_start == 8

@@ -1,4 +1,4 @@
-"""Stage 2 of GI-GS on a known ball, begun with surfels of one's own choice."""
+"""Stage 2 of GI-GS on a known ball, starting from surfels that the test chooses."""
 
 from dataclasses import replace
 from typing import Any
@@ -21,13 +21,13 @@ from scenes import surfels_facing
 
 BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, light_height=8)
 CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
-"""No light is searched for."""
+"""Start values with a constant light, which needs no search."""
 
 GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
 
 
 def on_a_floor() -> Surfels:
-    """The ball, and a floor of tiles under it; every camera of the ball's scene sees both."""
+    """The ball on a floor of tiles; every camera of the ball's scene sees both."""
     coordinate = torch.arange(-1.5, 1.6, 0.15)
     x, y = (values.flatten() for values in torch.meshgrid(coordinate, coordinate, indexing="ij"))
     normal = torch.tensor([0.0, 0.0, 1.0]).expand(len(x), 3)
@@ -40,12 +40,12 @@ STANDING = on_a_floor()
 
 
 def variant(**changes: Any) -> Variant:
-    """The full method from a constant light, with some fields turned. Marches meet what is as thick as the ball."""
+    """The full method with a constant initial light, marches that hit the whole ball, and some fields changed."""
     return Variant(**{"materials": CONSTANT, "thick": 0.1, **changes})
 
 
 def only(**weights: float) -> MaterialLearning:
-    """The losses with these weights; all others are left out."""
+    """Loss weights with these values; all other weights are zero."""
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
     return replace(CONSTANT, weights=MaterialWeights(**(none | weights)))
 
@@ -56,16 +56,16 @@ def run_of(turned: Variant | None = None, budget: Budget = BUDGET, scene: Any = 
 
 
 def product_of(surfels: Surfels) -> dict[str, Any]:
-    """What stage 1 hands on, had it learnt these surfels."""
+    """Product of stage 1 that contains these surfels."""
     tensors = surfels.parameters() | {"sh": surfels.sh[:, :1], "sh_rest": surfels.sh[:, 1:]}
     return {"optimiser": {"tensors": tensors}}
 
 
 def stage_of(turned: Variant | None = None, surfels: Surfels = STANDING, budget: Budget = BUDGET) -> InverseRendering:
-    """Stage 2 at its beginning."""
+    """Stage 2 before its first step."""
     return InverseRendering(run_of(turned, budget), product_of(surfels))
 
 
 def tensors_of(stage: InverseRendering) -> dict[str, torch.Tensor]:
-    """A copy of everything that is learnt, by name."""
+    """A copy of all learnt tensors, by name."""
     return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}

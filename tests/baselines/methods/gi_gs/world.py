@@ -1,4 +1,4 @@
-"""Frames in closed form, and floors with a block of tiles, as GI-GS looks around in them."""
+"""Depth maps in closed form, and floors with a block of tiles, for tests of GI-GS's marches."""
 
 import math
 from dataclasses import replace
@@ -24,13 +24,13 @@ SMOKE = PRESETS["smoke"]
 SIZE = 21
 MIDDLE = SIZE // 2
 EDGE = MIDDLE + 1
-"""First column of a wall that stands right beside the middle pixel."""
+"""First column of the wall, directly beside the middle pixel."""
 
 DISTANCE = 10.0
-"""Of the floor from the camera; a pixel of it is a tenth wide."""
+"""Depth of the floor; its pixels are 0.1 wide."""
 
 FINE = 141
-"""Side of a frame whose pixels are a hundredth wide: no direction of a grid stays within one of them."""
+"""Pixels along the side of a frame whose pixels are 0.01 wide: no march of a grid stays within one pixel."""
 
 
 def march(
@@ -40,14 +40,14 @@ def march(
     bias: float = 0.01,
     thick: float = 0.5,
 ) -> March:
-    """Marches of radius 0.8, nearly as far for all depths."""
+    """Marches of radius 0.8, nearly independent of depth."""
     return March(Grid.of(azimuths, heights), distances, 0.8, bias, thick, 1e9)
 
 
 def frame(depth: Tensor, albedo: float = 0.5, middle: int | None = None, focal: float = 100.0) -> GBuffer:
-    """A frame of that depth map whose camera's axes are the world's; every pixel faces the camera.
+    """G-buffer of a depth map; the camera's axes are the world's, and every normal faces the camera.
 
-    ``middle``: the row and column of the only point, if not all pixels are points.
+    ``middle``: row, and equal column, of the only point; None: all pixels are points.
     """
     height, width = depth.shape
     camera = Camera(torch.eye(4, dtype=depth.dtype), focal, focal, height / 2, height / 2, width, height)
@@ -68,33 +68,33 @@ def frame(depth: Tensor, albedo: float = 0.5, middle: int | None = None, focal: 
 
 
 def beside_a_wall(height: float, dtype: torch.dtype = torch.float32, albedo: float = 0.5) -> GBuffer:
-    """A floor that the camera looks down upon; from column ``EDGE`` on a block of that height stands on it."""
+    """A floor seen from above, with a block of that height from column ``EDGE`` on."""
     depth = torch.full((SIZE, SIZE), DISTANCE, dtype=dtype)
     depth[:, EDGE:] -= height
     return frame(depth, albedo)
 
 
 def only_beside_a_wall(height: float, columns: int = FINE) -> GBuffer:
-    """The same with fine pixels, in float64, and the one in the middle as its only point."""
+    """``beside_a_wall`` with fine pixels, in float64, and with its middle pixel as the only point."""
     depth = torch.full((FINE, columns), DISTANCE, dtype=torch.float64)
     depth[:, FINE // 2 + 1 :] -= height
     return frame(depth, middle=FINE // 2, focal=1000.0)
 
 
 def of_middle(values: Tensor, buffer: GBuffer) -> Tensor:
-    """The row of the middle pixel, or of the only one."""
+    """The row of the middle pixel, or of the only point."""
     return values[len(buffer) // 2]
 
 
 def shader(
     occlusion: bool = True, indirect: bool = True, where: Sum = "display", marches: March | None = None
 ) -> Shader:
-    """The full method unless something is left out."""
+    """The shader of the full method, with these switches."""
     return Shader(marches or march(), occlusion, indirect, where, True)
 
 
 def light_of(radiance: float | Tensor, rows: int = 8, dtype: torch.dtype = torch.float32) -> SplitSumLight:
-    """The same light from everywhere."""
+    """A split-sum light of constant radiance."""
     return SplitSumLight(PrefilteredLight(torch.as_tensor(radiance, dtype=dtype).expand(rows, 2 * rows, 3)))
 
 
@@ -105,14 +105,14 @@ def shown(surfels: Surfels, camera: Camera, light: SplitSumLight, how: Shader | 
 
 
 def buffer_of(camera: Camera, surfels: Surfels, metallic: Tensor | None = None) -> tuple[GBuffer, Tensor]:
-    """The frame of a camera, and its coverage."""
+    """G-buffer of a camera's frame, and its coverage."""
     metallic = torch.zeros_like(surfels.roughness_logit) if metallic is None else metallic
     seen = seen_materials(camera, surfels, surfels.albedo, metallic)
     return gbuffer(camera, seen), seen.alpha
 
 
 def block(height: float, left: float, right: float, spacing: float = 0.05, **given: Any) -> Surfels:
-    """Tiles at that height, over ``left`` to ``right`` along x and 1 to either side."""
+    """Tiles at that height, over ``left`` to ``right`` along x and 1 to either side along y."""
     x = torch.arange(left, right, spacing)
     y = torch.arange(-1.0, 1.0, spacing)
     x, y = (values.flatten() for values in torch.meshgrid(x, y, indexing="ij"))
@@ -122,7 +122,7 @@ def block(height: float, left: float, right: float, spacing: float = 0.05, **giv
 
 
 def cropped(camera: Camera, columns: int) -> Camera:
-    """The same camera with a frame that ends after so many columns."""
+    """The camera with a frame of only the first columns."""
     return replace(camera, width=columns)
 
 
@@ -132,6 +132,6 @@ def above(height: float = 3.0, size: int = 31) -> Camera:
 
 
 def share_towards(azimuths: int) -> float:
-    """Share of a hemisphere's grid whose azimuths turn to the right: all but those straight up, down, and left."""
+    """Share of the grid's weight in directions whose azimuth points to +x, in closed form."""
     turning = [math.cos(2 * math.pi * index / azimuths) > 1e-9 for index in range(azimuths)]
     return sum(turning) / azimuths

@@ -1,4 +1,4 @@
-"""What makes GS-IR itself, against closed forms: short-range occlusion of the diffuse part, unshadowed relighting."""
+"""The characteristic properties of GS-IR against closed forms: short-range diffuse occlusion, unshadowed relighting."""
 
 import pytest
 import torch
@@ -20,7 +20,7 @@ from radiogs_baselines.methods.gs_ir.training import Reach
 
 FLOOR = sheet(0.0)
 NEAR = 0.3
-"""Height of a roof that occludes: 0.2 above the probes, which know what is nearer than 0.5."""
+"""Height of a roof that occludes: 0.2 above the probes, whose tau is 0.5."""
 
 
 @pytest.mark.parametrize("height", [0.61, 0.9, 2.7, 40.0])
@@ -31,7 +31,7 @@ def test_geometry_farther_than_tau_does_not_occlude(height: float) -> None:
 
 @pytest.mark.parametrize("height", [0.2, NEAR, 0.45, 0.55])
 def test_nearer_geometry_occludes_by_the_closed_form(height: float) -> None:
-    """Cut off at degree 3: what is left is not the cosine-weighted share of the open directions."""
+    """Harmonics of degree 3 cut the openness off, so O is not the cosine-weighted share of open directions."""
     found, expected = openness(baked(together(FLOOR, roof(height)))), closed_form(height)
     assert found == pytest.approx(expected, abs=3e-3)
     assert expected < closed_form(None) - 0.015
@@ -42,15 +42,15 @@ def test_without_tau_a_roof_occludes_at_any_distance() -> None:
     assert openness(baked(together(FLOOR, roof(40.0)), Reach())) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_what_is_nearer_than_nearest_does_not_occlude() -> None:
-    """The published rasterizer leaves it out, and sees what lies behind."""
+def test_geometry_nearer_than_nearest_does_not_occlude() -> None:
+    """The published rasterizer skips it and sees the geometry behind it."""
     found = openness(baked(together(FLOOR, roof(NEAR)), Reach(nearest=0.3, tau=TAU)))
     assert found == pytest.approx(closed_form(NEAR, nearest=0.3), abs=3e-3)
     assert abs(found - closed_form(NEAR)) > 0.05
 
 
-def test_the_mask_is_binary() -> None:
-    """A roof that lets more than half of the light through hides nothing, any other one all of it."""
+def test_hiding_is_binary() -> None:
+    """A roof with an opacity below one half hides nothing; any other roof hides everything."""
     none, thin, thick, solid = (
         openness(baked(surfels))
         for surfels in (FLOOR, *(together(FLOOR, roof(NEAR, opacity)) for opacity in (0.45, 0.55, 0.9999)))
@@ -59,8 +59,8 @@ def test_the_mask_is_binary() -> None:
     assert thick == pytest.approx(solid, abs=1e-6)
 
 
-def test_the_depth_is_that_of_the_whole_ray() -> None:
-    """A half transparent roof with a solid one far behind it: what covers a ray lies beyond tau in the mean."""
+def test_the_depth_of_a_ray_is_the_mean_over_all_its_hits() -> None:
+    """A half-transparent roof with a solid one far behind it: the mean depth lies beyond tau."""
     veiled = together(FLOOR, roof(NEAR, 0.6), roof(9.0))
     assert openness(baked(veiled)) == openness(baked(FLOOR))
     assert openness(baked(together(FLOOR, roof(NEAR, 0.6)))) < openness(baked(FLOOR)) - 0.05
@@ -71,7 +71,7 @@ def own(model: Model, **turned: object) -> dict[str, torch.Tensor]:
 
 
 def test_the_specular_part_is_never_occluded() -> None:
-    """Two albedos tell the parts: what is not proportional to the albedo is the same under a roof and the open sky."""
+    """Two albedos separate the parts: the part independent of albedo is the same under a roof and the open sky."""
     low, high = 0.2, 0.7
     floors = [sheet(0.0, albedo=albedo, roughness=0.4) for albedo in (low, high)]
     free = [own(model_of(floor))["direct"] for floor in floors]
@@ -85,8 +85,8 @@ def test_the_specular_part_is_never_occluded() -> None:
     torch.testing.assert_close(slopes[1], torch.full((3,), closed_form(NEAR)), rtol=0, atol=0.02)
 
 
-def test_irradiance_fills_what_is_occluded_and_no_more() -> None:
-    """L_d = O E + (1 - O) I: equal light from the sky and from the volume is the same floor, open or not."""
+def test_irradiance_replaces_exactly_the_occluded_light() -> None:
+    """L_d = O E + (1 - O) I: if sky and volume are equally bright, the floor is the same with and without a roof."""
     occlusion = baked(together(FLOOR, roof(NEAR)))
     both = own(model_of(FLOOR, occlusion=occlusion, irradiance=lit(1.0)))
     free = own(model_of(FLOOR))
@@ -99,7 +99,7 @@ def test_irradiance_fills_what_is_occluded_and_no_more() -> None:
     assert torch.equal(negative["direct"], both["direct"])
 
 
-def test_relighting_knows_neither_occlusion_nor_irradiance() -> None:
+def test_relighting_has_neither_occlusion_nor_irradiance() -> None:
     volumes = {"occlusion": baked(together(FLOOR, roof(NEAR))), "irradiance": lit(0.7)}
     light = grey(0.6)
     with_both, with_none = (
@@ -115,7 +115,7 @@ def test_relighting_knows_neither_occlusion_nor_irradiance() -> None:
 
 
 def test_materials_are_blended_before_they_are_shaded() -> None:
-    """Roughness 0.2 and 0.8, half and half: the pixel has the lobe of about 0.5, not the mean of the two lobes."""
+    """Roughness 0.2 and 0.8 in equal parts: the pixel has the lobe of about 0.5, not the mean of both lobes."""
     light = grey(1e-3)
     light.radiance[0] = 50.0
 

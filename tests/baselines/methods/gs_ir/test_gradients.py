@@ -33,13 +33,14 @@ SAMPLES = 12
 MATERIALS = ("albedo_logit", "roughness_logit", "metallic_logit")
 LEARNT = (*MATERIALS, "environment", "irradiance")
 MOVED = (*LEARNT, "centre", "opacity_logit", "log_scale")
-"""Geometry moves images through blending alone; rotations turn the footprint of pixels, without gradient."""
+"""Geometry that is compared with the formulas: it acts through blending only. Rotations also change the pixels'
+footprint, which has no gradient."""
 TERMS = ("shaded", "smoothness", "prior", "light smoothness")
 
 
 @cache
 def start() -> Values:
-    """A floor of three overlapping surfels, and a sheet that the camera does not see 0.6 above it."""
+    """A floor of three overlapping surfels, and a sheet outside the camera's view 0.6 above it."""
     torch.manual_seed(3)
     surfels = together(
         sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
@@ -80,7 +81,7 @@ def model_of(values: Values) -> Model:
 
 
 def terms(values: Values, areas: TexelAreas = "exact") -> dict[str, Tensor]:
-    """The losses as stage 2 computes them."""
+    """The losses as stage 2 computes them, by name."""
     model = model_of(values)
     view = View.of(CAMERA, model, model.surfels.albedo)
     shaded = view.shaded(model, SplitSumLight(filtered_light(model.environment, areas)), SAMPLES)
@@ -112,7 +113,7 @@ def harmonics(direction: Tensor, count: int) -> Tensor:
 
 
 def corners(position: Tensor, low: float, spacing: float, count: int) -> list[tuple[int, float, Tensor]]:
-    """Number, trilinear share and place of the eight corners around a place in the lattice."""
+    """Index, trilinear weight and position of the eight corners around a position in the lattice."""
     found = []
     local = ((position - low) / spacing).clamp(0, count - 1)
     first = local.floor().clamp(max=count - 2).long()
@@ -125,7 +126,7 @@ def corners(position: Tensor, low: float, spacing: float, count: int) -> list[tu
 
 
 def dense_openness(position: Tensor, normal: Tensor) -> float:
-    """O by loops: half a cell ahead, corners in front alone, the mean of what is open, clamped."""
+    """O by loops: half a cell ahead, only corners in front, the mean of the clamped openness."""
     volume = occlusion()
     middle = position.clamp(-1.9, 1.9) + normal * 3.8 / 10 / 2
     ahead = [each for each in corners(middle, -1.9, 3.8 / 9, 10) if float((each[2] - middle) @ normal) >= 0]
@@ -146,7 +147,7 @@ def dense_openness(position: Tensor, normal: Tensor) -> float:
 
 
 def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The image, blended maps of albedo, roughness and metalness, their straight values, and coverage, by formulas."""
+    """The image, blended and straight maps of albedo, roughness and metalness, and coverage, from the formulas."""
     surfels = surfels_of(values)
     drawn = surfels.geometry_for(CAMERA)
     metallic = values["metallic_logit"].sigmoid()[:, None]
@@ -219,8 +220,8 @@ REACHED = {
 
 
 @pytest.mark.parametrize("term", TERMS)
-def test_each_loss_and_its_gradients_are_those_of_the_formulas(term: str) -> None:
-    """Gradients of geometry too, which reach it through the blending alone: normals and places have none."""
+def test_each_loss_and_its_gradients_equal_the_formulas(term: str) -> None:
+    """Geometry has gradients only through the blending: normals and positions have none."""
     torch.testing.assert_close(terms(start())[term], dense_terms(start())[term], rtol=1e-7, atol=0)
     ours, theirs = (gradients(of, start(), term, MOVED) for of in (terms, dense_terms))
     reached = {name for name, value in ours.items() if value.any()}
@@ -232,14 +233,14 @@ def test_each_loss_and_its_gradients_are_those_of_the_formulas(term: str) -> Non
 @pytest.mark.parametrize("areas", ["exact", "approximate"])
 @pytest.mark.parametrize("term", TERMS)
 def test_gradients_equal_central_differences(term: str, areas: TexelAreas) -> None:
-    """Materials, light and irradiance. (Geometry would move places and normals, which have no gradient.)"""
+    """Materials, light and irradiance. (Moving geometry would move positions and normals, which have no gradient.)"""
     names = tuple(name for name in LEARNT if name in REACHED[term])
     found = gradients(lambda values: terms(values, areas), start(), term, names)
     assert set(found) == set(names)
     assert_gradients(lambda values: float(terms(values, areas)[term]), start(), found, 1e-4, directions=4)
 
 
-def test_what_is_too_bright_has_no_gradient() -> None:
+def test_clipped_pixels_have_no_gradient() -> None:
     image = torch.tensor([[[3.0, 0.5, 0.5]]], dtype=F64, requires_grad=True)
     loss = image_loss(image, torch.tensor([[[0.2, 1.0, 0.2]]], dtype=F64))
     loss.backward()
@@ -248,8 +249,8 @@ def test_what_is_too_bright_has_no_gradient() -> None:
     assert (image.grad[0, 0].sign() == torch.tensor([0.0, -1.0, 1.0])).all()
 
 
-def test_smoothness_counts_pairs_of_covered_pixels_alone() -> None:
-    """Two pixels of three: one pair out of two, one channel out of five; an edge of the image lets go."""
+def test_smoothness_counts_only_pairs_of_covered_pixels() -> None:
+    """One pair of two is covered, and one channel of five differs; an image edge lowers the weight."""
     maps = torch.tensor([[[0.0], [0.4], [9.0]]], dtype=F64)
     covered = torch.tensor([[True, True, False]])
     flat = torch.zeros(1, 3, 3, dtype=F64)

@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for GS-IR, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for GS-IR; test names contain the number of the case."""
 
 import pytest
 import torch
@@ -18,7 +18,7 @@ Maps = dict[str, Tensor]
 
 
 def shown(surfels: Surfels, camera: Camera, over: Surfels | None = None, tau: float = 1.0) -> Maps:
-    """Under a recovered light of random texels, occluded, with irradiance; volumes are of ``over``."""
+    """Maps under a recovered light of random texels with both volumes, which cover the surfels ``over``."""
     torch.manual_seed(4)
     light = EnvironmentMap(torch.randn(8, 16, 3).exp())
     lattice = Lattice.over(over or surfels, 12)
@@ -33,7 +33,7 @@ def assert_finite(maps: Maps) -> None:
 
 
 def test_case_24_a_plane_hardly_occludes_itself() -> None:
-    """A floor of overlapping tiles: what is cut off at degree 3 takes a few percent, the same as of one whole sheet."""
+    """A floor of overlapping tiles loses a few percent to the cut-off at degree 3, as much as one whole sheet."""
     coordinate = torch.arange(-6, 7) * 0.1
     x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
@@ -49,8 +49,8 @@ def test_case_24_a_plane_hardly_occludes_itself() -> None:
 
 
 @pytest.mark.parametrize("level", [0.3, 1.0, 7.0])
-def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(level: float) -> None:
-    """Albedo enters linearly: without occlusion, and with it in irradiance that is as bright as the sky."""
+def test_case_28_a_white_furnace_shows_the_albedo_plus_the_lobe(level: float) -> None:
+    """Albedo enters linearly: without occlusion, and with occlusion and irradiance as bright as the sky."""
     occlusion = baked(together(sheet(0.0), sheet(0.3, DOWN, scale=1e4)))
     for volumes in ({}, {"occlusion": occlusion, "irradiance": lit(level)}):
         low, high = (
@@ -61,7 +61,7 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(level: float) -> Non
         torch.testing.assert_close(gain, torch.full((3,), 0.7 * level), rtol=1e-4, atol=0)
 
 
-def test_case_37_no_irradiance_is_indirect_light_switched_off() -> None:
+def test_case_37_zero_irradiance_equals_indirect_light_off() -> None:
     surfels = two_balls()
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     lattice = Lattice.over(surfels, 12)
@@ -74,7 +74,7 @@ def test_case_37_no_irradiance_is_indirect_light_switched_off() -> None:
 
 
 def test_case_40_blended_normals_that_cancel_leave_finite_maps() -> None:
-    """Two sheets at right angles to the view, half and half, leaning to either side by nearly 90 degrees."""
+    """Two sheets of equal weight lean to opposite sides by nearly 90 degrees from the view."""
     lean = (1 - 1e-12) ** 0.5
     left = sheet(0.0, (lean, 0.0, 1e-6), scale=1.0, opacity=0.5)
     right = sheet(0.0, (-lean, 0.0, 1e-6), scale=1.0, opacity=OPAQUE)

@@ -1,4 +1,4 @@
-"""The pre-filter's approximate areas, the frame that new lights are looked up in, and F0 of metals."""
+"""The pre-filter's approximate areas, the frame in which new lights are looked up, and F0 of metals."""
 
 import math
 
@@ -32,7 +32,7 @@ def all_around(count: int = 2000) -> Tensor:
 
 
 def test_approximate_areas_brighten_a_white_sky_by_8_percent_and_exact_ones_do_not() -> None:
-    """By 6 to 11 % along the axes, 4.6 to 11.5 % anywhere."""
+    """By 6 to 11 % along the axes, 4.6 to 11.5 % elsewhere."""
     white = torch.ones(32, 64, 3, dtype=F64)
     exact = filtered_light(white, "exact").irradiance(all_around())
     torch.testing.assert_close(exact, torch.ones_like(exact), rtol=1e-5, atol=0)
@@ -46,23 +46,23 @@ def test_approximate_areas_brighten_a_white_sky_by_8_percent_and_exact_ones_do_n
     assert torch.equal(filtered_light(white, "approximate").glossy, filtered_light(white, "exact").glossy)
 
 
-def test_the_areas_of_the_code_sum_to_13_59() -> None:
-    """The middle four texels of a face are right; the sum of the exact ones is 4 pi = 12.57."""
+def test_the_approximate_areas_sum_to_13_59() -> None:
+    """The middle four texels of a face are right; the exact areas sum to 4 pi = 12.57."""
     assert 6 * float(approximate_areas().sum()) == pytest.approx(13.59, abs=0.01)
     arc = math.atan(1 / 8)
     assert float(approximate_areas()[8, 8]) == pytest.approx(arc**2)
     assert float(approximate_areas()[7, 8]) == pytest.approx((math.atan(2 / 8) - arc) * arc)
 
 
-def test_the_cube_looks_everywhere_once() -> None:
-    """Every direction has a texel within half a diagonal of the largest one, and no two look the same way."""
+def test_the_cube_map_covers_every_direction_once() -> None:
+    """Every direction has a texel within half a diagonal of the largest texel, and no two texels are equal."""
     cube, seen = cube_directions().view(-1, 3), all_around(400)
     assert float((seen @ cube.T).amax(1).acos().max()) < math.sqrt(2) / 16 + 1e-6
     assert len(torch.unique(cube.round(decimals=9), dim=0)) == 6 * 16 * 16
 
 
-def test_the_approximate_filter_is_the_sum_over_the_cube() -> None:
-    """Under a sky that brightens upwards, by the formula, for a few normals on the grid."""
+def test_the_approximate_filter_equals_the_sum_over_the_cube_map() -> None:
+    """Under a sky that brightens upwards, by the formula, for a few normals of the grid."""
     radiance = 1 + 0.5 * texel_directions(32, 64)[..., 2:].expand(-1, -1, 3)
     light = ApproximatelyFilteredLight(radiance)
     texels, area = cube_directions(), approximate_areas()
@@ -82,9 +82,10 @@ def white_points(normal: Tensor) -> SeenPoints:
 
 
 @pytest.mark.parametrize("texel", [(2, 5), (7, 12), (8, 30), (13, 20)])
-def test_a_bright_texel_lights_what_faces_it_in_the_frame_of_the_lookup(texel: tuple[int, int]) -> None:
-    """Oriented: the direction that the map says. As shipped: that whose u = 1/2 + atan2(x, -z) / 2 pi and
-    v = acos(y) / pi fall on the texel."""
+def test_a_bright_texel_lights_the_normal_that_faces_it_in_the_frame(texel: tuple[int, int]) -> None:
+    """Oriented: the texel's direction. As shipped: the direction whose u = 1/2 + atan2(x, -z) / 2 pi and
+    v = acos(y) / pi fall on the texel.
+    """
     sky = torch.full((16, 32, 3), 1e-6, dtype=F64)
     sky[texel] = 100.0
     v, u = (texel[0] + 0.5) / 16, (texel[1] + 0.5) / 32
@@ -99,8 +100,8 @@ def test_a_bright_texel_lights_what_faces_it_in_the_frame_of_the_lookup(texel: t
         assert float(brightest @ expected) > 0.98, frame
 
 
-def test_relit_models_look_lights_up_in_the_frame_of_their_variant() -> None:
-    """As shipped, a sky that brightens towards +X lights what faces -Z, and one's own light stays as it was learnt."""
+def test_relit_models_use_the_light_frame_of_the_variant() -> None:
+    """As shipped, a sky that brightens towards +X lights -Z; the recovered light is not rotated."""
     along = texel_directions(16, 32).float()
     towards_x, away_from_z = (1 + 0.8 * part[..., None].expand(-1, -1, 3) for part in (along[..., 0], -along[..., 2]))
     model, camera = model_of(BALL, EnvironmentMap(towards_x)), SCENE.test[0].camera
@@ -115,7 +116,7 @@ def test_relit_models_look_lights_up_in_the_frame_of_their_variant() -> None:
 
 @pytest.mark.parametrize(("metal", "roughness", "view"), [(0.0, 0.3, 0.4), (0.6, 0.3, 0.4), (1.0, 0.8, 0.9)])
 def test_metals_have_the_lobe_of_their_albedo(metal: float, roughness: float, view: float) -> None:
-    """Under a white sky the lobe is F0 A + B with F0 = 0.04 (1 - m) + m a; diffuse light is that of any material."""
+    """Under a white sky the lobe is F0 A + B with F0 = 0.04 (1 - m) + m a; diffuse light does not depend on m."""
     albedo = torch.tensor([[0.9, 0.5, 0.1]], dtype=F64)
     normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=F64)
     outgoing = torch.tensor([[(1 - view**2) ** 0.5, 0.0, view]], dtype=F64)
@@ -128,8 +129,8 @@ def test_metals_have_the_lobe_of_their_albedo(metal: float, roughness: float, vi
     torch.testing.assert_close(found, expected, rtol=1e-5, atol=0)
 
 
-def test_a_lobe_that_the_table_does_not_have_stays_as_it_is() -> None:
-    """Seen exactly from the edge A = B = 0."""
+def test_a_zero_lobe_stays_zero_for_metals() -> None:
+    """At exactly grazing view A = B = 0."""
     none, all_metal = torch.zeros(1, dtype=F64), torch.ones(1, dtype=F64)
     edge = metallic_factor(torch.full((1, 3), 0.5, dtype=F64), none, all_metal, none)
     assert torch.equal(edge, torch.ones(1, 3, dtype=F64))

@@ -1,4 +1,4 @@
-"""A trained GS-IR model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained GS-IR model: facts, relighting, and restoring from its tensors."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from radiogs_core.errors import DataError
 CAMERA = SCENE.test[0].camera
 
 
-def test_the_model_comes_back_as_it_was() -> None:
+def test_the_model_is_restored_unchanged() -> None:
     logit = torch.randn(len(ROOFED))
     found = trained(log_environment=torch.randn(8, 16, 3), metallic_logit=logit)
     assert torch.equal(found.light.radiance, found.model.log_environment.exp())
@@ -59,7 +59,7 @@ def test_a_damaged_model_is_refused(change: dict[str, Any], says: str) -> None:
         GS_IR_METHOD.restore(run_of(), stored)
 
 
-def test_under_its_own_light_it_is_occluded_and_has_indirect_light() -> None:
+def test_images_under_the_recovered_light_have_occlusion_and_indirect_light() -> None:
     own, bare = (each.prepare().render(CAMERA) for each in (trained(), trained(occlusion=None, irradiance=None)))
     assert own["indirect"].any()
     assert float((bare["direct"] - own["direct"]).max()) > 0.01
@@ -67,8 +67,8 @@ def test_under_its_own_light_it_is_occluded_and_has_indirect_light() -> None:
     torch.testing.assert_close(relit["direct"], bare["direct"])
 
 
-def test_metals_are_shown_and_relit_as_metals() -> None:
-    """Under a white light a metal's lobe has more of its albedo; that of no metal at all is the plain model's."""
+def test_metalness_changes_images_under_both_lights() -> None:
+    """Under a white light a metal's lobe contains more of its albedo; metalness 0 gives the plain model's image."""
     plain = trained(occlusion=None, irradiance=None)
     for logit, differs in ((-40.0, False), (2.0, True)):
         metal = trained(occlusion=None, irradiance=None, metallic_logit=torch.full((len(ROOFED),), logit))
@@ -77,14 +77,14 @@ def test_metals_are_shown_and_relit_as_metals() -> None:
             assert (float((mine - theirs).abs().max()) > 0.01) == differs
 
 
-def test_the_factor_of_albedo_is_of_the_diffuse_part() -> None:
+def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
     twice = torch.tensor([2.0, 1.0, 0.5])
     one, scaled = (trained().prepare(grey(), factor).render(CAMERA) for factor in (None, twice))
     torch.testing.assert_close(scaled["albedo"], one["albedo"] * twice)
     torch.testing.assert_close(scaled["direct"] - one["direct"], one["albedo"] * (twice - 1), rtol=1e-3, atol=1e-4)
 
 
-def test_new_lights_are_filtered_with_the_variant_s_areas() -> None:
+def test_new_lights_are_filtered_with_the_texel_areas_of_the_variant() -> None:
     exact, rough = (
         trained(variant(texel_areas=areas)).prepare(grey()).render(CAMERA) for areas in ("exact", "approximate")
     )
@@ -93,7 +93,7 @@ def test_new_lights_are_filtered_with_the_variant_s_areas() -> None:
     assert 0.04 < float(ratio.min()) < float(ratio.max()) < 0.12
 
 
-def test_what_is_exported_can_be_read(tmp_path: Path) -> None:
+def test_exported_files_have_the_values_of_the_model(tmp_path: Path) -> None:
     found = trained(metallic_logit=torch.randn(len(ROOFED)))
     files = found.export(tmp_path)
     assert [path.name for path in files] == ["surfels.ply", "metallic.npy", "volumes.npz"]
@@ -109,7 +109,7 @@ def test_what_is_exported_can_be_read(tmp_path: Path) -> None:
     assert [path.name for path in bare] == ["surfels.ply"]
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(ROOFED)
     assert facts["probes"] == len(VOLUMES["occlusion"].coefficients)  # type: ignore[union-attr]

@@ -1,4 +1,4 @@
-"""Stage 2 of GS-IR: what its losses change and what they leave, and that it resumes bit for bit."""
+"""Stage 2 of GS-IR: which parameters its losses change and which they do not, and that it resumes bit for bit."""
 
 import math
 from dataclasses import replace
@@ -25,10 +25,10 @@ from radiogs_core.surfels.surfels import Surfels
 MATERIALS = {"albedo_logit", "roughness_logit", "metallic_logit"}
 MOVING = {"centre", "rotation", "log_scale", "opacity_logit"}
 CAPPED = together(BALL, sheet(1.4, DOWN, scale=0.8, opacity=0.95))
-"""The ball under a lid, 0.4 above its top; the last of the surfels."""
+"""The ball under a lid 0.4 above its top; the lid is the last surfel."""
 
 WIDE = 0.8 / SCENE.extent
-"""A tau of twice that distance, in extents."""
+"""A tau of twice the lid's distance, in extents."""
 
 
 def metals(**changes: object) -> Variant:
@@ -61,14 +61,14 @@ def uneven(stage: InverseRendering, *names: str) -> InverseRendering:
         ("light_smoothness", {"log_environment"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
-    """No loss is of the surfels' own radiance."""
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
+    """No loss depends on the surfels' own radiance."""
     stage = uneven(stage_of(metals(materials=only(**{weight: 1.0})), CAPPED), *MATERIALS, "log_environment")
     assert moved_by(stage) == moved
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.5])
-def test_geometry_is_frozen_where_it_has_no_rate(scale: float) -> None:
+def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
     moved = moved_by(stage_of(variant(lr_scale=scale), CAPPED), 3)
     assert (moved >= set(GEOMETRY)) == (scale > 0)
     assert not moved & {"sh", "sh_rest"}
@@ -77,7 +77,7 @@ def test_geometry_is_frozen_where_it_has_no_rate(scale: float) -> None:
         assert not moved & set(GEOMETRY)
 
 
-def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> None:
+def test_geometry_moves_at_its_share_of_the_final_rates_of_stage_one() -> None:
     stage = stage_of(variant(lr_scale=0.25))
     before, rates = tensors_of(stage), Variant().geometry.rates
     stage.step()
@@ -98,7 +98,7 @@ def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> 
     ("turned", "lacks"),
     [({"occlusion": False}, {"irradiance"}), ({"indirect": False}, {"irradiance"}), ({}, set())],
 )
-def test_what_a_variant_has_none_of_is_not_learnt(turned: dict[str, bool], lacks: set[str]) -> None:
+def test_parameters_that_the_variant_lacks_are_not_learnt(turned: dict[str, bool], lacks: set[str]) -> None:
     stage = stage_of(variant(**turned))
     assert "metallic_logit" not in stage.optimiser.tensors
     assert {"irradiance"} - set(stage.optimiser.tensors) == lacks
@@ -107,8 +107,8 @@ def test_what_a_variant_has_none_of_is_not_learnt(turned: dict[str, bool], lacks
     assert ("irradiance" in stage.product()) == (not lacks)
 
 
-def test_occlusion_is_baked_from_what_stage_one_handed_on_and_stays() -> None:
-    """Under the lid the ball's top is closed; beside it and without the lid it is open."""
+def test_occlusion_is_baked_from_stage_one_and_does_not_change() -> None:
+    """Under the lid the ball's top is occluded; beside it, and without the lid, it is open."""
     stage = stage_of(variant(tau=WIDE), CAPPED, replace(BUDGET, occlusion_corners=24))
     open_ball = stage_of(variant(tau=WIDE), budget=replace(BUDGET, occlusion_corners=24))
     position = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
@@ -124,7 +124,7 @@ def test_occlusion_is_baked_from_what_stage_one_handed_on_and_stays() -> None:
     assert stage.model.occlusion is before
 
 
-def test_metalness_falls_and_roughness_rises_by_the_prior() -> None:
+def test_the_prior_lowers_metalness_and_raises_roughness() -> None:
     stage = stage_of(metals(materials=only(prior=1.0)))
     before = tensors_of(stage)
     for _ in range(3):
@@ -137,14 +137,14 @@ def test_metalness_falls_and_roughness_rises_by_the_prior() -> None:
 
 
 @pytest.mark.parametrize("name", ["albedo", "roughness", "metallic"])
-def test_smoothness_evens_out_materials(name: str) -> None:
+def test_the_smoothness_loss_evens_out_materials(name: str) -> None:
     stage = uneven(stage_of(metals(lr_scale=0.0, materials=only(smoothness=1.0))), f"{name}_logit")
     losses = [stage.step()["smoothness"] for _ in range(30)]
     assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
 
 
-def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+def test_materials_are_recovered_under_known_light_and_shape() -> None:
+    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
     still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.2, roughness=0.0))
     stage = stage_of(variant(occlusion=False, lr_scale=0.0, materials=still))
     state = stage.state()
@@ -158,8 +158,8 @@ def test_materials_are_found_where_light_and_shape_are_known() -> None:
     torch.testing.assert_close(found, torch.tensor(COLOUR) - LOBE, rtol=0, atol=0.02)
 
 
-def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
-    """The images show the ball in a light of 1 from everywhere, under the lid too: there the volume has to fill in."""
+def test_irradiance_is_learnt_where_the_light_is_occluded() -> None:
+    """The images show the ball in a constant light of 1, also under the lid: there the volume has to add the light."""
     still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.0, roughness=0.0))
     chosen = variant(tau=WIDE, lr_scale=0.0, materials=still)
     stage = stage_of(chosen, CAPPED, replace(BUDGET, occlusion_corners=24, irradiance_corners=12))
@@ -169,7 +169,7 @@ def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
     stage.restore(state)
 
     def arriving() -> float:
-        """Mean I of what is seen of the ball's top."""
+        """Mean I at the visible part of the ball's top."""
         model, found = stage.model, []
         assert model.irradiance is not None
         for view in stage.views:
@@ -185,14 +185,14 @@ def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
 
 
 @pytest.mark.parametrize("areas", ["exact", "approximate"])
-def test_training_filters_the_light_as_the_variant_says(areas: str) -> None:
-    """With approximate areas the same light makes the image brighter, and the loss another one."""
+def test_training_filters_the_light_with_the_texel_areas_of_the_variant(areas: str) -> None:
+    """With approximate areas the same light makes the image brighter and changes the loss."""
     shown = stage_of(variant(texel_areas=areas)).step()["shaded"]
     assert (shown == stage_of().step()["shaded"]) == (areas == "exact")
 
 
-def test_the_lengths_of_a_variant_are_in_extents() -> None:
-    """A tau of twice the lid's distance closes the ball's top, one of half of it leaves it open."""
+def test_the_lengths_of_a_variant_are_multiplied_by_the_extent() -> None:
+    """A tau of twice the lid's distance occludes the ball's top; one of half the distance leaves it open."""
     position = torch.tensor([[0.0, 0.0, 1.0]])
 
     def top(surfels: Surfels, tau: float) -> float:

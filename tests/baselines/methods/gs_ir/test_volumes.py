@@ -1,4 +1,4 @@
-"""The lattice, what it is baked with, and how it is read."""
+"""The lattice, the baking of occlusion, and reading of both volumes."""
 
 import math
 
@@ -27,7 +27,7 @@ OPEN[0] = 1 / CONSTANT_BASIS
 """Harmonics of M = 1."""
 
 
-def test_shares_give_back_what_is_linear_in_place() -> None:
+def test_trilinear_weights_reproduce_linear_functions() -> None:
     torch.manual_seed(0)
     position = 1.4 * torch.rand(200, 3) - 0.7
     number, share = LATTICE.around(position)
@@ -39,7 +39,7 @@ def test_shares_give_back_what_is_linear_in_place() -> None:
     assert torch.equal(LATTICE.around(outside)[1], LATTICE.around(LATTICE.inside(outside))[1])
 
 
-def test_a_lattice_over_surfels_leaves_a_cell_on_every_side() -> None:
+def test_a_lattice_over_surfels_has_a_margin_of_one_cell() -> None:
     lattice = Lattice.over(BALL, 21)
     low, high = BALL.centre.amin(0), BALL.centre.amax(0)
     torch.testing.assert_close(lattice.low + lattice.spacing, low, rtol=0, atol=0.03)
@@ -48,19 +48,19 @@ def test_a_lattice_over_surfels_leaves_a_cell_on_every_side() -> None:
     assert lattice.of(5).spacing == pytest.approx(5 * lattice.spacing)
 
 
-def test_one_stray_surfel_in_two_thousand_does_not_stretch_the_lattice() -> None:
+def test_one_outlier_in_two_thousand_surfels_does_not_enlarge_the_lattice() -> None:
     many = together(*[BALL] * 6)
     stray = together(many, sheet(500.0, UP, scale=0.1))
     assert Lattice.over(stray, 21).edge == pytest.approx(Lattice.over(many, 21).edge, rel=0.05)
 
 
 def heights(surfel: Surfels) -> list[float]:
-    """Of the corners that are near one surfel."""
+    """Heights of the corners near one surfel."""
     return sorted({round(float(z), 6) for z in LATTICE.positions(corners_near(surfel, LATTICE))[:, 2]})
 
 
 def test_only_corners_near_a_surfel_are_baked() -> None:
-    """A small surfel: the eight around it; every other corner reads one of them."""
+    """A small surfel has eight corners; every other corner reads one of their probes."""
     one = sheet(0.0, scale=0.05)
     near = corners_near(one, LATTICE)
     assert float((LATTICE.positions(near).abs() - 0.1).abs().max()) < 1e-6
@@ -73,9 +73,10 @@ def test_only_corners_near_a_surfel_are_baked() -> None:
     assert bool(same_side.all()), "the nearest by steps along the axes lies on the same side of each"
 
 
-def test_corners_are_near_where_a_surfel_reaches_and_where_it_is_read() -> None:
-    """It is read 0.0875 ahead of 0.05, in the cell above that of its centre; from behind in its own. A wide one reaches
-    0.35 to either side, along both of its axes."""
+def test_corners_around_a_surfel_and_its_reading_positions_are_near() -> None:
+    """The surfel at 0.05 is read 0.0875 ahead, in the cell above its own; from behind in its own cell. A wide surfel
+    reaches 0.35 to both sides along both axes.
+    """
     assert heights(sheet(0.05, scale=0.05)) == [-0.1, 0.1, 0.3]
     assert heights(sheet(0.05, (0.0, 0.0, -1.0), scale=0.05)) == [-0.1, 0.1]
     wide = LATTICE.positions(corners_near(sheet(0.0, scale=0.35), LATTICE))
@@ -85,22 +86,22 @@ def test_corners_are_near_where_a_surfel_reaches_and_where_it_is_read() -> None:
     assert len(heights(upright)) == 6
 
 
-def test_inheriting_goes_step_by_step() -> None:
-    """Two probes at the ends of a row: each half of it reads the nearer one."""
+def test_corners_inherit_the_nearest_probe() -> None:
+    """With two probes at the ends of a row, each half reads the nearer one."""
     near = torch.tensor([0, 6])
     probe = inherited(near, 7)[:7]
     assert probe.tolist()[:3] == [0, 0, 0]
     assert probe.tolist()[4:] == [1, 1, 1]
 
 
-def test_two_steps_along_an_axis_are_nearer_than_three_around_the_corner() -> None:
-    """The corner (3, 3, 3) reads (5, 3, 3) and not (2, 2, 2), whose straight distance is less."""
+def test_inheritance_counts_grid_steps() -> None:
+    """The corner (3, 3, 3) reads (5, 3, 3), two steps away, and not (2, 2, 2), which is nearer in a straight line."""
     near = torch.tensor([(2 * 7 + 2) * 7 + 2, (5 * 7 + 3) * 7 + 3])
     assert int(inherited(near, 7)[(3 * 7 + 3) * 7 + 3]) == 1
 
 
 def test_the_projection_is_onto_orthonormal_harmonics() -> None:
-    """Sums of products over the sphere are the identity; M = 1 is the constant alone."""
+    """Products summed over the sphere give the identity; M = 1 has only the constant coefficient."""
     direction = sphere_directions(4096, dtype=F64)
     onto = projection(direction)
     gram = (onto * len(direction) / (4 * math.pi)).T @ onto
@@ -109,8 +110,8 @@ def test_the_projection_is_onto_orthonormal_harmonics() -> None:
     torch.testing.assert_close(direction.mean(0), torch.zeros(3, dtype=F64), rtol=0, atol=1e-3)
 
 
-def test_directions_about_a_normal_are_distributed_as_their_cosine() -> None:
-    """Moments of the cosine under density cosine / pi: 2/3, 1/2 and 2/5; nothing to either side."""
+def test_directions_about_a_normal_are_cosine_distributed() -> None:
+    """Moments of the cosine under density cosine / pi are 2/3, 1/2 and 2/5; the mean tangential component is 0."""
     torch.manual_seed(1)
     normal = torch.nn.functional.normalize(torch.randn(5, 3, dtype=F64), dim=-1)
     direction = cosine_directions(normal, 4000)
@@ -121,8 +122,8 @@ def test_directions_about_a_normal_are_distributed_as_their_cosine() -> None:
     torch.testing.assert_close(direction.mean(1), 2 / 3 * normal, rtol=0, atol=2e-3)
 
 
-def test_openness_is_clamped_direction_by_direction() -> None:
-    """M = 1 + 3 cos, clamped, is 1 on the hemisphere; 2 cos - 1/2 is cut off below 1/4 and above 3/4."""
+def test_openness_is_clamped_for_each_direction() -> None:
+    """M = 1 + 3 cos is clamped to 1 on the hemisphere; 2 cos - 1/2 is clamped for cosines below 1/4 and above 3/4."""
     linear = math.sqrt(3 / (4 * math.pi))  # Y_10 = linear * z, of positive sign in 3DGS's basis
     over, cut = OPEN.double().clone(), -0.5 * OPEN.double()
     over[2], cut[2] = 3 / linear, 2 / linear
@@ -134,28 +135,28 @@ def test_openness_is_clamped_direction_by_direction() -> None:
 
 
 def halves(axis: int) -> OcclusionVolume:
-    """Closed on the lower half of the lattice along one axis, open on the upper."""
+    """A volume that is closed on the lower half of the lattice along one axis, and open on the upper half."""
     upper = LATTICE.positions(torch.arange(8**3))[:, axis] > 0
     return OcclusionVolume(LATTICE, upper.long(), torch.stack([torch.zeros(16), OPEN]))
 
 
 def test_corners_behind_the_tangent_plane_do_not_count() -> None:
-    """Between a closed layer and an open one a floor reads the one ahead of it, wherever in the cell it lies."""
+    """Between a closed layer and an open one, a floor anywhere in the cell reads the layer ahead of it."""
     position = torch.tensor([[0.03, -0.02, height] for height in (-0.08, -0.03, 0.0)])
     up = UPWARDS.expand(3, 3)
     assert torch.equal(halves(2).openness(position, up, 64), torch.ones(3))
     assert torch.equal(halves(2).openness(-position, -up, 64), torch.zeros(3))
 
 
-def test_corners_beside_it_count_by_their_trilinear_shares() -> None:
-    """Closed to the left and open to the right: from 0 to 1 across the cell, whose shares ahead are scaled to one."""
+def test_corners_ahead_count_by_their_normalised_trilinear_weights() -> None:
+    """Closed to the left and open to the right: O goes from 0 to 1 across the cell."""
     position = torch.tensor([[-0.1, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.0, 0.02, 0.0], [0.1, 0.0, 0.0]])
     found = halves(0).openness(position, UPWARDS.expand(4, 3), 64)
     torch.testing.assert_close(found, torch.tensor([0.0, 0.25, 0.5, 1.0]), rtol=0, atol=1e-5)
 
 
 def test_a_point_is_read_half_a_cell_ahead() -> None:
-    """From 0.02 above a layer of corners on it is the next one, whose plane lies within half a cell of 0.0875."""
+    """A floor reads the first layer of corners beyond half a cell (0.0875) ahead; the layer changes at height 0.0125."""
     layers = OcclusionVolume(LATTICE, torch.arange(8**3) % 8, torch.linspace(0, 1, 8)[:, None] * OPEN)
     for height in (-0.09, 0.0, 0.011, 0.013):
         ahead = math.ceil((height + 0.0875 + 0.7) / 0.2 - 1e-9)
@@ -163,7 +164,7 @@ def test_a_point_is_read_half_a_cell_ahead() -> None:
         assert float(found) == pytest.approx(ahead / 7, abs=1e-5), height
 
 
-def test_points_at_and_beyond_the_faces_of_the_cube_read_the_corners_there() -> None:
+def test_points_outside_the_cube_read_the_nearest_corners() -> None:
     everywhere = OcclusionVolume(LATTICE, torch.zeros(8**3, dtype=torch.int64), OPEN[None])
     torch.manual_seed(2)
     position = 3 * torch.rand(300, 3) - 1.5
@@ -174,20 +175,20 @@ def test_points_at_and_beyond_the_faces_of_the_cube_read_the_corners_there() -> 
     torch.testing.assert_close(found, torch.ones(302))
 
 
-def test_surfels_are_met_from_both_sides() -> None:
-    """Seen from below, a floor that looks upwards occludes as much as one that looks down."""
+def test_probe_rays_hit_both_sides_of_surfels() -> None:
+    """Seen from below, a floor that faces up occludes as much as one that faces down."""
     upwards, downwards = (baked(sheet(0.0, normal)) for normal in (UP, (0.0, 0.0, -1.0)))
     torch.testing.assert_close(upwards.coefficients, downwards.coefficients, rtol=0, atol=1e-6)
     assert float(upwards.coefficients[:, 2].abs().min()) > 0.1
 
 
-def test_a_few_directions_say_nearly_the_same_as_many() -> None:
+def test_few_directions_give_nearly_the_same_probe_as_many() -> None:
     floor = sheet(0.0)
     few = float(bake(floor, LATTICE, Reach(tau=0.5), 256).openness(torch.zeros(1, 3), UPWARDS, 32))
     assert few == pytest.approx(closed_form(None), abs=0.02)
 
 
-def test_irradiance_is_trilinear_in_place_and_of_degree_two_in_the_normal() -> None:
+def test_irradiance_is_trilinear_in_position_and_of_degree_two_in_the_normal() -> None:
     volume = IrradianceVolume.dark(LATTICE.of(4))
     assert volume.coefficients.shape == (64, 9)
     volume.coefficients[:, 0] = (2 + LATTICE.of(4).positions(torch.arange(64))[:, 0]) / CONSTANT_BASIS
@@ -199,7 +200,7 @@ def test_irradiance_is_trilinear_in_place_and_of_degree_two_in_the_normal() -> N
     torch.testing.assert_close(tilted.at(torch.zeros(3, 3), normals), torch.tensor([1.5, 0.5, 1.0]))
 
 
-def test_volumes_come_back_from_their_tensors() -> None:
+def test_volumes_are_restored_from_their_tensors() -> None:
     volume = halves(1)
     back = OcclusionVolume.of(volume.tensors())
     assert torch.equal(back.probe, volume.probe)

@@ -1,4 +1,4 @@
-"""Stage 2 of GS-IR on a known ball, begun with surfels of one's own choice."""
+"""Stage 2 of GS-IR on a known ball, starting from surfels that the test chooses."""
 
 from dataclasses import replace
 from typing import Any
@@ -21,16 +21,16 @@ __all__ = ["GEOMETRY", "product_of", "tensors_of"]
 
 BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, light_height=8)
 CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
-"""No light is searched for."""
+"""Start values with a constant light, which needs no search."""
 
 
 def variant(**changes: Any) -> Variant:
-    """The full method from a constant light, with some fields turned."""
+    """The full method with a constant initial light and some fields changed."""
     return Variant(**{"materials": CONSTANT, **changes})
 
 
 def only(**weights: float) -> MaterialLearning:
-    """The losses with these weights; all others are left out."""
+    """Loss weights with these values; all other weights are zero."""
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
     return replace(CONSTANT, weights=MaterialWeights(**(none | weights)))
 
@@ -41,5 +41,5 @@ def run_of(turned: Variant | None = None, budget: Budget = BUDGET, scene: Any = 
 
 
 def stage_of(turned: Variant | None = None, surfels: Surfels = BALL, budget: Budget = BUDGET) -> InverseRendering:
-    """Stage 2 at its beginning."""
+    """Stage 2 before its first step."""
     return InverseRendering(run_of(turned, budget), product_of(surfels))

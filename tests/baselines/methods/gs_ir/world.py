@@ -1,4 +1,4 @@
-"""A floor under a roof, the lattice that occlusion is baked on around them, and trained models of such sheets."""
+"""A floor under a roof, the lattice that occlusion is baked on, and trained models of such sheets."""
 
 from typing import Any
 
@@ -22,24 +22,24 @@ from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
 
 TAU = 0.5
-"""Distance from which on nothing occludes, world units."""
+"""Distance from which on geometry does not occlude, world units."""
 
 LATTICE = Lattice(torch.full((3,), -0.7), 1.4, 8)
-"""Corners 0.2 apart; those nearest to the floor, at a height of zero, lie 0.1 above it and below it."""
+"""Corners 0.2 apart; the ones nearest to the floor at height 0 lie 0.1 above and below it."""
 
 PROBE = 0.1
-"""Height of the probes that the floor reads: half a cell in front of it, only they are ahead."""
+"""Height of the probes that the floor reads: half a cell in front of it, only these are ahead."""
 
 UPWARDS = torch.tensor([[0.0, 0.0, 1.0]])
 
 
 def roof(height: float, opacity: float = 0.9999, albedo: float = 0.5) -> Surfels:
-    """A sheet that looks down upon the floor, endless as seen from it."""
+    """A sheet that faces down to the floor, practically infinite as seen from it."""
     return sheet(height, DOWN, scale=1e4 * max(1.0, height), opacity=opacity, albedo=albedo)
 
 
 def baked(surfels: Surfels, reach: Reach | None = None, directions: int = 4096) -> OcclusionVolume:
-    """On ``LATTICE``; occluders count up to TAU unless ``reach`` says otherwise."""
+    """Occlusion baked on ``LATTICE``; occluders count up to TAU unless ``reach`` is given."""
     return bake(surfels, LATTICE, reach or Reach(tau=TAU), directions)
 
 
@@ -51,7 +51,7 @@ def openness(volume: OcclusionVolume, samples: int = 4096) -> float:
 def closed_form(
     height: float | None, tau: float = TAU, nearest: float = 0.0, directions: int = 200_001, samples: int = 20_001
 ) -> float:
-    """O of the floor by the formulas: M of a probe between floor and roof, zonal, by Legendre polynomials.
+    """O of the floor from the formulas: M of a probe between floor and roof by Legendre polynomials.
 
     The probe sees the floor at a distance of PROBE / -cosine and the roof at (height - PROBE) / cosine.
     """
@@ -68,24 +68,24 @@ def closed_form(
 
 
 def lit(level: float, lattice: Lattice = LATTICE) -> IrradianceVolume:
-    """An irradiance over pi of ``level`` at every place and towards every side."""
+    """A volume of constant irradiance over pi ``level``, for all positions and normals."""
     volume = IrradianceVolume.dark(lattice.of(5))
     volume.coefficients[:, 0] = level / CONSTANT_BASIS
     return volume
 
 
 def model_of(surfels: Surfels, light: EnvironmentMap | None = None, **volumes: Any) -> Model:
-    """As if training had found them."""
+    """A model with these surfels and volumes, without training."""
     return Model(surfels, (light or grey()).radiance.to(surfels.centre).log(), **volumes)
 
 
 def trained(model: Model, **turned: Any) -> TrainedGSIR:
-    """A model with a run; ``turned``: fields of the variant."""
+    """``model_of`` with a run; ``turned``: changed fields of the variant."""
     return TrainedGSIR(model, Run(SCENE, Variant(**turned), PRESETS["smoke"], 0, CPU))
 
 
 def middle(shown: Prepared) -> dict[str, Tensor]:
-    """What the middle pixel of ``looking_down`` shows; radiance of its covered part."""
+    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
     maps = shown.render(looking_down())
     seen = {name: values[1, 1] for name, values in maps.items()}
     return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect")}

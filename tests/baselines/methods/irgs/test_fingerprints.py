@@ -1,4 +1,4 @@
-"""What makes IRGS itself, against closed forms: traced visibility, shading by pixel, relighting at what rays meet."""
+"""The characteristic properties of IRGS against closed forms: traced visibility, shading by pixel, relit hits."""
 
 import pytest
 import torch
@@ -17,7 +17,7 @@ ABOVE = 1.0
 
 
 def test_a_surfel_of_opacity_015_takes_15_percent_of_the_direct_light() -> None:
-    """V = 1 - A, without a threshold below which nothing, or above which everything, is hidden."""
+    """V = 1 - A, without a threshold on the transmittance."""
     free = own(FLOOR, grey())["direct"]
     veiled = own(together(FLOOR, sheet(ABOVE, DOWN, opacity=0.15)), grey())["direct"]
     torch.testing.assert_close(veiled / free, torch.full((3,), 0.85), rtol=0, atol=1e-4)
@@ -25,15 +25,15 @@ def test_a_surfel_of_opacity_015_takes_15_percent_of_the_direct_light() -> None:
 
 @pytest.mark.parametrize("height", [0.1, 0.9, 2.7, 40.0])
 def test_an_opaque_sheet_shadows_at_any_distance(height: float) -> None:
-    """The cameras of the scenes lie some three units away: 0.9 is beyond a fifth of that, 40 is far outside."""
+    """The scenes' cameras are about three units away: 0.9 is beyond a fifth of that, 40 is far outside."""
     found = own(together(FLOOR, sheet(height, DOWN, scale=1e4 * height)), grey())
     assert own(FLOOR, grey())["direct"].min() > 0.5
     assert torch.equal(found["direct"], torch.zeros(3))
 
 
 @pytest.mark.parametrize("opacity", [0.15, 0.6])
-def test_indirect_light_is_the_harmonics_of_what_is_met_times_its_opacity(opacity: float) -> None:
-    """And what a solid sheet sends arrives whole: a ray that ends early is divided by what it has met."""
+def test_indirect_light_is_the_radiance_of_the_hit_surfel_times_its_opacity(opacity: float) -> None:
+    """A solid sheet's radiance arrives completely: the radiance of a ray that stops early is divided by its opacity."""
     radiance = 0.7
     veiled = together(FLOOR, sheet(ABOVE, DOWN, opacity=opacity, radiance=radiance))
     solid = together(FLOOR, sheet(ABOVE, DOWN, radiance=radiance))
@@ -50,10 +50,10 @@ def tilted(degrees: float, opacity: float, albedo: float) -> Surfels:
 
 
 def test_materials_are_blended_before_they_are_shaded() -> None:
-    """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface sends out 1 + 2/3 n_z.
+    """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface reflects 1 + 2/3 n_z.
 
     Blended first, the normal is straight up and the pixel shows 1 + 2/3; shaded first, it would show 1 + 1/3. The
-    difference of two albedos leaves out the specular lobe, which is the same for both.
+    difference of two albedos removes the specular lobe, which is the same for both.
     """
     sky = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
     weights = torch.tensor([0.5, 0.5 * 0.99])  # alpha is at most 0.99
@@ -72,8 +72,8 @@ def test_materials_are_blended_before_they_are_shaded() -> None:
     assert abs(expected - shaded_first) > 0.15 * expected
 
 
-def test_the_two_surfels_of_a_pixel_are_met_at_their_expected_depth() -> None:
-    """Two sheets 1 and 3 below the camera, half and half: the point lies at 2, and each is met from there."""
+def test_the_point_of_two_surfels_lies_at_their_mean_depth() -> None:
+    """Two sheets at depths 1 and 3 with equal weights: the point lies at depth 2, and rays from there hit both."""
     low, high = sheet(-3.0, scale=50.0), sheet(-1.0, scale=50.0, opacity=0.5)
     camera = looking_down(0.0)
     surfels = together(low, high)
@@ -85,8 +85,9 @@ def test_the_two_surfels_of_a_pixel_are_met_at_their_expected_depth() -> None:
 
 @pytest.mark.parametrize(("height", "visibility"), [(0.4, 1.0), (0.6, 0.0)])
 def test_rays_start_one_blended_standard_deviation_away(height: float, visibility: float) -> None:
-    """Half of the pixel is 1 wide and half 3, so that is 2. One ray alone leaves at 60 degrees to the normal: it meets
-    a sheet after twice its height."""
+    """Half of the pixel has width 1 and half has width 3, so the start is 2. A ray at 60 degrees to the normal hits a
+    sheet at twice its height.
+    """
     floor = together(sheet(0.0, scale=1.0, opacity=0.5), sheet(0.0, scale=3.0))
     surfels = together(floor, sheet(2 * height, DOWN))
     seen = seen_surfels(looking_down(), surfels, surfels.albedo, {})
@@ -97,9 +98,10 @@ def test_rays_start_one_blended_standard_deviation_away(height: float, visibilit
     assert float(incident.visibility) == visibility
 
 
-def test_relit_indirect_light_is_the_split_sum_at_what_rays_meet() -> None:
-    """Under light L from everywhere a rough sheet of albedo a sends out a L and its lobe; the lobe goes in a
-    difference of albedos. What it sent when it was trained counts nothing, nor does its own shadow."""
+def test_relit_indirect_light_is_the_split_sum_at_the_hit() -> None:
+    """Under a constant light L a rough sheet of albedo a reflects a L plus its lobe, which the difference of two
+    albedos removes. Its trained radiance and its own shadow have no effect.
+    """
     light, low, high = grey(0.8), 0.2, 0.7
     ceiling = [together(FLOOR, sheet(ABOVE, DOWN, albedo=albedo, radiance=0.3)) for albedo in (low, high)]
     dark, bright = (relit(surfels, light, surfels.albedo) for surfels in ceiling)
@@ -113,7 +115,7 @@ def test_relit_indirect_light_is_the_split_sum_at_what_rays_meet() -> None:
 
 
 def mean_lobe(roughness: float, samples: int = 2048) -> float:
-    """Directional albedo of the specular lobe, averaged over the hemisphere of views, by sums over directions."""
+    """Directional albedo of the specular lobe, averaged over the hemisphere of views, by quadrature."""
     up = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
     outgoing, _ = hemisphere_directions(up, 64, None)
     direction, weight = hemisphere_directions(up, samples, None)
@@ -123,8 +125,8 @@ def mean_lobe(roughness: float, samples: int = 2048) -> float:
     return float(parts[0, :, 2].mean())
 
 
-def test_a_relit_lobe_is_that_of_the_met_roughness() -> None:
-    """What the sheet sends under a light of 1, besides its albedo."""
+def test_a_relit_lobe_has_the_roughness_of_the_hit_surfel() -> None:
+    """Under a light of 1 the sheet reflects its albedo and the lobe."""
     surfels = together(FLOOR, sheet(ABOVE, DOWN, albedo=0.2, roughness=0.6))
     found = relit(surfels, grey(), surfels.albedo)["incident"] - 0.2
     torch.testing.assert_close(found, torch.full((3,), mean_lobe(0.6)), rtol=0.05, atol=0)

@@ -1,4 +1,4 @@
-"""IRGS's image loss in float64: a dense reference of the whole chain, and central differences."""
+"""IRGS's image loss in float64 against a dense reference of the whole chain and against central differences."""
 
 from dataclasses import replace
 from functools import cache
@@ -27,13 +27,13 @@ RAYS = RaySettings(0.05, two_sided=True)
 SAMPLES = 24
 LEARNT = ("sh", "albedo_logit", "roughness_logit", "environment")
 MOVED = (*LEARNT, "centre", "opacity_logit")
-"""With ``lr_scale``. Rotations and scales are left out: the directions of rays follow the normal, and where rays start
-the width, both without gradient."""
+"""Parameters learnt with ``lr_scale``, without rotations and scales: the directions of rays follow the normal, and
+their start follows the width, both without gradient."""
 
 
 @cache
 def start() -> Values:
-    """A floor of two overlapping surfels that the camera sees, and two sheets above the camera that it does not."""
+    """A floor of two overlapping surfels that the camera sees, and two sheets above the camera that it does not see."""
     torch.manual_seed(3)
     low = [
         sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
@@ -69,7 +69,7 @@ def points_of(surfels: Surfels) -> tuple[object, SeenPoints]:
 
 
 def losses(values: Values, indirect: Indirect = "traced") -> tuple[Tensor, Tensor]:
-    """The image loss and the neutrality, as stage 2 computes them."""
+    """The image loss and the neutrality loss, as stage 2 computes them."""
     _, direction, weight, target = fixed()
     surfels = surfels_of(values)
     seen, points = points_of(surfels)
@@ -80,10 +80,10 @@ def losses(values: Values, indirect: Indirect = "traced") -> tuple[Tensor, Tenso
 
 
 def dense_losses(values: Values) -> tuple[Tensor, Tensor]:
-    """The same from the formulas: rasterization, tracing, shading and encoding as dense loops."""
+    """Both losses from the formulas: rasterization, tracing, shading and encoding as dense loops."""
     pixels, direction, weight, target = fixed()
     surfels = surfels_of(values)
-    drawn, met = surfels.geometry_for(CAMERA), surfels.geometry()
+    drawn, traced = surfels.geometry_for(CAMERA), surfels.geometry()
     columns = torch.cat([drawn.normal, surfels.albedo, surfels.roughness[:, None], surfels.scale.amax(-1, True)], -1)
     eye = CAMERA.centre
     features, alpha, depth, _ = rasterize(
@@ -92,14 +92,15 @@ def dense_losses(values: Values) -> tuple[Tensor, Tensor]:
     )  # fmt: skip
     straight = features / alpha[:, None]
     to_pixels = CAMERA.ray_directions().flatten(0, 1)[pixels]
-    place = eye + to_pixels * (depth / alpha)[:, None]
+    position = eye + to_pixels * (depth / alpha)[:, None]
     normal = features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)
     arrived = [
         trace(
-            met.centre, met.axis_u, met.axis_v, met.normal, met.opacity, surfels.sh, met.centre[:, :0],
+            traced.centre, traced.axis_u, traced.axis_v, traced.normal, traced.opacity, surfels.sh,
+            traced.centre[:, :0],
             origin.expand(SAMPLES, 3), along, torch.full((SAMPLES,), 0.05, dtype=F64), 0.03, 4 * float(width),
         )[:2]
-        for origin, along, width in zip(place, direction, straight[:, 7].detach(), strict=True)
+        for origin, along, width in zip(position, direction, straight[:, 7].detach(), strict=True)
     ]  # fmt: skip
     radiance, left = (torch.stack(column) for column in zip(*arrived, strict=True))
     ended = left < 0.03
@@ -123,7 +124,7 @@ def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
     return {name: leaves[name].grad for name in names if leaves[name].grad is not None}  # type: ignore[misc]
 
 
-def test_both_losses_and_their_gradients_are_those_of_the_formulas() -> None:
+def test_both_losses_and_their_gradients_equal_the_formulas() -> None:
     found, expected = losses(start()), dense_losses(start())
     for mine, theirs in zip(found, expected, strict=True):
         torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=0)
@@ -134,8 +135,8 @@ def test_both_losses_and_their_gradients_are_those_of_the_formulas() -> None:
         assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
 
 
-def met(values: Values) -> list[bool]:
-    """Which surfels each ray meets: where that changes, the losses jump."""
+def hit_surfels(values: Values) -> list[bool]:
+    """Whether each ray hits each surfel, flattened; where this changes, the losses are discontinuous."""
     surfels = surfels_of(values)
     geometry, (_, points), direction = surfels.geometry(), points_of(surfels), fixed()[1]
     facing = direction @ geometry.normal.T
@@ -149,17 +150,17 @@ def met(values: Values) -> list[bool]:
 
 
 def test_gradients_equal_central_differences() -> None:
-    """But for centres, which pixels' footprints follow without gradient: those are compared with the formulas above."""
+    """Centres are compared with the formulas above: pixels' footprints follow them without gradient."""
     names = (*LEARNT, "opacity_logit")
 
     def total(values: Values) -> float:
         return float(sum(losses(values)))
 
-    assert_gradients(total, start(), gradients(losses, start(), names), 2e-4, met, directions=4)
+    assert_gradients(total, start(), gradients(losses, start(), names), 2e-4, hit_surfels, directions=4)
 
 
-def test_the_image_loss_reaches_the_harmonics_of_the_sheets_and_nothing_else_of_theirs() -> None:
-    """The camera is below them: only what they send counts, along rays."""
+def test_the_image_loss_reaches_only_the_harmonics_of_the_unseen_sheets() -> None:
+    """The camera is below the sheets: only their radiance along rays acts on the image."""
     found = gradients(lambda values: losses(values)[:1], start(), LEARNT)
     assert (found["sh"][2:].abs().amax((1, 2)) > 0).all()
     assert torch.equal(found["albedo_logit"][2:], torch.zeros(2, 3, dtype=F64))
@@ -167,7 +168,7 @@ def test_the_image_loss_reaches_the_harmonics_of_the_sheets_and_nothing_else_of_
 
 
 @pytest.mark.parametrize("indirect", ["detached", "none"])
-def test_without_gradient_to_l_ind_the_harmonics_have_none(indirect: Indirect) -> None:
+def test_detached_indirect_light_gives_the_harmonics_no_gradient(indirect: Indirect) -> None:
     kept = gradients(lambda values: losses(values, indirect)[:1], start(), MOVED)
     assert kept.get("sh") is None or not kept["sh"].any()
     whole = gradients(lambda values: losses(values)[:1], start(), MOVED)
@@ -178,7 +179,7 @@ def test_without_gradient_to_l_ind_the_harmonics_have_none(indirect: Indirect) -
         assert not torch.equal(kept["centre"], whole["centre"]), "V keeps its gradient, L_ind has none"
 
 
-def test_a_saturated_target_is_no_ceiling() -> None:
+def test_a_pixel_brighter_than_a_saturated_target_is_no_error() -> None:
     radiance = torch.tensor([[3.0, 0.5, 0.5]], dtype=F64, requires_grad=True)
     loss = pixel_loss(radiance, torch.ones(1, dtype=F64), torch.tensor([[1.0, 1.0, 0.2]], dtype=F64))
     loss.backward()
@@ -186,8 +187,8 @@ def test_a_saturated_target_is_no_ceiling() -> None:
     assert (radiance.grad[0].sign() == torch.tensor([0.0, -1.0, 1.0])).all()
 
 
-def test_neutrality_is_the_mean_distance_from_grey_of_the_light_that_is_not_hidden() -> None:
-    """A light of (1.2, 1, 0.8) is 0.2, 0 and 0.2 from its mean; under a veil of opacity 0.15, 85 % of that."""
+def test_neutrality_is_the_mean_distance_of_visible_light_from_grey() -> None:
+    """A light of (1.2, 1, 0.8) has distances 0.2, 0 and 0.2; under a veil of opacity 0.15, 85 % of that."""
     colours = torch.tensor([1.2, 1.0, 0.8], dtype=F64).expand(6, 12, 3)
     floor = sheet(0.0, dtype=F64)
     for surfels, share in ((floor, 1.0), (together(floor, sheet(9.0, DOWN, opacity=0.15, dtype=F64)), 0.85)):

@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for IRGS, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for IRGS; test names contain the number of the case."""
 
 import pytest
 import torch
@@ -12,9 +12,9 @@ from radiogs_core.surfels.surfels import Surfels
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
-    """A floor of overlapping surfels that lie in a plane: all of the light arrives, and nothing else."""
-    place = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(place, place, indexing="ij")
+    """A floor of overlapping coplanar surfels receives all of the light and no indirect light."""
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
     tile = sheet(0.0, UP, scale=0.1, opacity=0.9, radiance=0.5)
     floor = Surfels.of(
@@ -31,13 +31,13 @@ def test_case_24_a_plane_never_shadows_itself() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 64])
-def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(samples: int) -> None:
-    """Albedo enters linearly and exactly, however few rays there are."""
+def test_case_28_a_white_furnace_shows_the_albedo_plus_the_lobe(samples: int) -> None:
+    """Albedo enters linearly and exactly for any number of rays."""
     low, high = (own(sheet(0.0, albedo=albedo), grey(), samples=samples)["direct"] for albedo in (0.2, 0.9))
     torch.testing.assert_close(high - low, torch.full((3,), 0.7), rtol=1e-5, atol=0)
 
 
-def test_case_37_surfels_that_send_nothing_are_indirect_light_switched_off() -> None:
+def test_case_37_surfels_without_radiance_equal_indirect_light_off() -> None:
     surfels = two_balls()
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     surfels.sh = torch.zeros_like(surfels.sh)

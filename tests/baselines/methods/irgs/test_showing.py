@@ -1,4 +1,4 @@
-"""A trained IRGS model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained IRGS model: facts, relighting, and restoring from its tensors."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from radiogs_core.on_surfels.model import LitSurfels as Model
 CAMERA = SCENE.test[0].camera
 
 
-def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:
+def test_a_view_does_not_depend_on_views_rendered_before() -> None:
     light = grey()
     light.radiance[2, 3] = 5.0
     shown = trained().prepare(light)
@@ -27,15 +27,15 @@ def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:
     assert torch.equal(shown.render(CAMERA)["image"], first)
 
 
-def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
+def test_the_recovered_light_and_the_model_are_restored_unchanged() -> None:
     light = torch.randn(8, 16, 3)
     found = IRGS_METHOD.restore(run_of(), Model(ROOFED, light).tensors())
     assert torch.equal(found.light.radiance, light.exp())
     assert all(torch.equal(getattr(ROOFED, name), value) for name, value in found.model.surfels.parameters().items())
 
 
-def test_the_factor_of_albedo_is_of_what_is_seen_and_of_what_is_met_where_that_is_asked_for() -> None:
-    """Under a light of one the seen albedo is doubled; that of the roof, which rays meet, only with "scaled"."""
+def test_the_albedo_scale_applies_to_seen_surfaces_and_if_scaled_to_hits() -> None:
+    """Under a light of 1 the visible albedo is doubled; the albedo of the roof, which rays hit, only with "scaled"."""
     twice = torch.full((3,), 2.0)
     plain = trained().prepare(grey()).render(CAMERA)
     seen = trained().prepare(grey(), twice).render(CAMERA)
@@ -50,12 +50,12 @@ def test_the_factor_of_albedo_is_of_what_is_seen_and_of_what_is_met_where_that_i
     assert not without["indirect"].any()
 
 
-def test_under_its_own_light_it_is_shown_with_the_indirect_light_of_training() -> None:
+def test_images_under_the_recovered_light_have_the_indirect_light_of_training() -> None:
     assert trained().prepare().render(CAMERA)["indirect"].any()
     assert not trained(variant(indirect="none")).prepare().render(CAMERA)["indirect"].any()
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(ROOFED)
     assert facts["labels"]["stage1"].startswith("shared")
@@ -69,8 +69,8 @@ def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
 
 
 @pytest.mark.parametrize(("start", "expected"), [(None, 0.0), (1e3, 1.0)])
-def test_rays_meet_what_is_beyond_their_start_alone(start: float | None, expected: float) -> None:
-    """A roof over the ball; what little light comes from below its edge reaches the ball's sides."""
+def test_rays_hit_only_surfels_beyond_their_start(start: float | None, expected: float) -> None:
+    """A roof over the ball; a little light from below its edge reaches the ball's sides."""
     roof = together(BALL, sheet(2.9, DOWN, scale=1e3))
     found = IRGS_METHOD.restore(run_of(variant(ray_start=start)), Model(roof, torch.zeros(8, 16, 3)).tensors())
     maps = found.prepare().render(CAMERA)
@@ -80,6 +80,6 @@ def test_rays_meet_what_is_beyond_their_start_alone(start: float | None, expecte
     assert ratio == pytest.approx(expected, abs=0.1)
 
 
-def test_labels_are_of_the_run_s_own_budget() -> None:
+def test_labels_describe_the_budget_of_the_run() -> None:
     other = replace(BUDGET, incident_samples=256, pixels=1024)
     assert "incident_samples" not in labels_of(Variant(), other, 1.0)["reduced"]

@@ -1,4 +1,4 @@
-"""Stage 2 of IRGS: what its losses change and what they leave, and that it resumes bit for bit."""
+"""Stage 2 of IRGS: which parameters its losses change and which they do not, and that it resumes bit for bit."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from radiogs_core.learning.views import load
 from radiogs_core.transport.splatting import splat
 
 UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
-"""The ball, and above it a sheet that shines down on it; the last of the surfels."""
+"""The ball, and above it a sheet with radiance towards it; the sheet is the last surfel."""
 
 
 def test_no_camera_sees_the_sheet() -> None:
@@ -30,7 +30,7 @@ def test_no_camera_sees_the_sheet() -> None:
 
 
 @pytest.mark.parametrize(("indirect", "changes"), [("traced", True), ("detached", False), ("none", False)])
-def test_the_image_loss_changes_harmonics_that_no_camera_sees(indirect: Indirect, changes: bool) -> None:
+def test_the_image_loss_changes_harmonics_of_unseen_surfels(indirect: Indirect, changes: bool) -> None:
     stage = stage_of(variant(indirect=indirect, materials=only(shaded=1.0)), UNSEEN)
     before = tensors_of(stage)
     for _ in range(4):
@@ -42,8 +42,8 @@ def test_the_image_loss_changes_harmonics_that_no_camera_sees(indirect: Indirect
     assert torch.equal(after["albedo_logit"][-1], before["albedo_logit"][-1]), "nothing ties its material to an image"
 
 
-def test_a_sheet_that_shines_too_brightly_is_dimmed() -> None:
-    """The images are of a ball in light of 1: with more, the sheet has to give way, through L_ind alone."""
+def test_training_dims_a_sheet_whose_radiance_is_too_bright() -> None:
+    """The images are of a ball in a light of 1; the sheet's excess light acts through L_ind only."""
     bright = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=20.0))
     stage = stage_of(variant(materials=only(shaded=1.0)), bright)
     for _ in range(10):
@@ -52,7 +52,7 @@ def test_a_sheet_that_shines_too_brightly_is_dimmed() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.5])
-def test_geometry_is_frozen_unless_it_has_a_rate(scale: float) -> None:
+def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
     stage = stage_of(variant(lr_scale=scale))
     before = tensors_of(stage)
     losses = [stage.step() for _ in range(6)][-1]
@@ -64,8 +64,8 @@ def test_geometry_is_frozen_unless_it_has_a_rate(scale: float) -> None:
         assert not torch.equal(after[name], before[name]), name
 
 
-def test_where_geometry_is_learnt_images_move_what_no_camera_sees() -> None:
-    """Through visibility and L_ind: the sheet over the ball takes part in tracing as it is now."""
+def test_learnt_geometry_includes_surfels_that_no_camera_sees() -> None:
+    """The sheet over the ball acts through visibility and L_ind, traced with its current geometry."""
     stage = stage_of(variant(lr_scale=1.0, materials=only(shaded=1.0)), UNSEEN)
     before = tensors_of(stage)
     for _ in range(3):
@@ -94,8 +94,8 @@ def test_geometry_moves_at_its_share_of_the_rates_of_stage_one() -> None:
         ("light_smoothness", {"log_environment"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
-    """Of the smoothness of materials see below: the ball's are smooth."""
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
+    """The smoothness losses have their own test below, because the ball's materials are smooth."""
     stage = stage_of(variant(materials=only(**{weight: 1.0})), UNSEEN)
     light = {"log_environment": 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))}
     state = stage.state()
@@ -108,7 +108,7 @@ def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["albedo", "roughness"])
-def test_smoothness_evens_out_one_material(name: str) -> None:
+def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     raw = f"{name}_logit"
     uneven = getattr(BALL, raw) + noise(getattr(BALL, raw), 1.0)
     smooth = only(**{f"{name}_smoothness": 1.0})
@@ -123,8 +123,8 @@ def test_smoothness_evens_out_one_material(name: str) -> None:
     assert torch.equal(after[other], getattr(stage_of().model.surfels, other))
 
 
-def test_pixels_are_drawn_from_all_of_the_image() -> None:
-    """Eight a step: in twelve steps the ball's top is shaded, and so is its bottom."""
+def test_pixels_are_drawn_from_the_whole_image() -> None:
+    """Eight pixels a step: within twelve steps the ball's top and bottom are both shaded."""
     stage = stage_of(variant(materials=only(shaded=1.0)), budget=replace(BUDGET, pixels=8))
     before = tensors_of(stage)["albedo_logit"]
     for _ in range(12):
@@ -135,8 +135,8 @@ def test_pixels_are_drawn_from_all_of_the_image() -> None:
     assert bool(shaded[height < -0.5].any())
 
 
-def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+def test_materials_are_recovered_under_known_light_and_shape() -> None:
+    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
     still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.05, roughness=0.0))
     stage = stage_of(variant(materials=still), budget=replace(BUDGET, pixels=256, incident_samples=64))
     state = stage.state()

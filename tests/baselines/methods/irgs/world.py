@@ -1,4 +1,4 @@
-"""A floor that a camera looks down upon, and sheets above it that the camera does not see."""
+"""A floor seen from above, and sheets above the camera, which it does not see."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ CPU = torch.device("cpu")
 SMOKE = PRESETS["smoke"]
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 ENDLESS = 1e4
-"""Scale of a sheet whose opacity hardly falls where rays that leave the floor a degree above its plane meet it."""
+"""Scale of a sheet whose opacity is nearly constant up to where rays one degree above the floor's plane hit it."""
 OPAQUE = 0.9999
 
 
@@ -32,7 +32,7 @@ def sheet(
     radiance: float = 0.0,
     dtype: torch.dtype = torch.float32,
 ) -> Surfels:
-    """One surfel on the z axis; ``radiance`` towards all sides."""
+    """One surfel on the z axis; ``radiance`` is the same in all directions."""
     like: dict[str, Any] = {"dtype": dtype}
     x, y, z = normal
     # The shortest rotation from +Z to n is the quaternion (1 + n_z, -n_y, n_x, 0); to -Z half a turn about x.
@@ -51,13 +51,13 @@ def sheet(
 
 
 def together(*surfels: Surfels) -> Surfels:
-    """All of them."""
+    """All surfels in one."""
     parts = [each.parameters() for each in surfels]
     return Surfels.of({name: torch.cat([part[name] for part in parts]) for name in parts[0]})
 
 
 def looking_down(height: float = 0.05, size: int = 3, dtype: torch.dtype = torch.float32) -> Camera:
-    """A camera above the origin, whose middle pixel looks straight down."""
+    """A camera above the origin whose middle pixel looks straight down."""
     matrix = torch.eye(4, dtype=dtype)
     matrix[:3, :3] = torch.diag(torch.tensor([1.0, -1.0, -1.0], dtype=dtype))
     matrix[2, 3] = height
@@ -65,17 +65,17 @@ def looking_down(height: float = 0.05, size: int = 3, dtype: torch.dtype = torch
 
 
 def grey(radiance: float = 1.0, rows: int = 8) -> EnvironmentMap:
-    """The same light from everywhere."""
+    """A light of constant grey radiance."""
     return EnvironmentMap(torch.full((rows, 2 * rows, 3), radiance))
 
 
 def rays(start: float = 1e-3) -> RaySettings:
-    """Rays that start so near to the floor that only the floor itself is left out."""
+    """Ray settings with a start so near that rays skip only the floor itself."""
     return RaySettings(start, two_sided=False)
 
 
 def own(surfels: Surfels, light: EnvironmentMap, indirect: Indirect = "traced", samples: int = 64) -> dict[str, Tensor]:
-    """The middle pixel of every map, under a recovered light."""
+    """The middle pixel of every map, under the recovered light."""
     model = Model(surfels, light.radiance.to(surfels.centre).log())
     return middle(Renderer(surfels, surfels.albedo, RecoveredLight(model, rays(), samples, indirect), 0))
 
@@ -87,7 +87,7 @@ def relit(surfels: Surfels, light: EnvironmentMap, hit_albedo: Tensor, indirect:
 
 
 def middle(renderer: Renderer) -> dict[str, Tensor]:
-    """What the middle pixel of ``looking_down`` shows; radiance of its covered part."""
+    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
     maps = renderer.render(looking_down(dtype=renderer.surfels.centre.dtype))
     seen = {name: values[1, 1] for name, values in maps.items()}
     return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident")}

@@ -1,4 +1,4 @@
-"""What makes R3DG itself, against closed forms: its table of visibility, its local light, shading before blending."""
+"""The characteristic properties of R3DG against closed forms: visibility, local light, shading before blending."""
 
 import math
 
@@ -21,7 +21,7 @@ ABOVE = 1.0
 
 
 def under(*sheets: Surfels, **turned: object) -> Tensor:
-    """Direct light of the floor below some sheets, over that of the floor alone."""
+    """Direct light of the floor below some sheets, divided by the light of the floor alone."""
     free = middle(trained(FLOOR).prepare())["direct"]
     assert free.min() > 0.5
     return middle(trained(together(FLOOR, *sheets), **turned).prepare())["direct"] / free
@@ -32,29 +32,29 @@ def veil(opacity: float, height: float = ABOVE) -> Surfels:
 
 
 def test_one_surfel_of_opacity_015_shadows_fully_and_one_of_005_by_its_opacity() -> None:
-    """T < 0.9 counts as hidden; what lets more through hides its own share."""
+    """T < 0.9 gives V = 0; otherwise V = T."""
     assert torch.equal(under(veil(0.15)), torch.zeros(3))
     torch.testing.assert_close(under(veil(0.05)), torch.full((3,), 0.95), rtol=0, atol=1e-4)
 
 
-def test_two_thin_veils_that_let_less_than_90_percent_through_together_shadow_fully() -> None:
+def test_two_veils_with_a_joint_transmittance_below_09_shadow_fully() -> None:
     torch.testing.assert_close(under(veil(0.06)), torch.full((3,), 0.94), rtol=0, atol=1e-4)
     assert torch.equal(under(veil(0.06), veil(0.06, 2.0)), torch.zeros(3))
 
 
 @pytest.mark.parametrize(("below", "expected"), [(0.03, 0.85), (0.0, 0.85), (0.86, 0.0), (1.0, 0.0)])
-def test_the_threshold_is_a_field(below: float, expected: float) -> None:
+def test_the_threshold_is_a_field_of_the_variant(below: float, expected: float) -> None:
     torch.testing.assert_close(under(veil(0.15), hidden_below=below), torch.full((3,), expected), rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("height", [0.1, 0.9, 2.7, 40.0])
 def test_an_opaque_sheet_shadows_at_any_distance(height: float) -> None:
-    """The cameras of the scenes lie some three units away: 0.9 is beyond a fifth of that, 40 is far outside."""
+    """The scenes' cameras are about three units away: 0.9 is beyond a fifth of that, 40 is far outside."""
     assert torch.equal(under(sheet(height, DOWN, scale=1e4 * height)), torch.zeros(3))
 
 
-def test_local_light_stays_when_the_light_changes() -> None:
-    """Relit by black and by a light of 3, the floor sends on the local light of 0.4, as if the sky were 0.4."""
+def test_local_light_is_kept_in_relighting() -> None:
+    """Relit by black and by a light of 3, the floor reflects the local light of 0.4 like a sky of 0.4."""
     local = around(FLOOR, 0.4)
     expected = middle(trained(FLOOR, grey(0.4)).prepare())["direct"]
     model = trained(FLOOR, grey(1.0), local)
@@ -73,7 +73,7 @@ def test_local_light_stays_when_the_light_changes() -> None:
     ("local", "open_to_the_sky", "roofed"), [("free", 1.0, 1.0), ("gated", 0.0, 1.0), ("none", 0.0, 0.0)]
 )
 def test_local_light_is_not_gated_by_v(local: str, open_to_the_sky: float, roofed: float) -> None:
-    """Under a roof or the open sky the floor receives the whole of it; with "gated" only what V takes from the sky."""
+    """Under a roof and under the open sky the floor receives all of it; with "gated" only the share 1 - V."""
     roof = together(FLOOR, veil(OPAQUE))
     for surfels, share in ((FLOOR, open_to_the_sky), (roof, roofed)):
         found = middle(trained(surfels, grey(), around(surfels, 0.4), local_light=local).prepare())
@@ -81,8 +81,8 @@ def test_local_light_is_not_gated_by_v(local: str, open_to_the_sky: float, roofe
 
 
 @pytest.mark.parametrize(("slope", "expected"), [(0.5, 1.0), (-0.5, 0.0)])
-def test_local_light_is_that_from_above_cut_at_zero(slope: float, expected: float) -> None:
-    """Harmonics c Y_10 are c sqrt(3 / 4 pi) w_z: a floor of albedo a sends 2/3 a of that slope on, or nothing."""
+def test_negative_local_light_is_clamped_to_zero(slope: float, expected: float) -> None:
+    """Harmonics c Y_10 are c sqrt(3 / 4 pi) w_z: a floor of albedo a reflects 2/3 a times that slope, or nothing."""
     local = around(FLOOR, 0.0)
     local[:, 2] = slope
 
@@ -94,7 +94,7 @@ def test_local_light_is_that_from_above_cut_at_zero(slope: float, expected: floa
 
 
 def test_local_light_has_degree_three() -> None:
-    """Each of the 16 coefficients of a surfel changes what it receives; the surfels of a ball face all sides."""
+    """Each of a surfel's 16 coefficients changes the light it receives; the ball's surfels face all sides."""
     table = VisibilityTable(BALL, RaySettings(NEAR), 16)
     for index in range(COEFFICIENTS):
         local = around(BALL, 0.3)
@@ -115,7 +115,7 @@ def test_albedo_and_roughness_stay_within_the_published_ranges(logit: float, alb
     torch.testing.assert_close(found.roughness, torch.full((1,), roughness), rtol=0, atol=1e-6)
 
 
-def test_materials_come_back_from_their_logits_and_those_outside_at_the_edge() -> None:
+def test_materials_are_restored_from_their_logits_and_clamped_to_the_range() -> None:
     albedo, roughness = torch.tensor([[0.1, 0.5, 1.0]]), torch.tensor([0.3])
     found = bounded(learnt_from(FLOOR, albedo, roughness))
     torch.testing.assert_close(found.albedo, torch.tensor([[0.1, 0.5, 0.03 + 0.77 * 0.99]]))
@@ -128,10 +128,10 @@ def tilted(degrees: float, opacity: float, albedo: float) -> Surfels:
 
 
 def test_surfels_are_shaded_before_they_are_blended() -> None:
-    """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface sends out 1 + 2/3 n_z.
+    """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface reflects 1 + 2/3 n_z.
 
     Shaded first, the pixel shows 1 + 1/3; blended first, its normal is straight up and it would show 1 + 2/3. The
-    difference of two albedos leaves out the specular lobe, which is the same for both.
+    difference of two albedos removes the specular lobe, which is the same for both.
     """
     sky = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
     weights = torch.tensor([0.5, 0.5 * 0.99])  # alpha is at most 0.99
@@ -145,7 +145,7 @@ def test_surfels_are_shaded_before_they_are_blended() -> None:
     torch.testing.assert_close(found, torch.full((3,), albedo * (1 + 2 / 3 * 0.5)), rtol=2e-3, atol=0)
 
 
-def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked() -> None:
+def test_all_surfels_have_the_same_directions_with_the_elevations_of_the_variant() -> None:
     for floor, lowest in ((True, math.sin(math.radians(10))), (False, 0.5 / 32)):
         table = VisibilityTable(BALL, RaySettings(NEAR, floor=floor), 32)
         normal = BALL.frame[..., 2]
@@ -158,12 +158,12 @@ def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked
 
 @pytest.mark.parametrize(("height", "visibility"), [(0.4, 1.0), (0.6, 0.0)])
 def test_rays_start_one_standard_deviation_away(height: float, visibility: float) -> None:
-    """It is 2 wide. One ray leaves it, at 60 degrees to the normal, and meets a sheet after twice that one's height."""
+    """The surfel has width 2. One ray leaves it at 60 degrees to the normal and hits a sheet at twice its height."""
     surfels = together(sheet(0.0, scale=2.0), sheet(2 * height, DOWN))
     assert float(VisibilityTable(surfels, RaySettings(two_sided=False), 1).visibility[0]) == visibility
 
 
 @pytest.mark.parametrize(("two_sided", "visibility"), [(True, 0.0), (False, 1.0)])
-def test_surfels_are_met_from_behind_where_asked(two_sided: bool, visibility: float) -> None:
+def test_rays_hit_surfels_from_behind_only_if_two_sided(two_sided: bool, visibility: float) -> None:
     surfels = together(sheet(0.0, scale=1e-2), sheet(1.0))
     assert float(VisibilityTable(surfels, RaySettings(two_sided=two_sided), 1).visibility[0]) == visibility

@@ -1,4 +1,4 @@
-"""R3DG's losses in float64: a dense reference of visibility, light and image, and central differences."""
+"""R3DG's losses in float64 against a dense reference of visibility, light and image, and central differences."""
 
 from dataclasses import replace
 from functools import cache
@@ -35,7 +35,7 @@ GEOMETRY = GeometryLearning()
 
 @cache
 def given() -> Values:
-    """A floor of two overlapping surfels, sheets above the camera that shadow a part of it, and one that faces away."""
+    """A floor of two overlapping surfels, sheets above the camera that shadow part of it, and one facing away."""
     torch.manual_seed(3)
     low = [
         sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
@@ -62,19 +62,19 @@ def table() -> VisibilityTable:
 
 @cache
 def target() -> tuple[Tensor, Tensor]:
-    """An image that differs everywhere from what is shown, and its mask."""
+    """An image that differs from the rendered one in every pixel, and its mask."""
     return 0.9 * torch.rand(4, 4, 3, dtype=F64, generator=torch.Generator().manual_seed(1)), torch.ones(4, 4, dtype=F64)
 
 
 def lit(values: Values, mode: LocalLight = "free") -> tuple[Model, Lit]:
-    """Light on all surfels, as stage 2 computes it."""
+    """Radiance and irradiance of all surfels, as stage 2 computes them."""
     model = Model(bounded(surfels_of(values)), values["local"], values["raw_environment"])
     incident = arriving(table(), model.local, mode)
     return model, light_surfels(CAMERA, model.surfels, incident, model.environment)
 
 
 def losses(values: Values) -> Tensor:
-    """Their sum, as stage 2 has it."""
+    """The sum of the losses, as stage 2 computes it."""
     model, light = lit(values)
     seen = blended(CAMERA, model.surfels, light)
     parts = image_losses(seen, *target(), WEIGHTS, GEOMETRY)
@@ -113,7 +113,7 @@ def dense_maps(values: Values, mode: LocalLight) -> dict[str, Tensor]:
 
 
 def maps(values: Values, mode: LocalLight) -> dict[str, Tensor]:
-    """The same as stage 2 has it."""
+    """The values of ``dense_maps`` as stage 2 computes them."""
     model, light = lit(values, mode)
     seen = blended(CAMERA, model.surfels, light)
     images = {name: image.flatten(0, 1) for name, image in seen.images.items()}
@@ -136,13 +136,13 @@ def leaves_of(values: Values) -> Values:
     return {name: value.clone().requires_grad_(name in LEARNT) for name, value in values.items()}
 
 
-def test_the_table_has_all_kinds_of_visibility() -> None:
+def test_the_table_contains_hidden_open_and_partial_visibility() -> None:
     found = table().visibility[:2].flatten()
     kinds = [(found == 0).sum(), (found == 1).sum(), ((found >= 0.9) & (found < 1)).sum()]
     assert min(int(kind) for kind in kinds) >= 3, "hidden, free, and behind the thin sheet alone"
 
 
-def test_maps_and_their_gradients_are_those_of_the_formulas() -> None:
+def test_maps_and_their_gradients_equal_the_formulas() -> None:
     for mode in ("free", "gated", "none"):
         mine, theirs = leaves_of(given()), leaves_of(given())
         found, expected = maps(mine, mode), dense_maps(theirs, mode)
@@ -156,7 +156,7 @@ def test_maps_and_their_gradients_are_those_of_the_formulas() -> None:
 
 
 def kinks(values: Values) -> list[bool]:
-    """The side that every absolute value and every clamp of the losses is on: where that changes there is no slope."""
+    """The branch of every absolute value and clamp of the losses; where it changes there is no derivative."""
     model, light = lit(values)
     seen = blended(CAMERA, model.surfels, light)
     shown = displayed(seen.images["radiance"], seen.alpha)
@@ -184,13 +184,13 @@ def test_local_light_has_a_gradient_at_zero_where_it_starts() -> None:
     assert gradients(losses(leaves), leaves)["local"][:2].abs().amax((1, 2)).min() > 0
 
 
-def test_softplus_is_undone_for_faint_and_strong_light() -> None:
+def test_before_softplus_inverts_softplus_for_faint_and_strong_light() -> None:
     radiance = torch.tensor([1e-12, 1e-3, 0.7, 5.0, 800.0], dtype=F64)
     torch.testing.assert_close(torch.nn.functional.softplus(before_softplus(radiance)), radiance, rtol=1e-9, atol=0)
 
 
-def test_smoothness_is_asked_of_what_a_display_shows() -> None:
-    """Albedo and irradiance are compared as display values, of the covered part of pixels."""
+def test_smoothness_compares_display_values() -> None:
+    """Albedo and irradiance are compared as display values of the covered part of pixels."""
     model, light = lit(given())
     seen = blended(CAMERA, model.surfels, light)
     only = MaterialWeights(**(dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0) | {"albedo_smoothness": 1.0}))
@@ -202,8 +202,8 @@ def test_smoothness_is_asked_of_what_a_display_shows() -> None:
     torch.testing.assert_close(found, sobel(shown).abs().sum(0).mean(), rtol=1e-9, atol=0)
 
 
-def test_smoothness_of_irradiance_knows_the_normals_and_not_the_image() -> None:
-    """Paint does not excuse uneven light; an edge of the surface does."""
+def test_smoothness_of_irradiance_follows_normal_edges_and_not_image_edges() -> None:
+    """An edge of the image does not lower the weight; an edge of the normals does."""
     model, light = lit(given())
     seen = blended(CAMERA, model.surfels, light)
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
@@ -219,8 +219,8 @@ def test_smoothness_of_irradiance_knows_the_normals_and_not_the_image() -> None:
     assert float(smoothness(creased, image)) < 0.9 * float(found)
 
 
-def test_irradiance_does_not_depend_on_where_the_camera_is() -> None:
-    """It is of all surfels: from below, the floor faces away."""
+def test_irradiance_does_not_depend_on_the_camera() -> None:
+    """Seen from below, the floor faces away and has the same irradiance."""
     below = CAMERA.camera_to_world.clone()
     below[2, 3] = -5.0
     model = Model(bounded(surfels_of(given())), given()["local"], given()["raw_environment"])

@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for R3DG, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for R3DG; test names contain the number of the case."""
 
 import pytest
 import torch
@@ -11,9 +11,9 @@ from radiogs_core.surfels.surfels import Surfels
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
-    """A floor of overlapping surfels that lie in a plane: V is 1, although one of them would hide everything."""
-    place = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(place, place, indexing="ij")
+    """In a floor of overlapping coplanar surfels V is 1, although one of them would hide everything."""
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
     tile = sheet(0.0, UP, scale=0.1, opacity=0.9)
     floor = Surfels.of(
@@ -31,8 +31,8 @@ def test_case_24_a_plane_never_shadows_itself() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 64])
-def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(samples: int) -> None:
-    """Albedo enters linearly and exactly, however few directions there are; with the published heights it does not."""
+def test_case_28_a_white_furnace_shows_the_albedo_plus_the_lobe(samples: int) -> None:
+    """Albedo enters linearly and exactly for any number of directions; with the published elevations it does not."""
 
     def sent(albedo: float, **turned: bool) -> Tensor:
         return middle(trained(sheet(0.0, albedo=albedo), samples=samples, **turned).prepare())["direct"]
@@ -41,7 +41,7 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(samples: int) -> Non
     assert float((sent(0.9, floor=True) - sent(0.2, floor=True)).min()) > 0.7 * 1.02
 
 
-def test_case_37_local_light_of_zero_is_local_light_switched_off() -> None:
+def test_case_37_zero_local_light_equals_local_light_off() -> None:
     surfels = two_balls()
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     camera = looking_along_z()

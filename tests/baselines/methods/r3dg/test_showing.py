@@ -1,4 +1,4 @@
-"""A trained R3DG model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained R3DG model: facts, relighting, and restoring from its tensors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from surfel_files import read_ply
 CAMERA = SCENE.test[0].camera
 
 
-def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
+def test_the_recovered_light_and_the_model_are_restored_unchanged() -> None:
     light, local = torch.randn(8, 16, 3), torch.randn(len(ROOFED), 16, 3)
     found = R3DG_METHOD.restore(run_of(), Model(ROOFED, local, light).tensors())
     assert torch.equal(found.light.radiance, torch.nn.functional.softplus(light))
@@ -29,8 +29,8 @@ def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
     assert all(torch.equal(getattr(ROOFED, name), value) for name, value in found.model.surfels.parameters().items())
 
 
-def test_the_factor_of_albedo_doubles_what_is_diffuse() -> None:
-    """In direct and local light alike; the lobe stays."""
+def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
+    """It scales direct and local light alike; the lobe does not change."""
     images = [trained().prepare(grey(), torch.full((3,), factor)).render(CAMERA) for factor in (1.0, 2.0, 3.0)]
     torch.testing.assert_close(images[1]["albedo"], 2 * images[0]["albedo"])
     for name in ("direct", "indirect"):
@@ -39,18 +39,18 @@ def test_the_factor_of_albedo_doubles_what_is_diffuse() -> None:
         assert float((two - one).max()) > 0
 
 
-def test_under_its_own_light_it_is_shown_with_the_local_light_of_training() -> None:
+def test_images_under_the_recovered_light_have_the_local_light_of_training() -> None:
     assert trained(variant(relight_local_light=False)).prepare().render(CAMERA)["indirect"].any()
     assert not trained(variant(local_light="none")).prepare().render(CAMERA)["indirect"].any()
 
 
-def test_what_is_exported_is_the_surfels_in_common_terms_and_the_local_light(tmp_path: Path) -> None:
+def test_export_writes_the_surfels_and_the_local_light(tmp_path: Path) -> None:
     surfels, local = trained().export(tmp_path)
     torch.testing.assert_close(read_ply(surfels).albedo, ROOFED.albedo)
     np.testing.assert_array_equal(np.load(local), around(ROOFED, 0.2).numpy())
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(ROOFED)
     assert facts["labels"]["stage1"].startswith("shared")

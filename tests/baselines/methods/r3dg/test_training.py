@@ -1,4 +1,4 @@
-"""Stage 2 of R3DG: what its losses change and what they leave, and that it resumes bit for bit."""
+"""Stage 2 of R3DG: which parameters its losses change and which they do not, and that it resumes bit for bit."""
 
 from dataclasses import replace
 
@@ -10,10 +10,10 @@ from baselines.methods.r3dg.training import (
     BUDGET,
     CONSTANT,
     only,
-    placed,
     stage_of,
     tensors_of,
     variant,
+    with_values,
 )
 from known_ball import BALL, COLOUR, noise
 from radiogs_baselines.methods.r3dg.model import before_softplus
@@ -21,7 +21,7 @@ from radiogs_baselines.methods.r3dg.training import InverseRendering
 
 LEARNT = {"albedo_logit", "roughness_logit", "raw_environment", "local", "local_rest"}
 ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5))
-"""The ball, and above it a sheet that no camera sees; the last of the surfels."""
+"""The ball, and above it a sheet that no camera sees; the sheet is the last surfel."""
 
 Tensors = dict[str, torch.Tensor]
 
@@ -31,12 +31,12 @@ def changed(before: Tensors, after: Tensors) -> set[str]:
 
 
 def uneven(stage: InverseRendering) -> InverseRendering:
-    """Light, local light and materials that differ from place to place, so that every loss has something to do."""
+    """A stage whose light, local light and materials vary by position, so that every loss has a gradient."""
     tensors = tensors_of(stage)
     local = 0.3 + noise(tensors["local"], 0.2)
     rest = noise(tensors["local_rest"], 0.05)
     spread = {name: tensors[name] + noise(tensors[name], 0.5) for name in LEARNT - {"local", "local_rest"}}
-    return placed(stage, local=local, local_rest=rest, **spread)
+    return with_values(stage, local=local, local_rest=rest, **spread)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def uneven(stage: InverseRendering) -> InverseRendering:
         ("light_smoothness", {"raw_environment"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
     stage = uneven(stage_of(variant(materials=only(**{weight: 1.0}))))
     before = tensors_of(stage)
     for _ in range(2):
@@ -59,7 +59,7 @@ def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
     assert changed(before, tensors_of(stage)) == moved
 
 
-def test_geometry_radiance_and_visibility_stay_as_they_began() -> None:
+def test_geometry_radiance_and_visibility_do_not_change() -> None:
     stage = stage_of(surfels=ROOFED)
     before, table = tensors_of(stage), stage.table.state()
     for _ in range(6):
@@ -69,7 +69,7 @@ def test_geometry_radiance_and_visibility_stay_as_they_began() -> None:
     assert float(table["visibility"].min()) == 0, "the sheet shadows the ball's top"
 
 
-def test_retraced_directions_turn_so_many_surfels_a_step() -> None:
+def test_each_step_retraces_the_number_of_surfels_of_the_budget() -> None:
     stage = stage_of(variant(visibility="retraced"), ROOFED, replace(BUDGET, retraced_surfels=20))
     before = stage.table.state()["direction"]
     stage.step()
@@ -81,7 +81,7 @@ def test_retraced_directions_turn_so_many_surfels_a_step() -> None:
 
 @pytest.mark.parametrize(("mode", "moves"), [("free", True), ("gated", True), ("none", False)])
 def test_local_light_is_learnt_from_zero(mode: str, moves: bool) -> None:
-    """Also under the open sky's gate it is: the roof hides some of it."""
+    """Gated local light is learnt as well, because the roof hides part of the sky."""
     stage = stage_of(variant(local_light=mode, materials=only(absolute=1.0)), ROOFED)
     assert not tensors_of(stage)["local"].any()
     for _ in range(4):
@@ -90,7 +90,7 @@ def test_local_light_is_learnt_from_zero(mode: str, moves: bool) -> None:
     assert bool(tensors_of(stage)["local"].any()) == moves
 
 
-def test_local_light_of_a_surfel_without_shadow_is_not_learnt_where_it_is_gated() -> None:
+def test_gated_local_light_of_an_unshadowed_surfel_is_not_learnt() -> None:
     stage = stage_of(variant(local_light="gated", materials=only(absolute=1.0)), ROOFED)
     for _ in range(6):
         stage.step()
@@ -99,31 +99,31 @@ def test_local_light_of_a_surfel_without_shadow_is_not_learnt_where_it_is_gated(
     assert not tensors_of(stage)["local"][free].any()
 
 
-def test_the_priors_hold_coloured_local_light_down() -> None:
-    """Irradiance that differs by channel, or between neighbours, costs: local light gives way."""
+def test_the_priors_reduce_coloured_and_uneven_local_light() -> None:
+    """They penalise irradiance that differs between channels or neighbours."""
     colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
     for weight in ("light_prior", "irradiance_smoothness"):
         local = colour if weight == "light_prior" else colour * (1 + noise(colour, 1.0)[..., :1].clamp(-1, 1))
         learning = only(**{weight: 1.0})
         learning = replace(learning, rates=replace(learning.rates, light=0.0, local=0.005))
-        stage = placed(stage_of(variant(materials=learning)), local=local)
+        stage = with_values(stage_of(variant(materials=learning)), local=local)
         name = weight.replace("_", " ")
         losses = [stage.step()[name] for _ in range(24)]
         assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), weight
 
 
-def test_a_surfel_that_faces_away_still_counts_in_the_neutrality_of_light() -> None:
-    """Its light is part of the mean over all surfels, whichever view is looked at."""
+def test_the_neutrality_loss_includes_surfels_that_face_away() -> None:
+    """The loss averages over all surfels for every view."""
     learning = only(light_prior=1.0)
     colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
-    stage = placed(stage_of(variant(materials=learning)), local=colour)
+    stage = with_values(stage_of(variant(materials=learning)), local=colour)
     before = tensors_of(stage)["local"]
     stage.step()
     assert bool((tensors_of(stage)["local"] != before).any(-1).all())
 
 
-def test_local_rates_are_those_of_the_budget() -> None:
-    """Adam's first step is the rate itself."""
+def test_the_rates_of_local_light_have_the_factor_of_the_budget() -> None:
+    """Adam's first step equals the learning rate."""
     stage = stage_of(budget=replace(BUDGET, local_rate=3.0))
     stage.step()
     after = tensors_of(stage)
@@ -131,11 +131,11 @@ def test_local_rates_are_those_of_the_budget() -> None:
     assert float(after["local_rest"].abs().max()) == pytest.approx(3 * 0.0001, rel=0.01)
 
 
-def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+def test_materials_are_recovered_under_known_light_and_shape() -> None:
+    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
     still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.1, roughness=0.0))
     stage = stage_of(variant(materials=still, local_light="none"), budget=replace(BUDGET, incident_samples=64))
-    stage = placed(stage, raw_environment=before_softplus(torch.ones(8, 16, 3)))
+    stage = with_values(stage, raw_environment=before_softplus(torch.ones(8, 16, 3)))
     for _ in range(60):
         stage.step()
     surfels = stage.model.surfels

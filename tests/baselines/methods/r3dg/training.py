@@ -1,4 +1,4 @@
-"""Stage 2 of R3DG on a known ball, begun with surfels of one's own choice."""
+"""Stage 2 of R3DG on a known ball, starting from surfels that the test chooses."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,16 +20,16 @@ from radiogs_core.surfels.surfels import Surfels
 
 BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, incident_samples=16, light_height=8)
 CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
-"""No light is searched for."""
+"""Start values with a constant light, which needs no search."""
 
 
 def variant(**changes: Any) -> Variant:
-    """The full method from a constant light, with some fields turned."""
+    """The full method with a constant initial light and some fields changed."""
     return Variant(**{"materials": CONSTANT, **changes})
 
 
 def only(**weights: float) -> MaterialLearning:
-    """The losses with these weights; all others are left out."""
+    """Loss weights with these values; all other weights are zero."""
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
     return replace(CONSTANT, weights=MaterialWeights(**(none | weights)))
 
@@ -40,22 +40,22 @@ def run_of(turned: Variant | None = None, budget: Budget = BUDGET) -> Run:
 
 
 def product_of(surfels: Surfels) -> dict[str, Any]:
-    """What stage 1 hands on, had it learnt these surfels."""
+    """Product of stage 1 that contains these surfels."""
     tensors = surfels.parameters() | {"sh": surfels.sh[:, :1], "sh_rest": surfels.sh[:, 1:]}
     return {"optimiser": {"tensors": tensors}}
 
 
 def stage_of(turned: Variant | None = None, surfels: Surfels = BALL, budget: Budget = BUDGET) -> InverseRendering:
-    """Stage 2 at its beginning."""
+    """Stage 2 before its first step."""
     return InverseRendering(run_of(turned, budget), product_of(surfels))
 
 
 def tensors_of(stage: InverseRendering) -> dict[str, torch.Tensor]:
-    """A copy of everything that is learnt, by name."""
+    """A copy of all learnt tensors, by name."""
     return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
 
-def placed(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
+def with_values(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
     """The stage with some of its tensors replaced."""
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | tensors

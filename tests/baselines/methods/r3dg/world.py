@@ -1,4 +1,4 @@
-"""A trained R3DG model of a few sheets, and the middle pixel that a camera above them sees."""
+"""A trained R3DG model of a few sheets, and the middle pixel of a camera above them."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,11 +16,11 @@ from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
 
 NEAR = 1e-3 / SCENE.extent
-"""Rays start so near to their surfel that it alone is left out."""
+"""Start of rays so near to their surfel that they skip only this one."""
 
 
 def around(surfels: Surfels, radiance: float) -> Tensor:
-    """Harmonics of a local light that is the same from everywhere, at every surfel."""
+    """Harmonics of a constant local light for every surfel."""
     local = surfels.centre.new_zeros(len(surfels), COEFFICIENTS, 3)
     local[:, 0] = radiance / CONSTANT_BASIS
     return local
@@ -33,7 +33,7 @@ def trained(
     samples: int = 64,
     **turned: Any,
 ) -> TrainedR3DG:
-    """As if training had found them; ``turned``: fields of the variant."""
+    """A model with these surfels and a run, without training; ``turned``: changed fields of the variant."""
     variant = Variant(**{"ray_start": NEAR, "two_sided": False, **turned})
     budget = replace(PRESETS["smoke"], incident_samples=samples, relight_samples=samples)
     light = (light or grey()).radiance.to(surfels.centre)
@@ -43,7 +43,7 @@ def trained(
 
 
 def middle(shown: Prepared) -> dict[str, Tensor]:
-    """What the middle pixel of ``looking_down`` shows; radiance of its covered part."""
+    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
     maps = shown.render(looking_down(), "incident")
     seen = {name: values[1, 1] for name, values in maps.items()}
     return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident") if name in seen}

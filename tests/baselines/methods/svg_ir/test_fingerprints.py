@@ -1,4 +1,4 @@
-"""What makes SVG-IR itself, against closed forms: short hops, one ratio, forward shading, one bounce at kept hits."""
+"""The characteristic properties of SVG-IR against closed forms: hops, the ratio, vertex shading, and one bounce."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def test_an_occluder_within_a_hop_shadows_and_one_beyond_does_not(way: float, vi
     assert float(long.visibility[0]) == 0, "rays of full length meet both"
 
 
-def test_each_hit_is_the_beginning_of_another_hop() -> None:
+def test_each_hop_starts_at_the_last_hit() -> None:
     veils = [above(way, opacity=0.4) for way in (0.15, 0.3, 0.45)]
     assert float(first_ray(floor(), *veils).visibility[0]) == pytest.approx(0.6**3, rel=1e-3)
     assert float(first_ray(floor(), veils[0], veils[2]).visibility[0]) == pytest.approx(0.6, rel=1e-3)
@@ -37,24 +37,24 @@ def test_hits_within_the_gap_of_the_last_one_do_not_count() -> None:
 
 
 @pytest.mark.parametrize(("opacity", "visibility"), [(0.75, 0.25), (0.85, 0.0)])
-def test_less_than_a_fifth_of_the_light_is_none(opacity: float, visibility: float) -> None:
+def test_transmittance_below_02_gives_zero_visibility(opacity: float, visibility: float) -> None:
     found = first_ray(floor(), above(0.1, opacity=opacity))
     torch.testing.assert_close(found.visibility[0], torch.tensor([visibility]), rtol=1e-3, atol=0)
 
 
-def test_what_is_met_shines_by_its_harmonics_as_far_as_it_is_seen() -> None:
-    """0.5 of the first, 0.5 of a half of the second; and a bright one is kept at 10."""
+def test_hit_radiance_is_blended_by_transmittance_and_limited() -> None:
+    """0.5 of the first surfel, and 0.5 of a half of the second; bright radiance is limited to 10."""
     two = first_ray(floor(), above(0.1, opacity=0.5, radiance=0.6), above(0.2, opacity=0.5, radiance=2.0))
     torch.testing.assert_close(two.radiance[0, 0], torch.full((3,), 0.3 + 0.5), rtol=1e-3, atol=0)
     assert int(two.hit_surfel[0]) == 1
     assert float(first_ray(floor(), above(0.1, radiance=70.0)).radiance[0, 0, 0]) == 10
 
 
-def test_surfels_are_met_from_their_visible_side() -> None:
+def test_rays_hit_surfels_only_from_their_visible_side() -> None:
     assert float(first_ray(floor(), sheet(0.05)).visibility[0]) == 1
 
 
-def test_one_ratio_scales_all_kept_radiance_and_nothing_else() -> None:
+def test_the_ratio_scales_only_the_radiance_of_the_table() -> None:
     surfels = together(floor(), above(0.1, opacity=0.5, radiance=0.8))
     one, twice = own(surfels), own(surfels, ratio=2.0)
     for name in ("indirect", "incident"):
@@ -63,7 +63,7 @@ def test_one_ratio_scales_all_kept_radiance_and_nothing_else() -> None:
     assert torch.equal(twice["direct"], one["direct"])
 
 
-def test_direct_light_comes_only_as_far_as_it_is_seen() -> None:
+def test_direct_light_is_multiplied_by_visibility() -> None:
     veiled, free = own(together(floor(), above(0.05, opacity=0.3)), samples=1), own(floor(), samples=1)
     torch.testing.assert_close(veiled["direct"] / free["direct"], torch.full((3,), 0.7), rtol=1e-3, atol=0)
 
@@ -74,8 +74,9 @@ def tilted(degrees: float, opacity: float, albedo: float) -> Surfels:
 
 
 def test_surfels_are_shaded_before_they_are_blended() -> None:
-    """Two of them, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface sends out 1 + 2/3 n_z,
-    which is 1 + 1/3 for both; blended first, the pixel would show 1 + 2/3. The lobe goes in a difference of albedos."""
+    """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface reflects 1 + 2/3 n_z,
+    which is 1 + 1/3 for both; blended first, the pixel would show 1 + 2/3. The difference of albedos removes the lobe.
+    """
     sky = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
 
     def seen(first: float, second: float) -> torch.Tensor:
@@ -90,7 +91,7 @@ def test_surfels_are_shaded_before_they_are_blended() -> None:
 
 
 def test_vertices_are_shaded_with_their_own_albedo_and_normal() -> None:
-    """Black on the left, white on the right; and a normal that leans to the light sees more of it."""
+    """Black on the left and white on the right; a normal that leans to the light receives more of it."""
     model = model_of(floor(0.5, scale=0.002), grey())
     dark = model.vertex_albedo_logit.clone()
     dark[:, [0, 2]] = -20.0
@@ -107,9 +108,10 @@ def test_vertices_are_shaded_with_their_own_albedo_and_normal() -> None:
     assert torch.allclose(replace(model, vertex_offset=offset).normal[0, 0, 0], torch.tensor(0.5**0.5))
 
 
-def test_relit_indirect_light_is_one_bounce_at_the_kept_hit() -> None:
-    """Under light L from everywhere a sheet that sees all of it sends a L and its lobe, which goes in a difference of
-    albedos, whatever its opacity and what it sent before."""
+def test_relit_indirect_light_is_one_bounce_at_the_first_hit() -> None:
+    """Under a constant light L an unoccluded sheet reflects a L plus its lobe, which the difference of two albedos
+    removes, for any opacity and any trained radiance.
+    """
     light = grey(0.8)
     dark, bright = (relit(together(floor(), above(0.05, albedo=albedo)), light) for albedo in (0.2, 0.7))
     hit = dark.hit_surfel[0] == 1
@@ -121,15 +123,17 @@ def test_relit_indirect_light_is_one_bounce_at_the_kept_hit() -> None:
     assert torch.equal(other.radiance, bright.radiance)
 
 
-def test_what_is_met_is_shadowed_by_its_own_table() -> None:
-    """A floor without end hides the light from the sheet as far as hops reach: all rays but the grazing ones."""
+def test_a_hit_is_shadowed_by_the_table_of_its_surfel() -> None:
+    """An infinite floor hides the light from the sheet within a hop: all rays but the grazing ones."""
     open_sheet, hidden = (relit(together(floor(scale=scale), above(0.05)), grey()) for scale in (0.0005, 1e4))
     hit = hidden.hit_surfel[0] == 1
     assert bool((hidden.radiance[0, hit] < 0.2 * open_sheet.radiance[0, hit]).all())
 
 
-def test_what_is_met_has_the_material_of_its_own_place() -> None:
-    """The floor's ray meets a sheet of scale 0.1 at v = 0, |u| of its way sideways; vertices of albedo 0.2 and 0.8."""
+def test_a_hit_has_the_material_at_its_uv() -> None:
+    """The floor's ray hits a sheet of scale 0.1 at v = 0 and |u| equal to its sideways distance; vertices have albedo
+    0.2 and 0.8.
+    """
     surfels = together(floor(), sheet(0.05, DOWN, scale=0.1))
     model = model_of(surfels, grey())
     albedo = torch.full_like(model.albedo, 0.2)
@@ -151,8 +155,8 @@ def test_what_is_met_has_the_material_of_its_own_place() -> None:
     torch.testing.assert_close(found, torch.full((3,), 2 * cosine * expected), rtol=1e-4, atol=0)
 
 
-def test_the_ray_that_is_asked_is_the_occluded_one_next_to_the_mirror_image() -> None:
-    """The mirror image of the view lies so low that rays there pass below the sheet for longer than a hop."""
+def test_consistency_uses_the_occluded_ray_nearest_to_the_mirror_direction() -> None:
+    """The mirror direction of the view is so low that rays there pass below the sheet for longer than a hop."""
     surfels = together(floor(), above(0.15, opacity=0.9))
     table = table_of(surfels, walk(), 64, 0)
     eye = torch.tensor([10.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""SVG-IR's own loss in float64: a dense reference of the formulas, and central differences."""
+"""SVG-IR's consistency loss in float64 against a dense reference of the formulas and central differences."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,7 +23,7 @@ LEARNT = ("vertex_albedo_logit", "vertex_roughness_logit", "log_environment", "r
 
 @cache
 def fixed() -> tuple[Surfels, Table]:
-    """Two pieces of a floor under two sheets that are smaller than a hop is long."""
+    """Two pieces of a floor under two sheets, each smaller than a hop."""
     surfels = together(
         sheet(0.0, scale=0.05, dtype=F64),
         sheet(0.01, (0.1, 0.0, 0.995), scale=0.05, dtype=F64),
@@ -53,7 +53,7 @@ def loss(values: Values) -> Tensor:
 
 
 def differences(values: Values) -> Tensor:
-    """One bounce less kept radiance, ray by ray, from the formulas."""
+    """One-bounce radiance minus the table's radiance times the ratio, ray by ray, from the formulas."""
     surfels, table = fixed()
     found, apart = model(values), []
     for surfel, sample in zip(*mirrored(table, surfels, torch.arange(len(surfels)), EYE), strict=True):
@@ -75,7 +75,7 @@ def gradients(of: object) -> Values:
     return {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
 
 
-def test_consistency_and_its_gradients_are_those_of_the_formulas() -> None:
+def test_consistency_and_its_gradients_equal_the_formulas() -> None:
     def dense(values: Values) -> Tensor:
         return differences(values).abs().sum() / (3 * len(fixed()[0]))
 
@@ -88,14 +88,14 @@ def test_consistency_and_its_gradients_are_those_of_the_formulas() -> None:
         assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
 
 
-def test_gradients_of_consistency_are_those_of_finite_differences() -> None:
+def test_gradients_of_consistency_equal_central_differences() -> None:
     def signs(values: Values) -> object:
         return (differences(values) > 0).flatten().tolist()
 
     assert_gradients(lambda values: float(loss(values)), start(), gradients(loss), 1e-3, signs, directions=3)
 
 
-def test_kept_radiance_and_normals_have_no_gradient() -> None:
+def test_the_radiance_of_the_table_and_normals_have_no_gradient() -> None:
     surfels, table = fixed()
     sh = surfels.sh.clone().requires_grad_()
     bright = Surfels.of(surfels.parameters() | {"sh": sh})

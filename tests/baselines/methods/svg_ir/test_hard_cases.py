@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for SVG-IR, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for SVG-IR; test names contain the number of the case."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def assert_finite(maps: Maps) -> None:
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
-    """A floor of overlapping surfels that lie in a plane: all of the light arrives, and nothing else."""
+    """A floor of overlapping coplanar surfels receives all of the light and no indirect light."""
     coordinate = torch.arange(-6, 7) * 0.1
     x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
     centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
@@ -36,14 +36,14 @@ def test_case_24_a_plane_never_shadows_itself() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 64])
-def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(samples: int) -> None:
-    """Albedo enters linearly and exactly, however few rays there are."""
+def test_case_28_a_white_furnace_shows_the_albedo_plus_the_lobe(samples: int) -> None:
+    """Albedo enters linearly and exactly for any number of rays."""
     low, high = (own(floor(albedo), samples=samples)["direct"] for albedo in (0.2, 0.9))
     torch.testing.assert_close(high - low, torch.full((3,), 0.7), rtol=1e-5, atol=0)
 
 
 def test_case_40_vertex_normals_that_cancel_receive_no_light() -> None:
-    """An offset that takes the normal away altogether."""
+    """The offset cancels the surfel's normal."""
     model = model_of(sheet(0.0, scale=0.5), grey())
     none = replace(model, vertex_offset=-model.surfels.frame[:, None, :, 2].repeat(1, 4, 1))
     table = table_of(model.surfels, Walk(None, 0.0, 1.0, 0.2, 10.0), 16, 0)

@@ -1,4 +1,4 @@
-"""A trained SVG-IR model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained SVG-IR model: facts, relighting, and restoring from its tensors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from radiogs_core.scene.light import EnvironmentMap
 CAMERA = SCENE.test[0].camera
 
 
-def test_a_trained_model_comes_back_as_it_was_and_is_shown_with_the_table_of_training() -> None:
+def test_a_restored_model_is_unchanged_and_uses_the_table_of_training() -> None:
     stage = stage_of()
     for _ in range(3):
         stage.step()
@@ -32,8 +32,8 @@ def test_a_trained_model_comes_back_as_it_was_and_is_shown_with_the_table_of_tra
         assert torch.equal(getattr(table, name), getattr(stage.table, name)), name
 
 
-def test_the_factor_of_albedo_is_of_what_is_seen_and_of_what_is_met() -> None:
-    """Doubled twice over by the diffuse part; the lobes keep it below four."""
+def test_the_albedo_scale_applies_to_seen_surfaces_and_to_hits() -> None:
+    """The diffuse part is doubled twice; the lobes keep the factor below four."""
     twice = torch.full((3,), 2.0)
     plain, scaled = trained().prepare(grey()).render(CAMERA), trained().prepare(grey(), twice).render(CAMERA)
     torch.testing.assert_close(scaled["albedo"], 2 * plain["albedo"])
@@ -46,18 +46,18 @@ def test_the_factor_of_albedo_is_of_what_is_seen_and_of_what_is_met() -> None:
     assert not without["indirect"].any()
 
 
-def test_under_its_own_light_it_is_shown_with_the_indirect_light_of_training() -> None:
+def test_images_under_the_recovered_light_have_the_indirect_light_of_training() -> None:
     assert trained().prepare().render(CAMERA)["indirect"].any()
     assert not trained(variant(indirect=False)).prepare().render(CAMERA)["indirect"].any()
 
 
-def test_the_ratio_of_training_does_not_count_under_another_light() -> None:
+def test_the_ratio_is_not_used_in_relighting() -> None:
     model = model_of(ROOFED, grey(), ratio=3.0)
     found = SVG_IR_METHOD.restore(run_of(), model.tensors()).prepare(grey()).render(CAMERA)
     assert torch.equal(found["image"], trained().prepare(grey()).render(CAMERA)["image"])
 
 
-def test_a_new_light_is_reduced_to_its_rows_and_cut_off() -> None:
+def test_a_new_light_is_downsampled_and_limited() -> None:
     sun = EnvironmentMap(torch.zeros(64, 128, 3))
     sun.radiance[3, 5] = 40.0
     small = reduced(sun, 32)
@@ -69,7 +69,7 @@ def test_a_new_light_is_reduced_to_its_rows_and_cut_off() -> None:
     assert float(sharp.renderer.lit.environment.max()) == 4.0  # type: ignore[attr-defined]
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(ROOFED)
     assert facts["ratio"] == 1.0
@@ -84,7 +84,7 @@ def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
     assert "incident_samples" not in labels_of(Variant(), other, 1.0)["reduced"]
 
 
-def test_what_is_written_has_the_mean_material_of_the_vertices(tmp_path: Path) -> None:
+def test_exported_surfels_have_the_mean_material_of_their_vertices(tmp_path: Path) -> None:
     model = model_of(ROOFED, grey())
     logit = model.vertex_albedo_logit.clone()
     logit[:, 0] = 3.0

@@ -1,4 +1,4 @@
-"""Stage 2 of SVG-IR: what its losses change and what they leave, and that it resumes bit for bit."""
+"""Stage 2 of SVG-IR: which parameters its losses change and which they do not, and that it resumes bit for bit."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def test_no_camera_sees_the_sheet() -> None:
         assert not splat(view.camera, UNSEEN, {}, 1.0).touched[-1]
 
 
-def test_consistency_moves_materials_that_no_camera_sees_and_no_harmonics() -> None:
+def test_consistency_changes_unseen_materials_but_no_harmonics() -> None:
     stage = stage_of(variant(materials=only(consistency=1.0)))
     before = tensors_of(stage)
     for _ in range(4):
@@ -31,7 +31,7 @@ def test_consistency_moves_materials_that_no_camera_sees_and_no_harmonics() -> N
     assert {name for name in after if not torch.equal(after[name], before[name])} == MATERIALS | LIGHT
 
 
-def test_images_leave_materials_alone_that_no_camera_sees() -> None:
+def test_image_losses_do_not_change_unseen_materials() -> None:
     stage = stage_of(variant(materials=only(shaded=1.0)))
     before = tensors_of(stage)
     for _ in range(3):
@@ -42,8 +42,8 @@ def test_images_leave_materials_alone_that_no_camera_sees() -> None:
         assert not torch.equal(after[name], before[name]), name
 
 
-def test_consistency_fits_the_albedo_to_the_kept_radiance() -> None:
-    """A sheet that sends 0.4, kept so, under a light of 1 whose rays reach it from below alone."""
+def test_consistency_fits_the_albedo_to_the_radiance_of_the_table() -> None:
+    """A sheet whose radiance in the table is 0.4, under a light of 1 whose rays reach it only from below."""
     learning = only(consistency=1.0)
     still = replace(learning, rates=replace(learning.rates, light=0.0, ratio=0.0, roughness=0.0, albedo=0.1))
     stage = stage_of(variant(materials=still))
@@ -67,8 +67,8 @@ def test_consistency_fits_the_albedo_to_the_kept_radiance() -> None:
         ("light_smoothness", {"log_environment"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
-    """Of the smoothness of materials see below: the ball's are smooth."""
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
+    """The smoothness losses have their own test below, because the ball's materials are smooth."""
     stage = stage_of(variant(materials=only(**{weight: 1.0})))
     state = stage.state()
     generator = torch.Generator().manual_seed(0)
@@ -85,7 +85,7 @@ def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["albedo", "roughness"])
-def test_smoothness_evens_out_one_material(name: str) -> None:
+def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     raw, smooth = f"vertex_{name}_logit", only(**{f"{name}_smoothness": 1.0})
     stage = stage_of(variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05))))
     state = stage.state()
@@ -98,7 +98,7 @@ def test_smoothness_evens_out_one_material(name: str) -> None:
     assert torch.equal(tensors_of(stage)[other], tensors_of(stage_of())[other])
 
 
-def test_geometry_is_frozen_and_the_ratio_held_after_its_share() -> None:
+def test_geometry_is_frozen_and_the_ratio_is_frozen_after_its_share() -> None:
     stage = stage_of(variant(), budget=replace(BUDGET, inverse_iterations=60))
     start = tensors_of(stage)
     for _ in range(3):
@@ -115,13 +115,13 @@ def test_geometry_is_frozen_and_the_ratio_held_after_its_share() -> None:
         assert not torch.equal(after[name], start[name]), name
 
 
-def test_without_indirect_light_only_consistency_moves_the_ratio() -> None:
+def test_without_indirect_light_only_consistency_changes_the_ratio() -> None:
     stage = stage_of(variant(indirect=False, materials=only(shaded=1.0)))
     stage.step()
     assert float(tensors_of(stage)["ratio"]) == 1
 
 
-def test_constant_attributes_are_one_material_a_surfel() -> None:
+def test_constant_attributes_have_one_vertex_per_surfel() -> None:
     stage = stage_of(variant(attributes="constant"))
     for _ in range(2):
         stage.step()
@@ -129,7 +129,7 @@ def test_constant_attributes_are_one_material_a_surfel() -> None:
     assert stage_of().model.albedo.shape == (len(UNSEEN), 4, 3)
 
 
-def test_vertices_of_a_surfel_become_different() -> None:
+def test_training_makes_the_vertices_of_a_surfel_differ() -> None:
     stage = stage_of(variant(materials=only(shaded=1.0)))
     for _ in range(6):
         stage.step()
@@ -137,8 +137,8 @@ def test_vertices_of_a_surfel_become_different() -> None:
     assert float((albedo.amax(1) - albedo.amin(1)).max()) > 1e-3
 
 
-def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+def test_materials_are_recovered_under_known_light_and_shape() -> None:
+    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
     learning = only(shaded=1.0)
     still = replace(learning, rates=replace(learning.rates, light=0.0, albedo=0.1, roughness=0.0, ratio=0.0))
     stage = stage_of(variant(materials=still, hop=1e-3), budget=replace(BUDGET, incident_samples=32))

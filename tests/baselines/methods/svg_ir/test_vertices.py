@@ -1,4 +1,4 @@
-"""Attributes at vertices: bilinear in a surfel, blended exactly as the rasterizer blends, with gradient."""
+"""Attributes at vertices: bilinear within a surfel, blended exactly as the rasterizer does, with gradients."""
 
 import pytest
 import torch
@@ -21,14 +21,14 @@ def blended(camera: Camera, surfels: Surfels, attributes: torch.Tensor, distance
 
 
 def crowd(count: int = 200) -> Surfels:
-    """Surfels of all opacities, enough of them that pixels end early."""
+    """Surfels of all opacities, enough of them for pixels to stop early."""
     surfels = raw_surfels(count)
     return Surfels.of({name: value.double() for name, value in surfels.parameters().items()})
 
 
 @pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize("at_once", [64, 1 << 18])
-def test_alike_vertices_are_blended_as_the_rasterizer_does(
+def test_equal_vertices_give_the_image_of_the_rasterizer(
     count: int, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(vertices, "ENTRIES_AT_ONCE", at_once)
@@ -42,7 +42,7 @@ def test_alike_vertices_are_blended_as_the_rasterizer_does(
     torch.testing.assert_close(found, expected.features, rtol=1e-9, atol=1e-10)
 
 
-def test_weights_are_those_of_the_nearest_vertices() -> None:
+def test_bilinear_weights_at_and_beyond_the_vertices() -> None:
     corners = torch.tensor([[-1.5, -1.5], [1.5, -1.5], [-1.5, 1.5], [1.5, 1.5]])
     assert torch.equal(bilinear(corners, 1.5, 4), torch.eye(4))
     torch.testing.assert_close(bilinear(torch.tensor([0.75, 0.0]), 1.5, 4), torch.tensor([0.125, 0.375, 0.125, 0.375]))
@@ -50,9 +50,10 @@ def test_weights_are_those_of_the_nearest_vertices() -> None:
     assert torch.equal(bilinear(torch.tensor([0.4, 7.0]), 1.5, 1), torch.ones(1))
 
 
-def test_a_pixel_shows_what_lies_at_its_own_place_on_the_surfel() -> None:
-    """A sheet seen from one unit above: the pixel through (x, y) shows the bilinear function there, the widening of
-    the surfel by the pixel's footprint notwithstanding."""
+def test_a_pixel_shows_the_attributes_at_its_own_uv() -> None:
+    """A sheet seen from one unit above: the pixel through (x, y) shows the bilinear function there, although the surfel
+    is widened by the pixel's footprint.
+    """
     surfels = sheet(0.0, scale=0.5, dtype=F64)
     camera = looking_down(1.0, 9, F64)
     u, v = surfels.frame[0, :, 0], surfels.frame[0, :, 1]
@@ -69,8 +70,8 @@ def test_a_pixel_shows_what_lies_at_its_own_place_on_the_surfel() -> None:
     torch.testing.assert_close(found / alpha, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_gradients_are_those_of_finite_differences() -> None:
-    """To opacity through the pixel's own order of surfels, and to attributes."""
+def test_gradients_equal_central_differences() -> None:
+    """To opacity, in the pixel's order of surfels, and to attributes."""
     surfels = together(
         sheet(0.0, (0.1, 0.0, 0.995), 0.4, 0.6, dtype=F64), sheet(-0.2, scale=0.6, opacity=0.5, dtype=F64)
     )
@@ -94,12 +95,12 @@ def test_gradients_are_those_of_finite_differences() -> None:
 
 
 def _supports(surfels: Surfels, opacity_logit: torch.Tensor, camera: Camera) -> object:
-    """Which pixels each surfel reaches."""
+    """The pixels that each surfel reaches."""
     given = Surfels.of(surfels.parameters() | {"opacity_logit": opacity_logit})
     seen = [given.take(torch.tensor([k])) for k in range(len(given))]
     return [(blended(camera, one, torch.ones(1, 1, 1, dtype=F64)) > 0).flatten().tolist() for one in seen]
 
 
-def test_nothing_in_view_is_black() -> None:
+def test_an_empty_view_is_black() -> None:
     surfels = sheet(50.0)
     assert torch.equal(blended(looking_down(), surfels, torch.ones(1, 4, 3)), torch.zeros(3, 3, 3))

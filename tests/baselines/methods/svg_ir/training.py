@@ -1,4 +1,4 @@
-"""Stage 2 of SVG-IR on a known ball, begun with surfels of one's own choice."""
+"""Stage 2 of SVG-IR on a known ball, starting from surfels that the test chooses."""
 
 from dataclasses import replace
 from typing import Any
@@ -22,19 +22,19 @@ from radiogs_core.surfels.surfels import Surfels
 
 BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, incident_samples=16, consistency_surfels=10_000)
 CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
-"""No light is searched for."""
+"""Start values with a constant light, which needs no search."""
 
 UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
-"""The ball, and above it a sheet that no camera sees; the last of the surfels."""
+"""The ball, and above it a sheet that no camera sees; the sheet is the last surfel."""
 
 
 def variant(**changes: Any) -> Variant:
-    """The method from a constant light, with rays that reach the sheet, and some fields turned."""
+    """The method with a constant initial light, rays long enough to reach the sheet, and some fields changed."""
     return Variant(**{"materials": CONSTANT, "hop": None, **changes})
 
 
 def only(**weights: float) -> MaterialLearning:
-    """The losses with these weights; all others are left out."""
+    """Loss weights with these values; all other weights are zero."""
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
     return replace(CONSTANT, weights=MaterialWeights(**(none | {"absolute": 0.9, "similarity": 0.1} | weights)))
 
@@ -45,10 +45,10 @@ def run_of(turned: Variant | None = None, budget: Budget = BUDGET, scene: Any = 
 
 
 def stage_of(turned: Variant | None = None, surfels: Surfels = UNSEEN, budget: Budget = BUDGET) -> InverseRendering:
-    """Stage 2 at its beginning."""
+    """Stage 2 before its first step."""
     return InverseRendering(run_of(turned, budget), product_of(surfels))
 
 
 def tensors_of(stage: InverseRendering) -> dict[str, torch.Tensor]:
-    """A copy of everything that is learnt, by name."""
+    """A copy of all learnt tensors, by name."""
     return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}

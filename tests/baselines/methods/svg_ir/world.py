@@ -1,4 +1,4 @@
-"""A small floor and sheets above it, as SVG-IR traces, shades and shows them."""
+"""A small floor and sheets above it, traced, shaded and rendered by SVG-IR."""
 
 from typing import Any
 
@@ -15,31 +15,31 @@ from radiogs_core.surfels.surfels import Surfels
 HOP = 0.2
 DISTANCE = 1.5
 SMALL = 0.0005
-"""Scale of a floor that rays of a sheet above it miss."""
+"""Scale of a floor so small that rays of a sheet above it miss it."""
 
 
 def walk(**changes: Any) -> Walk:
-    """Hops of 0.2, as published, from just above the surfel."""
+    """Settings with hops of 0.2, as published, that start just above the surfel."""
     return Walk(**{"start": 1e-3, "gap": 1e-3, "hop": HOP, "opaque": 0.2, "radiance_limit": 10.0, **changes})
 
 
 def floor(albedo: float = 0.5, scale: float = SMALL) -> Surfels:
-    """At the origin."""
+    """A floor at the origin."""
     return sheet(0.0, scale=scale, albedo=albedo)
 
 
 def above(way: float, **looks: float) -> Surfels:
-    """A sheet that the floor's one ray of ``first_ray`` meets after ``way``: the ray leaves at 60 degrees."""
+    """A sheet that the floor's ray of ``first_ray`` hits at distance ``way``; the ray leaves at 60 degrees."""
     return sheet(way / 2, DOWN, **looks)
 
 
 def first_ray(*surfels: Surfels, **changes: Any) -> Table:
-    """One ray of each surfel."""
+    """Table with one ray of each surfel."""
     return table_of(together(*surfels), walk(**changes), 1, 0)
 
 
 def model_of(surfels: Surfels, light: EnvironmentMap, vertices: int = 4, ratio: float = 1.0) -> Model:
-    """Every vertex of the surfel's own material."""
+    """A model whose vertices all have their surfel's material."""
     return Model(
         surfels=surfels,
         cached=surfels,
@@ -52,7 +52,7 @@ def model_of(surfels: Surfels, light: EnvironmentMap, vertices: int = 4, ratio: 
 
 
 def shown(model: Model, table: Table, environment: Tensor, factor: Tensor | float) -> dict[str, Tensor]:
-    """The middle pixel of every map; radiance of its covered part."""
+    """The middle pixel of every map, divided by its coverage."""
     lit = Lit(environment, table, factor)
     renderer = Renderer(model, materials_of(model, model.albedo), lit, DISTANCE)
     seen = {name: values[1, 1] for name, values in renderer.render(looking_down(0.002)).items()}
@@ -60,13 +60,13 @@ def shown(model: Model, table: Table, environment: Tensor, factor: Tensor | floa
 
 
 def own(surfels: Surfels, ratio: float = 1.0, samples: int = 64, **changes: Any) -> dict[str, Tensor]:
-    """Under a recovered light of 1 from everywhere."""
+    """``shown`` under a recovered light of constant radiance 1."""
     model = model_of(surfels, grey(), ratio=ratio)
     return shown(model, table_of(surfels, walk(**changes), samples, 0), model.environment, model.ratio)
 
 
 def relit(surfels: Surfels, light: EnvironmentMap, samples: int = 64) -> Table:
-    """The table under another light."""
+    """The table under a new light."""
     model = model_of(surfels, grey())
     table = table_of(surfels, walk(), samples, 0)
     return table.with_radiance(bounced(materials_of(model, model.albedo), table, light.radiance, DISTANCE))

@@ -1,4 +1,4 @@
-"""What makes TensoIR TensoIR, against closed forms."""
+"""The characteristic properties of TensoIR against closed forms."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ UP = torch.tensor([[0.0, 0.0, 1.0]])
 
 
 def upward_ray(field: Field, height: float, samples: int, indirect: bool = True) -> tuple[float, torch.Tensor]:
-    """V and L_ind along one ray straight up from ``height`` over the origin."""
+    """V and L_ind along one ray straight up from ``height`` above the origin."""
     like = field.box.centre
     position, direction = torch.tensor([[0.0, 0.0, height]]).to(like), UP[:, None].to(like)
     found = arriving(field, position, direction, torch.ones(1, 1, dtype=torch.bool), samples, indirect)
@@ -53,8 +53,8 @@ def test_visibility_through_a_uniform_field_is_exp_of_minus_density_times_length
     torch.testing.assert_close(radiance, (0.5 * (1 - expected)).expand(3), rtol=1e-6, atol=0)
 
 
-def test_visibility_counts_a_slab_by_its_thickness_wherever_it_lies_on_the_ray() -> None:
-    """Trapezoids of the line's linear interpolation are in the slab's thickness: density itself is not linear."""
+def test_visibility_of_a_slab_depends_only_on_its_thickness() -> None:
+    """Density is 4 in the occupied cells from height 0.25 to 0.5; a slab behind the ray's origin has no effect."""
     box = whole_box(cells=16)
     slab = torch.zeros(16, 16, 16, dtype=torch.bool)
     slab[:, :, 10:12] = True  # heights 0.25 to 0.5
@@ -65,14 +65,14 @@ def test_visibility_counts_a_slab_by_its_thickness_wherever_it_lies_on_the_ray()
     assert upward_ray(field, 0.6, 100)[0] == 1.0, "the slab is behind"
 
 
-def test_geometry_beyond_the_rays_end_does_not_occlude() -> None:
+def test_geometry_beyond_the_end_of_a_ray_does_not_occlude() -> None:
     heights = torch.linspace(-1, 1, 65)
     roof = field_along_z(heights, torch.where(heights > 0.5, sum_of(300.0), EMPTY))
     assert upward_ray(roof, -0.4, 96)[0] < 1e-4
     assert upward_ray(roof, -0.55, 96)[0] == 1.0
 
 
-def test_a_camera_ray_is_covered_by_one_minus_exp_of_density_times_length() -> None:
+def test_coverage_of_a_camera_ray_is_one_minus_exp_of_density_times_length() -> None:
     heights = torch.linspace(-1, 1, 33, dtype=torch.float64)
     field = made_of(field_along_z(heights, torch.full_like(heights, sum_of(0.7))), radiance=0.25)
     rays = Rays(torch.tensor([[0.1, 0.2, 3.0]]).double(), -UP.double())
@@ -87,7 +87,7 @@ def test_a_camera_ray_is_covered_by_one_minus_exp_of_density_times_length() -> N
 
 
 def test_derived_normals_are_minus_the_normalised_gradient_of_a_known_density() -> None:
-    """Density grows with 3 x + 2 y z, which bilinear planes times linear lines hold exactly."""
+    """Density grows with 3 x + 2 y z, which bilinear planes times linear lines represent exactly."""
     field = random_field(grid_start=9)
     axis = torch.linspace(-1, 1, 9, dtype=torch.float64)
     planes, lines = (torch.zeros_like(field.parameters[f"density_{kind}"]) for kind in ("plane", "line"))
@@ -101,7 +101,7 @@ def test_derived_normals_are_minus_the_normalised_gradient_of_a_known_density() 
     torch.testing.assert_close(field.derived_normal(position), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_derived_normals_are_of_the_density_of_any_field() -> None:
+def test_derived_normals_equal_the_autograd_gradient_of_a_random_field() -> None:
     field = random_field()
     position = torch.rand(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) * 1.8 - 0.9
     position.requires_grad_()
@@ -110,7 +110,7 @@ def test_derived_normals_are_of_the_density_of_any_field() -> None:
     torch.testing.assert_close(field.derived_normal(position.detach()), expected, rtol=1e-7, atol=1e-9)
 
 
-def test_a_finer_grid_that_keeps_the_nodes_keeps_the_field() -> None:
+def test_a_finer_grid_with_the_old_nodes_does_not_change_the_field() -> None:
     field = random_field(grid_start=9)
     finer = field.finer(17)
     assert finer.size == 17
@@ -135,8 +135,8 @@ def test_factors_are_planes_times_lines_at_the_nodes() -> None:
 
 
 @pytest.mark.parametrize("sharpness", [0.0, 0.3, 8.0, -25.0])
-def test_the_integral_of_a_spherical_gaussian(sharpness: float) -> None:
-    """Against the sum over a fine map; a lobe of sharpness zero is constant."""
+def test_the_integral_of_a_spherical_gaussian_equals_the_sum_over_a_map(sharpness: float) -> None:
+    """A lobe of sharpness zero is constant."""
     raw = torch.tensor([[0.4, -1.0, 0.5, sharpness, 2.0, -0.5, 0.0]], dtype=torch.float64)
     light = SphericalGaussians(raw)
     rows = 256
@@ -153,7 +153,7 @@ def test_the_integral_of_a_spherical_gaussian(sharpness: float) -> None:
     torch.testing.assert_close(along[0], raw[0, 4:].abs())
 
 
-def test_the_light_starts_with_the_mean_it_is_told_and_white() -> None:
+def test_the_initial_light_is_white_with_the_given_mean() -> None:
     raw = light_start(32, LightStart(mean=0.7), torch.Generator().manual_seed(0))
     mean = SphericalGaussians(raw).integral() / (4 * torch.pi)
     torch.testing.assert_close(mean, torch.full((3,), 0.7))
@@ -161,7 +161,7 @@ def test_the_light_starts_with_the_mean_it_is_told_and_white() -> None:
 
 
 @pytest.mark.parametrize("random", [False, True])
-def test_directions_are_one_of_each_cell_of_the_sphere(random: bool) -> None:
+def test_there_is_one_direction_in_each_cell_of_the_sphere(random: bool) -> None:
     generator = torch.Generator().manual_seed(0) if random else None
     direction, area = stratified_directions(6, generator, UP)
     torch.testing.assert_close(float(area.sum()), 4 * torch.pi, rtol=1e-5, atol=0)
@@ -173,14 +173,14 @@ def test_directions_are_one_of_each_cell_of_the_sphere(random: bool) -> None:
 
 
 def points_up(position: list[float], albedo: float = 0.6) -> SurfacePoints:
-    """One point that faces up and is looked at from above."""
+    """One point that faces up, seen from above."""
     return SurfacePoints(
         ray=torch.zeros(1, dtype=torch.long), position=torch.tensor([position]), normal=UP,
         albedo=torch.full((1, 3), albedo), roughness=torch.full((1,), 0.99), outgoing=UP,
     )  # fmt: skip
 
 
-def test_a_point_in_constant_light_sends_its_albedo_and_the_lobe_s_share() -> None:
+def test_a_point_in_constant_light_reflects_its_albedo_plus_the_lobe() -> None:
     empty = floor_field(top=-2.0)
     light = RecoveredLight(constant_light(2.0), Variant(), 64, 8, displaced=False)
     generator = torch.Generator().manual_seed(0)
@@ -194,8 +194,8 @@ def test_a_point_in_constant_light_sends_its_albedo_and_the_lobe_s_share() -> No
     torch.testing.assert_close(bright - dark, torch.full((1, 3), 1.4), rtol=0.05, atol=0)
 
 
-def test_indirect_light_is_the_field_s_radiance_where_the_light_is_hidden() -> None:
-    """Below an opaque roof of radiance 0.3 that fills the hemisphere but for a rim, V = 0 and L_ind = 0.3."""
+def test_indirect_light_is_the_radiance_of_the_occluding_field() -> None:
+    """Below an opaque roof of radiance 0.3 that fills the hemisphere up to a rim, V = 0 and L_ind = 0.3."""
     heights = torch.linspace(-1, 1, 65)
     roof = made_of(field_along_z(heights, torch.where(heights > 0, sum_of(300.0), EMPTY)), radiance=0.3)
     visibility, radiance = upward_ray(roof, -0.3, 96)
@@ -205,7 +205,7 @@ def test_indirect_light_is_the_field_s_radiance_where_the_light_is_hidden() -> N
 
 
 def test_relighting_does_not_change_when_indirect_radiance_is_doubled() -> None:
-    """It is direct alone; under the recovered light the indirect part doubles with it."""
+    """Relighting has only direct light; under the recovered light the indirect part doubles."""
     dim = made_of(valley(), radiance=0.2, albedo=0.6)
     bright = made_of(dim, radiance=0.4)
     camera, light = looking_down(), grey()
@@ -223,7 +223,7 @@ def test_relighting_does_not_change_when_indirect_radiance_is_doubled() -> None:
     assert torch.equal(own[0]["direct"], own[1]["direct"])
 
 
-def test_density_in_the_way_shadows_new_light_and_the_recovered_one() -> None:
+def test_density_occludes_new_lights_and_the_recovered_light() -> None:
     camera = looking_down()
     valley_field = made_of(valley(), radiance=0.2, albedo=0.6)
     flat = made_of(floor_field(top=-0.5), radiance=0.2, albedo=0.6)
@@ -244,7 +244,7 @@ def test_density_in_the_way_shadows_new_light_and_the_recovered_one() -> None:
 
 
 def valley() -> Field:
-    """A floor at height -0.5, and solid walls on it where |x| > 0.4; the camera looks between them."""
+    """A floor at height -0.5 with solid walls where |x| > 0.4; the camera looks between them."""
     floor = floor_field(top=-0.5)
     planes, lines = (floor.parameters[f"density_{kind}"].clone() for kind in ("plane", "line"))
     heights = torch.linspace(-1, 1, 65)

@@ -1,4 +1,4 @@
-"""Gradients in float64 against central differences, and where there are none."""
+"""Gradients in float64 against central differences, and parameters without gradient."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ def rays(count: int = 6) -> Rays:
 
 
 def parameters() -> dict[str, Tensor]:
-    """Those of a field solid enough for surface points, and a light."""
+    """Parameters of a field dense enough for surface points, and of a light."""
     field = random_field(box=whole_box(dtype=torch.float64))
     light = light_start(4, LightStart(), torch.Generator().manual_seed(0)).double()
     grids = dict(field.parameters)
@@ -45,7 +45,7 @@ def losses_of(tensors: dict[str, Tensor], variant: Variant, some: Rays) -> dict[
 
 
 def check(function: Callable[[dict[str, Tensor]], Tensor], tensors: dict[str, Tensor], names: list[str]) -> None:
-    """Along a random direction of each tensor."""
+    """Compare gradients with central differences along a random direction of each tensor."""
     leaves = {name: value.clone().requires_grad_() for name, value in tensors.items()}
     function(leaves).backward()
     for name in names:
@@ -63,24 +63,24 @@ def check(function: Callable[[dict[str, Tensor]], Tensor], tensors: dict[str, Te
 FIELD = ["density_plane", "density_line", "appearance_plane", "appearance_line", "basis"]
 
 
-def test_marched_pixels_have_the_gradient_of_central_differences() -> None:
+def test_gradients_of_marched_pixels_equal_central_differences() -> None:
     names = [*FIELD, "radiance_weight_0", "radiance_bias_1", "radiance_weight_2"]
     check(lambda tensors: losses_of(tensors, Variant(), rays())["radiance"], parameters(), names)
 
 
-def test_tied_normals_have_the_gradient_of_central_differences() -> None:
-    """Into the network and, through the slopes of the factors, into the density."""
+def test_gradients_of_the_normal_losses_equal_central_differences() -> None:
+    """They reach the network and, through the slopes of the factors, the density."""
     names = [*FIELD, "normal_weight_0", "normal_bias_2"]
     check(lambda tensors: losses_of(tensors, Variant(), rays())["normal difference"], parameters(), names)
 
 
 @pytest.mark.parametrize("loss", ["albedo smoothness", "roughness smoothness"])
-def test_smoothness_has_the_gradient_of_central_differences(loss: str) -> None:
+def test_gradients_of_the_smoothness_losses_equal_central_differences(loss: str) -> None:
     check(lambda tensors: losses_of(tensors, Variant(), rays())[loss], parameters(), [*FIELD, "brdf_weight_1"])
 
 
-def test_shaded_pixels_have_the_gradient_of_central_differences_but_through_secondary_rays() -> None:
-    """Without visibility and indirect light nothing is cut off: density acts through blended materials."""
+def test_gradients_of_shaded_pixels_equal_central_differences() -> None:
+    """Without visibility and indirect light, whose rays have no gradient; density acts through blended materials."""
     variant = Variant(visibility=False, indirect=False)
     names = [*FIELD, "brdf_weight_0", "brdf_bias_2", "normal_weight_1", LIGHT]
     check(lambda tensors: losses_of(tensors, variant, rays())["shaded"], parameters(), names)
@@ -89,7 +89,7 @@ def test_shaded_pixels_have_the_gradient_of_central_differences_but_through_seco
 
 
 def test_secondary_rays_have_no_gradient() -> None:
-    """The radiance network acts on shaded pixels through L_ind alone: it gets none, and still changes them."""
+    """The radiance network acts on shaded pixels only through L_ind: it gets no gradient, although it changes them."""
     leaves = {name: value.clone().requires_grad_() for name, value in parameters().items()}
     losses_of(leaves, Variant(), rays())["shaded"].backward()
     assert all(leaves[name].grad is None for name in leaves if name.startswith("radiance"))
@@ -98,7 +98,7 @@ def test_secondary_rays_have_no_gradient() -> None:
     assert losses_of(brighter, Variant(), rays())["shaded"] != losses_of(parameters(), Variant(), rays())["shaded"]
 
 
-def test_derived_normals_shade_with_gradient_to_density() -> None:
+def test_shading_with_derived_normals_has_gradient_to_density() -> None:
     variant = Variant(normals="derived", visibility=False, indirect=False)
     check(
         lambda tensors: losses_of(tensors, variant, rays())["shaded"], parameters(), ["density_plane", "density_line"]
@@ -106,8 +106,8 @@ def test_derived_normals_shade_with_gradient_to_density() -> None:
     assert "normal difference" not in losses_of(parameters(), variant, rays())
 
 
-def test_weights_are_those_of_a_loop_over_each_ray() -> None:
-    """T_k alpha_k by hand, in a box half of whose cells are empty."""
+def test_weights_equal_a_loop_over_each_ray() -> None:
+    """T_k alpha_k from the formula, in a box with half of its cells empty."""
     box = whole_box(dtype=torch.float64)
     box = box.narrowed(torch.rand(box.occupied.shape, generator=torch.Generator().manual_seed(0)) > 0.5)
     field = Field(box, {name: value for name, value in parameters().items() if name != LIGHT})

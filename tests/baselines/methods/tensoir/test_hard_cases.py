@@ -1,4 +1,4 @@
-"""Hard cases of ``hard_cases.catalogue`` for TensoIR, each with its number there."""
+"""Hard cases of ``hard_cases.catalogue`` for TensoIR; test names contain the number of the case."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def test_case_22_images_of_any_shape(shape: tuple[int, int]) -> None:
 
 @pytest.mark.parametrize("exponent", [-10, 10])
 def test_case_19_the_world_may_have_any_scale(exponent: int) -> None:
-    """Everything inside is local to the box: powers of two change nothing but depth."""
+    """All values are local to the box: powers of two change only the depth."""
     scale = 2.0**exponent
     camera = looking_down()
     matrix = camera.camera_to_world.clone()
@@ -66,8 +66,8 @@ def test_case_19_the_world_may_have_any_scale(exponent: int) -> None:
     assert float(one["depth"][1, 1]) == pytest.approx(1.4, abs=0.03)
 
 
-def test_a_camera_inside_of_the_box_sees_what_is_before_it() -> None:
-    """From 0.9, from a hair above the floor, and from within it: there the first sample is solid."""
+def test_a_camera_inside_the_box_sees_the_floor_in_front_of_it() -> None:
+    """From 0.9, from just above the floor, and from inside it, where the first sample is solid."""
     for height in (0.9, -0.4):
         maps = shown(FLOOR, looking_down(height))
         assert_finite(maps)
@@ -83,7 +83,7 @@ def test_a_camera_inside_of_the_box_sees_what_is_before_it() -> None:
 
 
 def test_rays_along_the_axes_and_on_the_faces_of_the_box_are_marched() -> None:
-    """A direction with zeros divides by them."""
+    """Their directions have zero components, by which the intersection divides."""
     for origin, direction in (((0.0, 0.0, 3.0), (0.0, 0.0, -1.0)), ((1.0, 0.0, 3.0), (0.0, 0.0, -1.0))):
         marched = march(FLOOR, Rays(torch.tensor([origin]), torch.tensor([direction])))
         assert bool(torch.isfinite(marched.weight).all())
@@ -95,7 +95,7 @@ def test_rays_along_the_axes_and_on_the_faces_of_the_box_are_marched() -> None:
     assert float(past.alpha) == 0.0
 
 
-def test_case_33_a_black_light_is_black_a_sun_finite_and_a_broken_texel_named() -> None:
+def test_case_33_black_light_sun_and_broken_texel() -> None:
     black = shown(FLOOR, looking_down(), grey(0.0))
     assert not black["image"].any()
     assert bool(black["alpha"].any())
@@ -119,7 +119,7 @@ def test_case_33_a_black_recovered_light_has_finite_gradients() -> None:
 
 
 def test_case_40_blended_normals_that_cancel_receive_no_light() -> None:
-    """A network that says zero everywhere."""
+    """The network predicts zero normals everywhere."""
     parameters = dict(FLOOR.parameters)
     parameters["normal_bias_2"] = torch.zeros_like(parameters["normal_bias_2"])
     maps = shown(Field(FLOOR.box, parameters), looking_down())
@@ -128,7 +128,7 @@ def test_case_40_blended_normals_that_cancel_receive_no_light() -> None:
     assert not maps["normal"].any()
 
 
-def test_case_44_the_same_seed_gives_the_same() -> None:
+def test_case_44_the_same_seed_gives_the_same_model() -> None:
     from radiogs_baselines.methods.tensoir.training import RadianceField
 
     def learnt() -> dict[str, Tensor]:

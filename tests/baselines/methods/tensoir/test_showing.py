@@ -1,4 +1,4 @@
-"""A trained TensoIR model as the harness sees it: its facts, relighting, and how it comes back."""
+"""Rendering of a trained TensoIR model: facts, relighting, and restoring from its tensors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from radiogs_core.scene.light import texel_directions
 CAMERA = looking_down(size=5)
 
 
-def test_maps_show_the_floor_as_it_is() -> None:
+def test_maps_have_the_known_values_of_the_floor() -> None:
     maps = trained().prepare().render(CAMERA)
     whole = (CAMERA.height, CAMERA.width)
     torch.testing.assert_close(maps["alpha"], torch.ones(*whole, 1), rtol=1e-3, atol=0)
@@ -32,7 +32,7 @@ def test_maps_show_the_floor_as_it_is() -> None:
     torch.testing.assert_close(wide["depth"], torch.full((*whole, 1), 1.4), rtol=0, atol=0.03)
 
 
-def test_the_image_is_the_field_s_own_or_shaded() -> None:
+def test_the_image_is_the_radiance_field_or_shaded() -> None:
     field = trained().prepare().render(CAMERA)
     torch.testing.assert_close(field["image"], srgb_encode(torch.full_like(field["image"], 0.3)), rtol=0, atol=2e-3)
     shaded = trained(Variant(shown="shaded")).prepare().render(CAMERA)
@@ -44,7 +44,7 @@ def test_the_image_is_the_field_s_own_or_shaded() -> None:
     torch.testing.assert_close(middle, torch.full((3,), 0.8 * (0.4 + 0.0262)), rtol=2e-3, atol=0)
 
 
-def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:
+def test_a_view_does_not_depend_on_views_rendered_before() -> None:
     light = grey()
     light.radiance[2, 3] = 5.0
     shown = trained().prepare(light)
@@ -53,7 +53,7 @@ def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:
     assert torch.equal(shown.render(CAMERA)["image"], first)
 
 
-def test_the_factor_of_albedo_is_of_what_is_seen() -> None:
+def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
     twice = torch.full((3,), 2.0)
     plain, scaled = (trained().prepare(grey(), factor).render(CAMERA) for factor in (None, twice))
     torch.testing.assert_close(scaled["albedo"], 2 * plain["albedo"])
@@ -64,7 +64,7 @@ def test_the_factor_of_albedo_is_of_what_is_seen() -> None:
     assert bool((lobe < gain).all())
 
 
-def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
+def test_the_recovered_light_and_the_model_are_restored_unchanged() -> None:
     raw = torch.randn(5, 7)
     found = TENSOIR_METHOD.restore(run_of(), Model(FLOOR, SphericalGaussians(raw)).tensors())
     assert all(torch.equal(FLOOR.parameters[name], value) for name, value in found.model.field.parameters.items())
@@ -74,7 +74,7 @@ def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
     torch.testing.assert_close(environment.radiance, SphericalGaussians(raw).radiance(direction))
 
 
-def test_the_field_is_exported_whole(tmp_path: Path) -> None:
+def test_export_writes_all_parameters_and_the_box(tmp_path: Path) -> None:
     (path,) = trained().export(tmp_path)
     with np.load(path) as stored:
         assert set(stored) == {*FLOOR.parameters, "box_centre", "box_radius", "box_occupied"}
@@ -83,7 +83,7 @@ def test_the_field_is_exported_whole(tmp_path: Path) -> None:
         assert float(stored["box_radius"]) == FLOOR.box.radius
 
 
-def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["grid"] == FLOOR.size
     assert facts["parameters"] == sum(value.numel() for value in FLOOR.parameters.values()) + 7

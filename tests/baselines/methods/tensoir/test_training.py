@@ -1,4 +1,4 @@
-"""Both stages of TensoIR: what they learn, their schedule, and that they resume bit for bit."""
+"""Both stages of TensoIR: losses, schedule, and resuming bit for bit."""
 
 from dataclasses import replace
 from typing import Any
@@ -33,7 +33,7 @@ def tensors_of(stage: RadianceField | InverseRendering) -> dict[str, torch.Tenso
     return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
 
-def test_the_radiance_field_comes_to_show_the_images() -> None:
+def test_the_radiance_field_learns_the_images() -> None:
     budget = replace(BUDGET, field_iterations=200, rays=128)
     stage = RadianceField(run_of(budget=budget), {})
     before = tensors_of(stage)
@@ -58,8 +58,8 @@ def test_resuming_the_radiance_field_changes_no_bit() -> None:
 
 
 @pytest.mark.parametrize("at", [3, 8])
-def test_resuming_inverse_rendering_changes_no_bit_whichever_grid_it_is_on(at: int) -> None:
-    """Of 40 steps the grid becomes finer at 0, 6, 11 and 17, and cells are emptied at 0, 3, 6, 9, 11 and 14."""
+def test_resuming_inverse_rendering_changes_no_bit_on_any_grid(at: int) -> None:
+    """In 40 steps the grid becomes finer at 0, 6, 11 and 17, and cells are emptied at 0, 3, 6, 9, 11 and 14."""
     before = solid_product(where=0.0)
     whole = InverseRendering(run_of(), before)
     for step in range(13):
@@ -78,7 +78,7 @@ def test_resuming_inverse_rendering_changes_no_bit_whichever_grid_it_is_on(at: i
     assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
 
 
-def test_the_grid_becomes_finer_when_the_schedule_says_and_rates_start_anew() -> None:
+def test_the_grid_becomes_finer_on_schedule_and_rates_restart() -> None:
     stage = InverseRendering(run_of(), field_product())
     sizes, since = [], []
     for _ in range(20):
@@ -90,7 +90,7 @@ def test_the_grid_becomes_finer_when_the_schedule_says_and_rates_start_anew() ->
     assert since == [*range(1, 7), *range(1, 6), *range(1, 7), 1, 2, 3]
 
 
-def test_rates_fall_to_their_end_over_both_stages() -> None:
+def test_rates_decay_to_their_end_over_both_stages() -> None:
     rates = Learning().rates
     optimiser = Optimiser({"density_line": torch.zeros(1), LIGHT: torch.zeros(1)}, rates, 3.0, 10)
     optimiser.since = 10
@@ -102,7 +102,7 @@ def test_rates_fall_to_their_end_over_both_stages() -> None:
     torch.testing.assert_close(float(optimiser.tensors[LIGHT].detach()), -0.1 * rates.network * 3, rtol=1e-4, atol=0)
 
 
-def test_cells_without_density_are_left_out_and_stay_out() -> None:
+def test_cells_without_density_are_emptied_and_stay_empty() -> None:
     stage = InverseRendering(run_of(), field_product())
     with torch.no_grad():
         stage.optimiser.tensors["density_plane"].fill_(-30.0)
@@ -124,7 +124,7 @@ def test_cells_without_density_are_left_out_and_stay_out() -> None:
         ("sparsity", {"density"}),
     ],
 )
-def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
     none = dict.fromkeys(InverseWeights.__dataclass_fields__, 0.0)
     learning = Learning(inverse=InverseWeights(**(none | {weight: 1.0})), schedule=Schedule((), ()))
     stage = InverseRendering(run_of(Variant(learning=learning)), solid_product())
@@ -136,7 +136,7 @@ def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
 
 
 def solid_product(where: float = -1.0) -> dict[str, Any]:
-    """A field that is dense where x > ``where``: every ray that meets that part ends at a surface point."""
+    """Product of stage 1 with a field that is dense where x > ``where``: every ray there ends at a surface."""
     product = field_product()
     parameters = {name: value.clone() for name, value in product["parameters"].items()}
     dense = torch.linspace(-1, 1, parameters["density_plane"].shape[1])[:, None] >= where
@@ -145,8 +145,8 @@ def solid_product(where: float = -1.0) -> dict[str, Any]:
     return product | {"parameters": parameters}
 
 
-def test_radiance_is_display_values_at_first_and_linear_later() -> None:
-    """A dense field that sends 0.25 everywhere has no error where pixels show that; encoded, in the second stage."""
+def test_radiance_is_display_values_in_stage_1_and_linear_in_stage_2() -> None:
+    """A dense field of radiance 0.25 has no error if pixels show 0.25; in stage 2, if they show its sRGB value."""
     parameters = dict(solid_product()["parameters"])
     parameters["radiance_weight_2"] = torch.zeros_like(parameters["radiance_weight_2"])
     parameters["radiance_bias_2"] = torch.logit(torch.full((3,), 0.25))
@@ -161,13 +161,13 @@ def test_radiance_is_display_values_at_first_and_linear_later() -> None:
 
 
 def radiance_loss(stage: RadianceField | InverseRendering, shown: float) -> float:
-    """Of rays through the middle of the box to pixels that show one value."""
+    """Radiance loss of rays through the middle of the box to pixels of one value."""
     towards = torch.nn.functional.normalize(torch.randn(20, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
     batch = RayBatch(Rays(-3 * towards, towards), torch.full((20, 3), shown), torch.zeros(20, 1))
     return float(stage.losses(batch)["radiance"].detach())
 
 
-def test_indirect_light_and_visibility_are_left_out_by_their_fields() -> None:
+def test_the_variant_switches_off_indirect_light_and_visibility() -> None:
     shaded = {}
     for name, variant in (
         ("full", Variant()), ("no indirect", Variant(indirect=False)), ("no visibility", Variant(visibility=False)),
@@ -178,7 +178,7 @@ def test_indirect_light_and_visibility_are_left_out_by_their_fields() -> None:
     assert len(set(shaded.values())) == 4
 
 
-def test_the_box_holds_the_ball_and_little_else() -> None:
+def test_the_box_fits_the_ball_closely() -> None:
     box = box_of(SCENE, load(SCENE.train, CPU), 24)
     assert 1.0 < box.radius < 1.5
     position = box.centre + box.radius * cell_centres(24)
@@ -190,7 +190,7 @@ def test_the_box_holds_the_ball_and_little_else() -> None:
     assert not box.holds(torch.tensor([[1.01, 0.0, 0.0], [0.0, -1.01, 0.0]])).any()
 
 
-def test_silhouettes_that_contradict_each_other_are_refused() -> None:
+def test_contradictory_silhouettes_are_refused() -> None:
     def blank(view: View) -> View:
         return View(view.name, view.camera, {**view.sources, "alpha": lambda: torch.zeros_like(view.read("alpha"))})
 
@@ -199,7 +199,7 @@ def test_silhouettes_that_contradict_each_other_are_refused() -> None:
         box_of(scene, load(scene.train, CPU), 16)
 
 
-def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+def test_training_reads_no_field_outside_its_key() -> None:
     field, invert = TENSOIR_METHOD.stages(Variant(), BUDGET)
     shown = Variant(shown="shaded", relight_visibility=False)
     less = replace(BUDGET, relight_samples=1)
@@ -224,13 +224,13 @@ def test_training_reads_nothing_that_its_key_leaves_out() -> None:
         ({"learning": Learning(schedule=Schedule(emptied_at=(-0.1,)))}, "emptied_at"),
     ],
 )
-def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, Any], named: str) -> None:
+def test_an_invalid_variant_is_refused(wrong: dict[str, Any], named: str) -> None:
     with pytest.raises(UsageError, match=named):
         Variant(**wrong)
 
 
-def test_white_and_empty_are_told_apart_by_the_background_of_the_second_stage() -> None:
-    """Pixels of no coverage show whatever is drawn; on white they always show white."""
+def test_random_backgrounds_distinguish_white_from_empty() -> None:
+    """Uncovered pixels show the drawn background; a white background is always white."""
     first = RadianceField(run_of(), {})
     random = InverseRendering(run_of(), first.product())
     white = InverseRendering(run_of(Variant(background="white")), first.product())

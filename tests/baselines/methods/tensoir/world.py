@@ -1,4 +1,4 @@
-"""Fields whose density and radiance are known, written into factors by hand; small cameras and runs."""
+"""Fields with known density and radiance, with factors written by hand; small cameras and runs."""
 
 from dataclasses import replace
 from typing import Any
@@ -23,19 +23,19 @@ EMPTY = -100.0
 
 
 def whole_box(cells: int = 4, radius: float = 1.0, dtype: torch.dtype = torch.float32) -> Box:
-    """A cube about the origin that may hold something everywhere."""
+    """A cube about the origin whose cells are all occupied."""
     return Box(torch.zeros(3, dtype=dtype), radius, torch.ones(cells, cells, cells, dtype=torch.bool))
 
 
 def random_field(dtype: torch.dtype = torch.float64, seed: int = 0, box: Box | None = None, **budget: Any) -> Field:
-    """Random factors, as large as those of a learnt field, and random networks."""
+    """Random factors as large as those of a learnt field, and random networks."""
     start = field_start(box or whole_box(dtype=dtype), replace(SMOKE, **budget), torch.Generator().manual_seed(seed))
     scaled = {name: value.to(dtype) * (10 if "plane" in name else 5) for name, value in start.parameters.items()}
     return Field(start.box, scaled)
 
 
 def field_along_z(heights: Tensor, sums: Tensor, box: Box | None = None) -> Field:
-    """A field whose sum of factors is ``sums`` at the nodes ``heights`` (all of a regular grid over [-1, 1])."""
+    """A field whose sum of factors is ``sums`` at the nodes ``heights`` (all nodes of a regular grid over [-1, 1])."""
     size = len(heights)
     field = random_field(heights.dtype, grid_start=size, box=box or whole_box(dtype=heights.dtype))
     planes = torch.zeros_like(field.parameters["density_plane"])
@@ -46,19 +46,19 @@ def field_along_z(heights: Tensor, sums: Tensor, box: Box | None = None) -> Fiel
 
 
 def sum_of(density: float) -> float:
-    """The sum of factors whose density it is."""
+    """The sum of factors that gives this density."""
     share = density / (DENSITY_SCALE * UNITS)
     return float(torch.tensor(share, dtype=torch.float64).expm1().log()) - DENSITY_SHIFT
 
 
 def floor_field(density: float = 300.0, top: float = 0.0, size: int = 65, dtype: torch.dtype = torch.float32) -> Field:
-    """Solid up to ``top``, a node of the grid, and empty above."""
+    """A field that is solid up to ``top``, a node of the grid, and empty above."""
     heights = torch.linspace(-1, 1, size, dtype=dtype)
     return field_along_z(heights, torch.where(heights <= top, sum_of(density), EMPTY).to(dtype))
 
 
 def made_of(field: Field, radiance: float | None = None, albedo: float | None = None, upward: bool = False) -> Field:
-    """The field whose networks say the same everywhere: radiance, albedo, and roughness 0.54; normals of +z."""
+    """The field with constant network outputs: radiance, albedo, roughness 0.54, and normals +z."""
     changed = dict(field.parameters)
     for name, value in (("radiance", radiance), ("brdf", albedo)):
         if value is not None:
@@ -73,7 +73,7 @@ def made_of(field: Field, radiance: float | None = None, albedo: float | None = 
 
 
 def looking_down(height: float = 0.9, size: int = 3) -> Camera:
-    """A camera above the origin, whose middle pixel looks straight down."""
+    """A camera above the origin whose middle pixel looks straight down."""
     matrix = torch.eye(4)
     matrix[:3, :3] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
     matrix[2, 3] = height
@@ -81,12 +81,12 @@ def looking_down(height: float = 0.9, size: int = 3) -> Camera:
 
 
 def grey(radiance: float = 1.0, rows: int = 8) -> EnvironmentMap:
-    """The same light from everywhere."""
+    """A light of constant grey radiance."""
     return EnvironmentMap(torch.full((rows, 2 * rows, 3), radiance))
 
 
 def constant_light(radiance: float = 1.0, dtype: torch.dtype = torch.float32) -> SphericalGaussians:
-    """The same light from everywhere, as one lobe of sharpness zero."""
+    """A light of constant radiance, as one lobe of sharpness zero."""
     return SphericalGaussians(torch.tensor([[0.0, 0.0, 1.0, 0.0, radiance, radiance, radiance]], dtype=dtype))
 
 
@@ -96,5 +96,5 @@ def run_of(variant: Variant | None = None, budget: Budget = BUDGET) -> Run:
 
 
 def model_of(field: Field, radiance: float = 1.0) -> Model:
-    """The field in the same light from everywhere."""
+    """The field with a light of constant radiance."""
     return Model(field, constant_light(radiance))
