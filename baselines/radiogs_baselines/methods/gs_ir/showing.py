@@ -89,7 +89,7 @@ class _AsTrained:
 
 
 class _Relit:
-    """``albedo`` is given apart, because relighting scales it."""
+    """``albedo`` (linear) may differ from the model's: relighting scales it."""
 
     def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, straight: bool) -> None:
         self.model, self.albedo, self.light, self.straight = model, albedo, light, straight

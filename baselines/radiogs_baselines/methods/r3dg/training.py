@@ -188,7 +188,7 @@ class Lit:
     """Radiance and irradiance of every surfel, linear RGB."""
 
     radiance: Float[Tensor, "surfels 3"]
-    """Radiance towards the camera; zero for surfels seen from behind."""
+    """Radiance towards the camera; zero for surfels that face away."""
     irradiance: Float[Tensor, "surfels 3"]
     """E = sum_i w_i L_i (n.w_i), for surfels on both sides."""
 

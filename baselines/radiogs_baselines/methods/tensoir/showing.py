@@ -214,7 +214,7 @@ def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
     """Differences from the published method, by name."""
     labels = {
         "geometry": "a field of its own, no surfels",
-        "box": "the cube of what the silhouettes allow, whose other cells are empty (published: the learnt density's)",
+        "box": "the cube around the cells inside all silhouettes (published: around the learnt density)",
         "nvs": _shown(variant),
         "background": "random greys in stage 2 (published: white)"
         if variant.background == "random-later"

@@ -156,7 +156,7 @@ def test_corners_ahead_count_by_their_normalised_trilinear_weights() -> None:
 
 
 def test_a_point_is_read_half_a_cell_ahead() -> None:
-    """A floor reads the first layer of corners beyond half a cell (0.0875) ahead; the layer changes at height 0.0125."""
+    """A floor reads the first layer of corners beyond half a cell (0.0875) ahead; it changes at height 0.0125."""
     layers = OcclusionVolume(LATTICE, torch.arange(8**3) % 8, torch.linspace(0, 1, 8)[:, None] * OPEN)
     for height in (-0.09, 0.0, 0.011, 0.013):
         ahead = math.ceil((height + 0.0875 + 0.7) / 0.2 - 1e-9)
