@@ -33,7 +33,7 @@ class Shader:
     sum: Sum
     """Colour space in which direct and indirect light are added (see ``summed``)."""
     straight: bool
-    """Whether display encoding precedes the multiplication by coverage (see ``splatting.displayed``)."""
+    """Whether display encoding precedes the multiplication by coverage (see ``display.displayed``)."""
 
     def shade(
         self, buffer: GBuffer, alpha: Float[Tensor, "height width"], light: SplitSumLight
@@ -113,7 +113,7 @@ def summed(
     """Display-sRGB image on black of two linear radiance maps, both multiplied by coverage; not clipped.
 
     ``where`` "display", as published: sRGB(direct) + sRGB(indirect), which is brighter than sRGB(direct + indirect).
-    ``straight``: see ``splatting.displayed``.
+    ``straight``: see ``display.displayed``.
     """
     if where == "linear":
         return displayed(direct + indirect, alpha, straight)

@@ -89,5 +89,5 @@ class View:
         return straight.view(*alpha.shape, 3) * alpha[..., None]
 
     def image(self, shaded: Shaded, straight: bool) -> Float[Tensor, "height width 3"]:
-        """Display-sRGB image on black, not clipped (see ``splatting.displayed``)."""
+        """Display-sRGB image on black, not clipped (see ``display.displayed``)."""
         return displayed(self.map_of(shaded.radiance), self.seen.alpha, straight)

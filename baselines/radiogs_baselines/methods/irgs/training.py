@@ -145,7 +145,7 @@ def pixel_loss(
 ) -> Float[Tensor, ""]:
     """Mean L1 between shaded pixels and the training image on black, display sRGB; 0 without pixels.
 
-    ``radiance`` is linear, for the covered part of each pixel; ``straight``: see ``splatting.displayed``. Where the
+    ``radiance`` is linear, for the covered part of each pixel; ``straight``: see ``display.displayed``. Where the
     target is saturated, a brighter pixel is no error, as in ``learning.losses.reconstruction``.
     """
     found = displayed((radiance * alpha[:, None])[None], alpha[None], straight)[0]

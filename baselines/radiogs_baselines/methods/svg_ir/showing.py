@@ -91,7 +91,7 @@ class Renderer:
         materials: Materials of its vertices (see ``shading.materials_of``).
         lit: The light.
         distance: Distance of the vertices from the surfel's axes, in standard deviations.
-        straight: Order of display encoding and coverage (see ``splatting.displayed``).
+        straight: Order of display encoding and coverage (see ``display.displayed``).
     """
 
     def __init__(self, model: Model, materials: Materials, lit: Lit, distance: float, straight: bool = True) -> None:

@@ -44,7 +44,7 @@ def test_the_model_is_restored_unchanged() -> None:
         ({"log_environment": torch.full((8, 16, 3), float("nan"))}, "log_environment"),
         ({"occlusion": {"coefficients": torch.zeros(4, 9)}}, "harmonics of the shape"),
         ({"occlusion": {"coefficients": torch.zeros(4, 16)}}, "none of its 4 probes"),
-        ({"occlusion": {"probe": torch.zeros(5, dtype=torch.int64)}}, "16\\^3 corners read"),
+        ({"occlusion": {"probe": torch.zeros(5, dtype=torch.int64)}}, "each of its 16\\^3 corners"),
         ({"irradiance": {"coefficients": torch.zeros(125, 16)}}, "harmonics of the shape"),
         ({"irradiance": {"coefficients": torch.full((125, 9), float("inf"))}}, "NaN or infinite"),
         ({"irradiance": {"corners": 1}}, "1 corners along an edge"),
