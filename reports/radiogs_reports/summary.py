@@ -208,7 +208,7 @@ class ModesSummary(TypedDict):
     field: str
     """The field of the variant that holds the mode, by its dotted name."""
     titles: dict[str, str]
-    """What each mode renders, by its name."""
+    """Title of each mode, by its name."""
     default: str
     by_steps: list[str]
     """The modes that prepare for a light by steps of optimisation, in the order of figures."""

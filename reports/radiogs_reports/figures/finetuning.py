@@ -298,7 +298,7 @@ def times_of(summary: Summary, row: str) -> Times | None:
 
 
 def _content(summary: Summary, row: str) -> dict[str, Any] | None:
-    """What a row's cells are made of, variant and budget by dotted names; None without a finished cell."""
+    """The content of a row's cell keys, variant and budget by dotted names; None without a finished cell."""
     content = made_from(summary, row)
     if content is None or not {"variant", "budget"} <= content.keys():
         return None
