@@ -12,6 +12,7 @@ from bench.fake_method import asked
 from bench.own_suite import WHOLE
 from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS
+from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_bench.cli import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.own import EFFECTS_SUITE
@@ -19,6 +20,7 @@ from radiogs_bench.suites.registry import read_suite
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import value_at
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"
@@ -33,6 +35,31 @@ def read(tmp_path: Path) -> Callable[[str], Suite]:
         return read_suite(file)
 
     return reading
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("initialise_iterations", "geometry.steps"),
+        ("initial_surfels", "geometry.initial_surfels"),
+        ("maximum_surfels", "geometry.maximum_surfels"),
+        ("densify_interval", "geometry.densify_interval"),
+    ],
+)
+@pytest.mark.parametrize("method", ["radiogs", "irgs"])
+def test_a_row_may_multiply_a_number_of_stage_1_by_its_former_name_with_a_warning(
+    read: Callable[[str], Suite], old: str, new: str, method: str
+) -> None:
+    def of_row(name: str) -> Suite:
+        row = f'[[rows]]\nkey = "a"\ntext = "A"\nmethod = "{method}"\nbudget = {{ {name} = 0.5 }}\n'
+        return read(f'name = "mine"\ntitle = "Mine"\ncolumns = ["nvs/psnr"]\nreference = "a"\n{row}')
+
+    small = RADIOGS.presets["small"] if method == "radiogs" else IRGS_METHOD.presets["small"]
+    with pytest.warns(FutureWarning, match=f"'{old}' of a budget is called '{new}' now"):
+        former = scaled(small, of_row(old).rows[0].budget)
+    assert former == scaled(small, of_row(new).rows[0].budget)
+    assert value_at(former, new) == value_at(small, new) // 2
+    assert former.name == f"small, {new} x 0.5"
 
 
 def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> None:
