@@ -37,7 +37,7 @@ class Initialisation(FitGeometry):
 
 
 class UnseenMaterials(Shading):
-    """Materials and light without an image: they keep their initial values, and stage 2 learns them."""
+    """Stage 1 without shaded images: materials and light keep their initial values until stage 2 learns them."""
 
     def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
         self.learning = learning

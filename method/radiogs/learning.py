@@ -39,23 +39,23 @@ class MaterialWeights:
     """Weights of the losses of stage 2 except L_rad (``Variant.radiometric_weight``); 0 leaves a loss out."""
 
     absolute: float = ABSOLUTE_WEIGHT
-    """L1 between each blended image and the training image, in display sRGB (3DGS)."""
+    """Weight of L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between these images (3DGS)."""
+    """Weight of 1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
-    """Distance between the surfels' normals and the normals of the depth map (2DGS)."""
+    """Weight of the distance between the surfels' normals and the normals of the depth map (2DGS)."""
     mask: float = 0.02
-    """Cross-entropy between coverage and the mask."""
+    """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
-    """Differences of neighbouring normals where the image has no edges."""
+    """Weight of the differences of neighbouring normals where the image has no edges."""
     albedo_smoothness: float = 1.0
-    """Differences of neighbouring albedo where the image has no edges."""
+    """Weight of the differences of neighbouring albedo where the image has no edges."""
     roughness_smoothness: float = 0.1
-    """Differences of neighbouring roughness where the image has no edges."""
+    """Weight of the differences of neighbouring roughness where the image has no edges."""
     light_prior: float = 0.01
-    """Distance of the irradiance's channels from their mean: light is nearly white."""
+    """Weight of the distance of the irradiance's channels from their mean: light is nearly white."""
     light_smoothness: float = 0.005
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Weight of the squared differences of neighbouring texels' log-radiance."""
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,9 @@ def sizes(budget: Budget) -> tuple[int, int]:
 def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     """A run of a few steps that begins with ``size`` surfels and never has more.
 
-    The surfels fill the visual hull, whatever the variant starts from; those of a trained model lie on surfaces. The
-    search for hidden surfels runs once and removes none: most surfels of a hull are hidden, and the model has to keep
-    its size.
+    The surfels start in the visual hull, whichever start the variant names; the surfels of a trained model lie on
+    surfaces instead. The search for hidden surfels runs once but removes none: most surfels in a hull are hidden, and
+    the model has to keep its size.
     """
     short = replace(
         budget,

@@ -78,7 +78,7 @@ def _add_steps(subjects: "Commands") -> None:
     steps.set_defaults(command=bench_steps, threads=1)
     steps.add_argument(
         "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
-        help="Measure at these sizes, of smoke, tiny, 20k, small and paper (default: tiny,20k).",
+        help="Choose sizes among smoke, tiny, 20k, small and paper (default: tiny,20k).",
     )  # fmt: skip
     steps.add_argument(
         "--passes", type=positive, metavar="N", help="Measure everything N times (default: 1 to 4, by size)."
@@ -88,10 +88,10 @@ def _add_steps(subjects: "Commands") -> None:
     )
     other = steps.add_mutually_exclusive_group()
     other.add_argument(
-        "--compare", type=Path, metavar="FILE", help="Print ratios to an earlier record of this machine in FILE."
+        "--compare", type=Path, metavar="FILE", help="Print ratios to FILE, an earlier record from this machine."
     )
     other.add_argument(
-        "--against", type=Path, metavar="CHECKOUT", help="Print ratios to another checkout, pass by pass in turn."
+        "--against", type=Path, metavar="CHECKOUT", help="Print ratios to another checkout; passes of both alternate."
     )
     steps.add_argument(
         "--history", type=Path, metavar="FILE", help="Add a line to FILE: this commit's times relative to yardsticks."

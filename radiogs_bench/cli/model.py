@@ -50,7 +50,9 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
     training.add_argument("--seed", type=int, default=0, help="Seed all random numbers with this (default: 0).")
     training.add_argument(
-        "--method", default=METHOD, help=f"Train this method (see `methods`), or a TOML file's (default: {METHOD})."
+        "--method",
+        default=METHOD,
+        help=f"Train this method (see `methods`), or the one in a TOML file (default: {METHOD}).",
     )
     training.add_argument(
         "--profile", default=PAPER,

@@ -30,7 +30,7 @@ BARE_WORD = re.compile(r"[A-Za-z][\w.+-]*")
 """A value of ``--set`` that needs no quotes."""
 
 LONGEST_COUNT = 18
-"""Digits of a whole number: those of 64 bits."""
+"""Most digits of a whole number: every number of so many digits fits into 64 bits."""
 
 
 NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choices>.*)\)")

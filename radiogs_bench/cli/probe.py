@@ -29,7 +29,7 @@ def add_to(commands: "Commands") -> None:
     parser.set_defaults(command=probe)
     parser.add_argument(
         "subject", metavar="SCENE|DIR",
-        help="Probe a generated scene by its true surfaces and light, or the model that `train` left in DIR.",
+        help="Probe a generated scene, with its true surfaces and light, or the model that `train` left in DIR.",
     )  # fmt: skip
     parser.add_argument(
         "--preset", default="tiny", help="Weigh rays by the steps of this preset (default: tiny; for DIR its own)."
@@ -117,7 +117,7 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
 
 
 def _probing(name: str) -> "Probing":
-    """A method that can be probed. Raises UsageError for any other."""
+    """The method of this name. Raises UsageError if it cannot be probed."""
     from radiogs_core.capabilities import Probing
     from radiogs_core.errors import UsageError
 

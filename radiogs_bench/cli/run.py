@@ -91,7 +91,9 @@ def add_to(commands: "Commands") -> None:
         metavar="N|all",
         help="Keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed).",
     )
-    parser.add_argument("--dry-run", action="store_true", help="List the cells and what they will take; run nothing.")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="List the cells with their expected time and memory; run nothing."
+    )
     parser.add_argument(
         "--difference",
         type=differences,

@@ -94,7 +94,7 @@ def reasons(table: Table) -> list[str]:
 
 
 LABEL = 24
-"""Characters of a row's label before it is wrapped; nothing else is."""
+"""Most characters in a line of a row's label; longer labels are wrapped, and nothing else is."""
 
 
 Texts = tuple[str, list[str]]
@@ -124,12 +124,12 @@ def needed(columns: Sequence[Texts]) -> int:
 
 
 def drawn(width: int) -> int:
-    """Characters of a column with its margins and a line beside it."""
+    """Characters that a column of ``width`` characters takes with its margins and the line beside it."""
     return width + 3
 
 
 def lines_of(column: Texts) -> int:
-    """The longest line of a column."""
+    """Characters of the longest line of a column."""
     heading, entries = column
     return max(cell_len(line) for text in (heading, *entries) for line in text.split("\n"))
 
@@ -141,7 +141,7 @@ def title_of(summary: Summary) -> str:
 
 
 def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:
-    """Some of the columns behind the rows' labels, which alone may be wrapped."""
+    """A table of the rows' labels and some columns; only the labels may be wrapped."""
     made = RichTable(show_lines=True)
     made.add_column(label[0], max_width=LABEL)
     for heading, _ in columns:

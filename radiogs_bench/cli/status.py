@@ -115,7 +115,7 @@ def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
 
 
 def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "Group":
-    """The table, and the lines below it; keys only where ``width`` characters have room for them."""
+    """The table of cells and the lines below it; it has a column of keys if ``width`` characters are enough for one."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text

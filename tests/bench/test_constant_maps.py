@@ -20,7 +20,7 @@ def light() -> EnvironmentMap:
 
 
 @pytest.mark.parametrize("name", ["default", "radiogs"])
-def test_no_constant_roughness_is_better_than_the_best_one(name: str) -> None:
+def test_the_best_constant_roughness_has_the_least_error_of_all_constants(name: str) -> None:
     scene, rules = scene_of(*(view_with(place, EVERYTHING) for place in range(3))), protocol(name)
     found = evaluate(Perfect(scene), scene, rules, CPU, lambda done, total: None).metrics["roughness/constant"]
     tried = [

@@ -137,7 +137,7 @@ def test_a_light_without_light_or_without_colour_is_refused(
         assert what in capsys.readouterr().err
 
 
-def test_negative_values_of_a_light_are_set_to_zero_and_said(
+def test_negative_values_of_a_light_are_set_to_zero_and_reported(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Audit M15: what cannot be radiance does not enter an image unsaid."""

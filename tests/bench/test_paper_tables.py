@@ -123,11 +123,11 @@ def test_values_by_other_conventions_are_marked(tmp_path: Path) -> None:
     assert {column.get("published_by") for column in others} == {"radiogs"}
 
 
-def test_times_of_a_cpu_are_not_the_papers(tmp_path: Path) -> None:
+def test_cpu_times_do_not_fill_a_table_of_the_paper(tmp_path: Path) -> None:
     assert "ng" not in run_on(tmp_path, tensoir()), "table ng has a column of milliseconds"
 
 
-def test_other_tables_have_the_rows_that_they_share_and_say_how_to_get_the_others(tmp_path: Path) -> None:
+def test_other_tables_reuse_shared_rows_and_say_how_to_measure_missing_ones(tmp_path: Path) -> None:
     tables = run_on(tmp_path, tensoir())
     assert tables.keys() == {"ablation", "init", "indirect", "views", "strategies"}
     init, own = tables["init"]["cells"], tables["ablation"]["cells"]

@@ -32,7 +32,7 @@ def test_lines_of_workers_are_printed_and_their_exit_codes_returned() -> None:
     assert said == ["one"]
 
 
-def test_a_stop_is_passed_on_once_and_waited_for() -> None:
+def test_the_pool_asks_each_worker_to_stop_once_and_waits_for_it() -> None:
     said: list[str] = []
     interruption = Interruption()
 

@@ -40,7 +40,7 @@ def test_git_state_is_that_of_the_repository_that_tracks_the_package(tmp_path: P
     assert git_state(package) == {"commit": git(tmp_path, "rev-parse", "HEAD"), "dirty": True}
 
 
-def test_without_git_there_is_no_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_git_state_is_none_without_git(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     assert git_state() is None
 
@@ -85,7 +85,7 @@ def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> Non
     assert peak_memory(CPU)["host"] >= peaks["host"]
 
 
-def test_where_the_kernel_forbids_it_the_peak_is_the_process_s(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_reset_the_peak_is_that_of_the_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(provenance, "PEAK_RESET", tmp_path / "nowhere" / "clear_refs")
     monkeypatch.setattr(provenance, "PROCESS_STATUS", tmp_path / "nowhere")
     reset_peaks(CPU)

@@ -16,7 +16,7 @@ WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
 
 
 @pytest.mark.slow
-def test_the_walk_of_the_documentation_runs_as_it_stands(
+def test_the_examples_of_the_python_api_page_run_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

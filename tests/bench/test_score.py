@@ -103,7 +103,7 @@ def test_maps_that_no_view_has_are_absent_and_named(folders: dict[str, Path], sc
     assert predictions.missing == ()
 
 
-def test_the_last_iteration_is_read_in_numerical_order(scene: Scene, tmp_path: Path) -> None:
+def test_the_iteration_with_the_largest_number_is_read(scene: Scene, tmp_path: Path) -> None:
     predicted = noisy(scene)
     WRITERS["irgs"](tmp_path, predicted)
     for index, maps in enumerate(predicted.values()):

@@ -170,7 +170,7 @@ def test_taking_a_white_ground_away_and_putting_it_back_changes_nothing(scene: S
     assert score.metrics["nvs/psnr"]["views"][0] == pytest.approx(expected, abs=1e-4)
 
 
-def test_a_scene_folder_of_tensoirs_relighting_is_scored_by_itself(scene: Scene, tmp_path: Path) -> None:
+def test_the_relighting_folder_of_tensoir_can_be_scored_alone(scene: Scene, tmp_path: Path) -> None:
     WRITERS["tensoir"](tmp_path, noisy(scene))
     assert likely_codes(tmp_path / "relighting") == ["tensoir"]
     alone, whole = values(tmp_path / "relighting", scene), values(tmp_path, scene)

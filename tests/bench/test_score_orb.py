@@ -116,7 +116,7 @@ def test_a_json_of_another_kind_is_an_error(content: str, tmp_path: Path) -> Non
         read_pairs(file)
 
 
-def test_no_path_leads_up_and_out(tmp_path: Path) -> None:
+def test_a_path_that_leads_out_of_the_folder_counts_as_missing(tmp_path: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
     (tmp_path / "secret.png").write_bytes(b"")

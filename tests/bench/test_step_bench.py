@@ -61,7 +61,7 @@ def _measured(folder: Path) -> tuple[Path, Path]:
     return record, history
 
 
-def test_steps_of_every_kind_starting_points_and_frames_are_measured(measured: tuple[Path, Path]) -> None:
+def test_all_kinds_of_steps_beginnings_of_stages_and_frames_are_measured(measured: tuple[Path, Path]) -> None:
     record = read_record(measured[0])
     size = record["sizes"]["smoke"]
     assert (size["surfels"], size["side"], size["model"]) == (400, 32, ON_SURFACES)

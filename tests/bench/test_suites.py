@@ -130,7 +130,7 @@ def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
             assert set(each.scenes) <= {*known_names()}, each.name
 
 
-def test_the_paper_relit_by_as_many_rays_as_rows_say() -> None:
+def test_the_paper_preset_relights_by_as_many_rays_as_each_row_states() -> None:
     """Rows of table efficiency are shares of the preset; at the paper's they are its numbers."""
     request = asked(1, SUITES["efficiency"], "paper")
     for place, cell in request.cells():
@@ -142,7 +142,7 @@ def test_the_paper_relit_by_as_many_rays_as_rows_say() -> None:
             assert cell.variant == Variant(relighting="surfels")
 
 
-def test_stanford_orb_is_its_42_captures() -> None:
+def test_suite_stanford_orb_has_the_42_captures() -> None:
     """14 objects, three places each, of which 7 are the benchmark's own subset for light."""
     scenes = SUITES["stanford-orb"].scenes
     assert len(set(scenes)) == len(scenes) == 42

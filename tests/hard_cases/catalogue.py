@@ -256,7 +256,7 @@ CASES = (
     Case(
         44, "repetition", "autograd and precision", "the same seed twice, on 1 and 4 threads", "the first run",
         "bit for bit within a team, images also between teams; gradients between teams 1e-5", (PRECISION,),
-        ("method/radiogs/test_stages.py::test_the_same_seed_does_the_same_work",),
+        ("method/radiogs/test_stages.py::test_runs_of_equal_seeds_count_equal_work",),
     ),
     Case(
         45, "resuming", "autograd and precision", "a stage whole against half, saved, read and finished",

@@ -135,8 +135,8 @@ class MethodFile:
     presets: Mapping[str, Iterations] = field(default_factory=dict)
     """Iterations by preset."""
     resumes: bool = False
-    """Whether an interrupted command is run again in its folder; otherwise the files that it wrote are removed
-    first."""
+    """Whether an interrupted command continues from the files in its folder. If not, the files that it wrote are
+    removed before it runs again."""
     traps: tuple[str, ...] = ()
     """Sentences on peculiarities of the code; they go with the results."""
 

@@ -55,7 +55,7 @@ class Code:
     """The layout of a public code's results."""
 
     title: str
-    """Name of the code in messages."""
+    """Name of the public code, as messages print it."""
     rules: tuple[Rule, ...]
     """Rules of the maps of test views."""
     relit: tuple[Rule, ...]
@@ -70,4 +70,4 @@ class Code:
     """Files of the recovered light: linear radiance, lat-long, Z up, centre column towards +X. Public codes write none:
     their pictures of the light are clipped, and their checkpoints are not opened."""
     over: tuple[str, ...] = ()
-    """Codes whose marks the folders of this code have too."""
+    """Names of the codes whose ``marks`` also occur in folders of this code; such a folder is not taken for theirs."""

@@ -38,7 +38,7 @@ class Pair:
     mask: Path | None
     """File of the target's mask; None if there is none."""
     wanted: tuple[str, str]
-    """Paths of output and target as the JSON names them."""
+    """Paths of output and target, as the JSON gives them; for validation images, relative to the folder."""
 
     @property
     def lacking(self) -> tuple[str, ...]:

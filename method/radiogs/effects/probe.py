@@ -21,7 +21,7 @@ PROBES = 3
 """Number of probes in a run, at most."""
 
 IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
-"""Effects that probes during training measure in images."""
+"""Effects whose influence on images a probe measures during training."""
 
 COARSE_STEP = 2
 """Use every k-th view for the coarse first pass, which shows for most effects that they are needed."""

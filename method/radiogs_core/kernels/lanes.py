@@ -28,6 +28,6 @@ def bell_words(dtype: torch.dtype) -> dict[str, str]:
 
 
 def layout_words(dtype: torch.dtype) -> dict[str, str]:
-    """The layout of numbers of a scalar type: the exponent bits of 1, and the number of mantissa bits."""
+    """The values of two words for a scalar type: the exponent bits of the number 1, and the number of mantissa bits."""
     double = dtype == torch.float64
     return {"EXPONENT_OF_ONE": "1023" if double else "127", "MANTISSA_BITS": "52" if double else "23"}

@@ -41,9 +41,10 @@ _STAND_INS = native_file(__package__, "native_text.inl")["stand_ins"]
 
 
 def native_text(snippet: str, dtype: torch.dtype, on_cuda: bool, words: Mapping[str, str]) -> str:
-    """A native snippet with its ``words`` replaced, for a scalar type (SCALAR) and an arrangement (ON_CUDA is 1 or 0).
+    """A native snippet for one scalar type and one division of work, with its ``words`` replaced.
 
-    A snippet that is arranged for CUDA also compiles for the CPU, where CUDA's intrinsics have substitutes.
+    ``dtype`` replaces SCALAR. ``on_cuda``, which replaces ON_CUDA (1 or 0), tells whether work is divided as on CUDA
+    (see ``as_on_cuda``); such a snippet also compiles for the CPU, where CUDA's intrinsics have substitutes.
     """
     text = _STAND_INS + snippet if on_cuda else snippet
     for word, meaning in {

@@ -20,23 +20,23 @@ class GeometryWeights:
     """Weights of the losses; 0 turns a loss off."""
 
     absolute: float = ABSOLUTE_WEIGHT
-    """L1 between each blended image and the training image, in display sRGB (3DGS)."""
+    """Weight of L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between these images (3DGS)."""
+    """Weight of 1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
-    """Distance between the surfels' normals and those of the depth map (2DGS), until
+    """Weight of the distance between the surfels' normals and those of the depth map (2DGS), until
     ``GeometrySchedule.normal_late_from``."""
     normal_late: float = 0.1
-    """The same distance after that. At 0.2 curved surfaces become flat: the normal error grows by 1.0 degrees on
+    """Weight of this distance afterwards. At 0.2 curved surfaces become flat: the normal error grows by 1.0 degrees on
     ``corner`` and by 0.4 on ``red_white``."""
     distortion: float = 0.1
-    """Depth distortion in units of (z / camera distance)^2. The released 1000 on m(z) = (100 - 20 / z) / 99.8
-    would be 2 here (dm = 0.2 / z^2 dz at the data sets' distance of 4.5); measured on ``corner`` at 700 iterations, 30
-    breaks the geometry (normal error 52 degrees), and 0.1 to 0.3 reconstructs it better than 2."""
+    """Weight of the depth distortion in units of (z / camera distance)^2. The released 1000 on m(z) = (100 - 20 / z) /
+    99.8 would be 2 here (dm = 0.2 / z^2 dz at the data sets' distance of 4.5); measured on ``corner`` at 700
+    iterations, 30 breaks the geometry (normal error 52 degrees), and 0.1 to 0.3 reconstructs it better than 2."""
     mask: float = 0.05
-    """Cross-entropy between coverage and the mask."""
+    """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.05
-    """Gradient of the normal map where the image has no edges."""
+    """Weight of the gradient of the normal map where the image has no edges."""
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ class KnownScene:
     """Surfels on the true surfaces with the true materials, before their radiance is solved for; float32."""
 
     surfels: Surfels
-    """The surfels; their radiance is 1/2."""
+    """The surfels; until it is solved for, their radiance is 1/2."""
     equation: RenderingEquation
-    """Light, albedo and emission that determine their radiance."""
+    """Light, albedo and emission, which determine the surfels' radiance."""
 
     def to(self, device: torch.device) -> "KnownScene":
         """A copy on another device."""

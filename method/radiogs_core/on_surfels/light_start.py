@@ -83,9 +83,9 @@ class Transport:
     rows: int
     """Rows of the light E; it has twice as many columns."""
     direct: Float[Tensor, "points texels"]
-    """Radiance for a unit of radiance in each texel (row * columns + column) of the light."""
+    """Radiance of the white surface due to unit radiance in each texel (row * columns + column) of the light."""
     indirect: Float[Tensor, "points 3"]
-    """Radiance for the light that other surfels send, linear RGB."""
+    """Radiance of the white surface due to light from other surfels, linear RGB."""
 
     def white(self, light: Float[Tensor, "rows columns 3"]) -> Float[Tensor, "points 3"]:
         """Radiance, linear RGB, of white Lambertian surfaces at the points under a light."""
@@ -119,7 +119,7 @@ def starting_light_and_albedo(
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
     """The initial light, [rows, 2 rows, 3], and the initial albedo of the surfels ``learnt`` by stage 1, linear RGB.
 
-    Both are constant if ``start.light`` is "constant", and if too few points are seen for a search. ``two_sided``:
+    Both are constant if ``start.light`` is "constant" or if too few points are seen for a search. ``two_sided``:
     whether rays also hit surfels from behind (see ``light_and_albedo``).
     """
     estimate = None

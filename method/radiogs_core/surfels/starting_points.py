@@ -48,11 +48,11 @@ class SurfelStart:
     """Share of the candidates inside the hull, those of the most consistent colour, that surfels are chosen from, in
     (0, 1]."""
     opacity: float = 0.1
-    """Peak opacity in the hull (3DGS)."""
+    """Initial peak opacity of surfels that start in the hull, as in 3DGS."""
     albedo: float = 0.5
-    """Linear diffuse albedo of all channels."""
+    """Initial linear diffuse albedo of all channels."""
     roughness: float = 0.6
-    """Perceptual roughness r."""
+    """Initial perceptual roughness r."""
 
 
 def initial_surfels(

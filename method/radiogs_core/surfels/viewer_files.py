@@ -21,7 +21,7 @@ from .ply import OF_3DGS, write_ply
 from .surfels import Surfels
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
-"""Names of the forms; see the module."""
+"""Names of the forms of PLY files, which the module's text describes."""
 
 OF_2DGS = tuple(name for name in OF_3DGS if name != "scale_2")
 """Attributes that readers of 2DGS expect, in its order."""

@@ -239,7 +239,7 @@ def test_the_facts_say_what_the_plan_as_a_whole_cost_by_the_probe_that_says_most
     }  # fmt: skip
 
 
-def test_parts_change_the_key_of_stage_two_alone_and_so_do_the_sources_of_the_surfaces_they_are_read_from() -> None:
+def test_given_parts_and_the_sources_of_true_surfaces_change_only_the_key_of_stage_two() -> None:
     assert isinstance(RADIOGS, TakesGiven)
 
     def keys(scene: Scene, *parts: Part) -> list[str]:

@@ -57,7 +57,7 @@ def test_no_array_is_larger_than_the_samples_that_are_kept(sizes: Sizes) -> None
     assert found.phases["relighting, preparing by rays"].largest < SAMPLE * found.surfels * directions
 
 
-def test_the_parameters_of_a_surfel_are_as_many_as_it_has() -> None:
+def test_the_planned_bytes_of_a_surfel_are_those_of_its_parameters() -> None:
     (one,) = {sum(value[0].nbytes for value in surfels_over(0.1).parameters().values())}
     assert one == SURFEL
 

@@ -161,7 +161,7 @@ LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
         if scene_kind(name) == "single effects" and (name, each[1]) != ("mirror", "off")
     ],
 )
-def test_an_even_light_is_not_drawn_from_and_a_sun_is(
+def test_directions_are_drawn_from_a_sun_but_not_from_an_even_light(
     name: str, light: Callable[[], torch.Tensor], verdict: str, seed: int
 ) -> None:
     scene, found, _ = found_on(name, seed)

@@ -83,7 +83,7 @@ def test_display_radiance_makes_stage_one_learn_what_is_seen(initialised: dict[s
     assert Variant(deviations=("start-light",)).of_initialisation() == Variant().of_initialisation()
 
 
-def test_profiles_are_none_and_all_and_an_unknown_deviation_is_refused() -> None:
+def test_paper_has_no_deviation_and_released_all_and_unknown_ones_are_refused() -> None:
     assert PROFILES["paper"] == ()
     assert set(PROFILES["released"]) == set(RELEASED)
     with pytest.raises(UsageError, match="unknown deviation 'haste'"):

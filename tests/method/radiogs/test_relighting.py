@@ -188,7 +188,7 @@ def test_the_image_is_direct_and_indirect_light_together() -> None:
     assert off(on_the_ball(found, "image"), image)[1] < 0.02
 
 
-def test_what_was_learnt_under_the_old_light_does_not_show() -> None:
+def test_relit_images_do_not_depend_on_the_learnt_radiance_and_light() -> None:
     """Neither the surfels' own radiance nor the recovered light is part of the result."""
     model = model_of(BALL, PLATE)
     brighter = Surfels.of(model.surfels.parameters() | {"sh": model.surfels.sh + 0.4})

@@ -97,7 +97,7 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
     assert whole.planner.plan == resumed.planner.plan
 
 
-def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
+def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, Any]) -> None:
     """The first probe traces its directions once from every surfel; steps without a probe add nothing to it."""
     stage = inverse(initialised, Variant(effects="auto"))
     with recording() as instruments:
@@ -172,7 +172,7 @@ def test_a_nan_in_one_surfel_is_named_with_its_iteration(initialised: dict[str, 
         stage.step()
 
 
-def test_the_same_seed_does_the_same_work(initialised: dict[str, Any]) -> None:
+def test_runs_of_equal_seeds_count_equal_work(initialised: dict[str, Any]) -> None:
     counts = []
     for _ in range(2):
         with recording() as instruments:

@@ -180,7 +180,7 @@ class Unread(MaterialLearning):
         return super().__getattribute__(name)
 
 
-def test_stage_one_reads_nothing_of_materials(first: dict[str, Any]) -> None:
+def test_stage_one_does_not_read_the_settings_of_materials(first: dict[str, Any]) -> None:
     """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
     blind = replace(BASE, materials=Unread())
     assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])

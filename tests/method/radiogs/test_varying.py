@@ -175,7 +175,7 @@ def test_albedo_beyond_one_is_no_albedo() -> None:
     [((), QUANTITIES), (("roughness",), QUANTITIES[2:]), (("light",), QUANTITIES[:2]),
      (("albedo", "roughness"), ())],
 )  # fmt: skip
-def test_what_was_given_is_not_asked_of_the_images(given: tuple[Part, ...], free: tuple[str, ...]) -> None:
+def test_given_quantities_are_not_determined_from_images(given: tuple[Part, ...], free: tuple[str, ...]) -> None:
     model = trained("matte ball, constant light", *given)
     assert tuple(determined(model, model.run.scene, CPU, "radiogs")) == free
     for quantity in set(QUANTITIES) - set(free):

@@ -92,13 +92,13 @@ class MaterialWeights:
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
-    """L1 between the shaded image and the training image, display sRGB."""
+    """Weight of L1 between the shaded image and the training image, display sRGB."""
     variation: float = 1.0
-    """Squared differences of albedo, roughness and metalness between neighbouring pixels."""
+    """Weight of the squared differences of albedo, roughness and metalness between neighbouring pixels."""
     plainness: float = 0.001
-    """Distance of roughness from 1 and of metalness from 0."""
+    """Weight of the distance of roughness from 1 and of metalness from 0."""
     light_smoothness: float = 0.01
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Weight of the squared differences of neighbouring texels' log-radiance."""
 
 
 @dataclass(frozen=True)
@@ -176,13 +176,16 @@ class Variant(SurfelVariant):
     """Whether training marches start at ``README_START``, as in the published README's command: training then finds no
     occluder, while rendered images still use ``start``."""
     radius: float = 0.176
-    """Length of a march (the script's 0.8)."""
+    """Length of a march (0.8 world units in the published script)."""
     bias: float = 0.0022
-    """Distance behind the marched position up to which a surface counts as hit (the script's 0.01)."""
+    """Distance behind the marched position up to which a surface counts as hit (0.01 world units in the published
+    script)."""
     thick: float = 0.011
-    """Distance before the marched position up to which a surface counts as hit (the script's 0.05)."""
+    """Distance before the marched position up to which a surface counts as hit (0.05 world units in the published
+    script)."""
     far: float = 22.0
-    """Depth over which the radius grows: it is multiplied by (1 + depth / far)^2 (the script's 100)."""
+    """Depth over which the radius grows: it is multiplied by (1 + depth / far)^2 (100 world units in the published
+    script)."""
     lr_scale: float = 1.0
     """Factor on stage 1's final learning rates of geometry in stage 2, whose gradient comes only from the blending of
     the maps; at 0 geometry is frozen."""

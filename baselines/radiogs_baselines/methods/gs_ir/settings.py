@@ -74,13 +74,14 @@ class MaterialWeights:
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
-    """L1 between the shaded image and the training image, display sRGB."""
+    """Weight of L1 between the shaded image and the training image, display sRGB."""
     smoothness: float = 1.0
-    """Squared differences of albedo, roughness and metalness of neighbouring pixels, down-weighted at image edges."""
+    """Weight of the squared differences of albedo, roughness and metalness of neighbouring pixels, down-weighted
+    at image edges."""
     prior: float = 0.001
-    """Mean of 1 - roughness plus the mean metalness: prefers rough, non-metallic materials."""
+    """Weight of the mean of 1 - roughness plus the mean metalness: prefers rough, non-metallic materials."""
     light_smoothness: float = 0.01
-    """Squared differences of neighbouring texels' log-radiance."""
+    """Weight of the squared differences of neighbouring texels' log-radiance."""
 
 
 @dataclass(frozen=True)

@@ -83,25 +83,26 @@ class MaterialWeights:
     """Weights of the losses; 0 leaves one out. The last three act only on geometry (``Variant.lr_scale`` > 0)."""
 
     shaded: float = 1.0
-    """L1 between the shaded pixels and the training image, display sRGB."""
+    """Weight of L1 between the shaded pixels and the training image, display sRGB."""
     absolute: float = ABSOLUTE_WEIGHT
-    """L1 between the image of the surfels' own radiance and the training image, display sRGB."""
+    """Weight of L1 between the image of the surfels' own radiance and the training image, display sRGB."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between the image of the surfels' own radiance and the training image."""
+    """Weight of 1 - SSIM between the image of the surfels' own radiance and the training image."""
     albedo_smoothness: float = 2.0
-    """Gradients of the albedo map, down-weighted at image edges."""
+    """Weight of the gradients of the albedo map, down-weighted at image edges."""
     roughness_smoothness: float = 2.0
-    """Gradients of the roughness map, down-weighted at image edges."""
+    """Weight of the gradients of the roughness map, down-weighted at image edges."""
     light_prior: float = 0.1
-    """Distance of the direct light's channels from their mean at the shaded pixels: prefers white light."""
+    """Weight of the distance of the direct light's channels from their mean at the shaded pixels: prefers white
+    light."""
     light_smoothness: float = 0.0005
-    """Squared differences of log-radiance between neighbouring texels."""
+    """Weight of the squared differences of log-radiance between neighbouring texels."""
     normal: float = 0.05
-    """Distance between the blended normals and the normals of the depth map."""
+    """Weight of the distance between the blended normals and the normals of the depth map."""
     mask: float = 0.01
-    """Cross-entropy between coverage and the mask."""
+    """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
-    """Gradients of the normal map, down-weighted at image edges."""
+    """Weight of the gradients of the normal map, down-weighted at image edges."""
 
 
 @dataclass(frozen=True)

@@ -77,19 +77,19 @@ class MaterialWeights:
     """Weights of the losses; 0 leaves one out."""
 
     absolute: float = ABSOLUTE_WEIGHT
-    """L1 between the shaded image and the training image, display sRGB."""
+    """Weight of L1 between the shaded image and the training image, display sRGB."""
     similarity: float = SIMILARITY_WEIGHT
-    """1 - SSIM between the shaded image and the training image."""
+    """Weight of 1 - SSIM between the shaded image and the training image."""
     albedo_smoothness: float = 1.0
-    """Gradients of the albedo map in display sRGB, down-weighted at image edges."""
+    """Weight of the gradients of the albedo map in display sRGB, down-weighted at image edges."""
     roughness_smoothness: float = 0.5
-    """Gradients of the roughness map, down-weighted at image edges."""
+    """Weight of the gradients of the roughness map, down-weighted at image edges."""
     irradiance_smoothness: float = 1.0
-    """Gradients of the irradiance map in display sRGB, down-weighted at edges of the normal map."""
+    """Weight of the gradients of the irradiance map in display sRGB, down-weighted at edges of the normal map."""
     light_prior: float = 0.01
-    """Distance of the channels of each surfel's irradiance from their mean: prefers white light."""
+    """Weight of the distance of the channels of each surfel's irradiance from their mean: prefers white light."""
     light_smoothness: float = 0.01
-    """Squared differences of log-radiance between neighbouring texels."""
+    """Weight of the squared differences of log-radiance between neighbouring texels."""
 
 
 @dataclass(frozen=True)

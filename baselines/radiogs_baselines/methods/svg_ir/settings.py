@@ -71,25 +71,26 @@ class MaterialWeights:
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
-    """The shaded image against the training image, display sRGB: ``absolute`` L1 + ``similarity`` (1 - SSIM)."""
+    """Weight of the loss between the shaded image and the training image, display sRGB: ``absolute`` L1 +
+    ``similarity`` (1 - SSIM)."""
     radiance: float = 1.0
-    """The image of the surfels' own radiance against the training image, with the same two terms."""
+    """Weight of the loss between the image of the surfels' own radiance and the training image, with the same terms."""
     absolute: float = 0.9
     """Weight of L1 within the losses ``shaded`` and ``radiance``."""
     similarity: float = 0.1
     """Weight of 1 - SSIM within the losses ``shaded`` and ``radiance``."""
     consistency: float = 0.05
-    """L1 between one-bounce radiance of the materials and the table's radiance times the ratio."""
+    """Weight of L1 between one-bounce radiance of the materials and the table's radiance times the ratio."""
     normal: float = 0.02
-    """Distance between the blended vertex normals and the normals of the depth map."""
+    """Weight of the distance between the blended vertex normals and the normals of the depth map."""
     offset: float = 0.1
-    """Mean square of the vertices' normal offsets."""
+    """Weight of the mean square of the vertices' normal offsets."""
     albedo_smoothness: float = 0.1
-    """Gradients of the albedo map, down-weighted at image edges."""
+    """Weight of the gradients of the albedo map, down-weighted at image edges."""
     roughness_smoothness: float = 0.05
-    """Gradients of the roughness map, down-weighted at image edges."""
+    """Weight of the gradients of the roughness map, down-weighted at image edges."""
     light_smoothness: float = 0.02
-    """Squared differences of log-radiance between neighbouring texels."""
+    """Weight of the squared differences of log-radiance between neighbouring texels."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class MaterialLearning:
 
 
 Attributes = Literal["bilinear", "constant"]
-"""Materials and normals of a surfel: bilinear between four vertices, or constant over the surfel."""
+"""How materials and normals vary over a surfel: bilinearly between four vertices, or not at all."""
 
 
 @dataclass(frozen=True)
@@ -149,19 +150,19 @@ class Variant(SurfelVariant):
     shown_only = ("relight_indirect", "relight_rows")
 
     attributes: Attributes = "bilinear"
-    """Materials and normals of a surfel (see ``Attributes``)."""
+    """How materials and normals vary over a surfel (see ``Attributes``)."""
     vertex_distance: float = 1.5
     """Distance of the vertices from the surfel's axes, in its standard deviations."""
     indirect: bool = True
     """Whether the table's radiance is used as indirect light in training and under the recovered light."""
     hop: float | None = 0.044
-    """Longest distance from a ray's origin to its first hit, or between consecutive hits (the script's 0.2 is 0.044 of
-    TensoIR's); None: unlimited."""
+    """Longest distance from a ray's origin to its first hit, or between consecutive hits; None: unlimited. The
+    published script has 0.2 world units, 0.044 extents of TensoIR's scenes."""
     gap: float = 0.0022
-    """Shortest distance between consecutive hits that count (the script's 0.01)."""
+    """Shortest distance between consecutive hits that count (0.01 world units in the published script)."""
     ray_start: float | None = None
-    """Shortest distance to the first hit (the script's 0.042 is 0.0093); None: one standard deviation of the surfel at
-    the ray's origin."""
+    """Shortest distance to the first hit; None: one standard deviation of the surfel at the ray's origin. The published
+    script has 0.042 world units, 0.0093 extents of TensoIR's scenes."""
     opaque: float = 0.2
     """Transmittance below which V is set to 0, in [0, 1)."""
     radiance_limit: float = 10.0

@@ -21,7 +21,7 @@ class RayBatch:
     """Rays with the colours of their pixels."""
 
     rays: Rays
-    """The rays, local coordinates."""
+    """The rays, in the box's local coordinates."""
     target: Float[Tensor, "rays 3"]
     """Colour of each ray's pixel, composited on ``background``, display sRGB."""
     background: Float[Tensor, "rays 1"]
@@ -29,7 +29,7 @@ class RayBatch:
 
 
 def camera_rays(camera: Camera, box: Box) -> Rays:
-    """Local rays through the centres of all pixels, row by row."""
+    """Rays through the centres of all pixels, row by row, in the box's local coordinates."""
     direction = normalize(camera.ray_directions().flatten(0, 1), dim=-1)
     return Rays(box.local(camera.centre).expand_as(direction), direction)
 

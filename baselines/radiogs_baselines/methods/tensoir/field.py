@@ -162,7 +162,7 @@ class Nodes:
     line_weight: Float[Tensor, "points 3 2"]
     """Linear weights of ``line``."""
     between: tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]
-    """Offset from the first node along the two axes of each plane, in spacings, in [0, 1]."""
+    """Distance from the lower node along the first and the second axis of each plane, in grid spacings, in [0, 1]."""
     per_unit: float
     """Grid spacings in a local length of 1."""
 

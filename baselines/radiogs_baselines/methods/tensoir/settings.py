@@ -88,13 +88,13 @@ class FieldWeights:
     """Weights of the losses of stage 1; 0 leaves one out."""
 
     radiance: float = 1.0
-    """Mean squared error of marched pixels, display values."""
+    """Weight of the mean squared error of marched pixels, display values."""
     sparsity: float = 8e-5
-    """Mean absolute entry of each density plane and line, summed over the three factors."""
+    """Weight of the mean absolute entry of each density plane and line, summed over the three factors."""
     density_variation: float = 0.05
-    """Mean squared differences of neighbouring entries of the density planes, divided by 50."""
+    """Weight of the mean squared differences of neighbouring entries of the density planes, divided by 50."""
     appearance_variation: float = 0.005
-    """Mean squared differences of neighbouring entries of the appearance planes, divided by 50."""
+    """Weight of the mean squared differences of neighbouring entries of the appearance planes, divided by 50."""
 
 
 @dataclass(frozen=True)
@@ -102,19 +102,21 @@ class InverseWeights:
     """Weights of the losses of stage 2; 0 leaves one out."""
 
     radiance: float = 1.0
-    """Mean squared error of marched pixels, display sRGB of linear radiance."""
+    """Weight of the mean squared error of marched pixels, display sRGB of linear radiance."""
     shaded: float = 0.2
-    """Mean squared error of shaded pixels, display sRGB."""
+    """Weight of the mean squared error of shaded pixels, display sRGB."""
     normal_difference: float = 0.002
-    """Squared distance between predicted and derived normals along rays. Published: 0.0005 to 0.005, by scene."""
+    """Weight of the squared distance between predicted and derived normals along rays. Published: 0.0005 to 0.005,
+    by scene."""
     orientation: float = 0.001
-    """Squared cosine to the viewing direction of normals that face away. Published: 0.001 to 0.005, by scene."""
+    """Weight of the squared cosine to the viewing direction of normals that face away. Published: 0.001 to 0.005,
+    by scene."""
     albedo_smoothness: float = 0.001
-    """Squared relative difference of albedo between samples and random nearby positions."""
+    """Weight of the squared relative difference of albedo between samples and random nearby positions."""
     roughness_smoothness: float = 0.001
-    """Squared relative difference of roughness between samples and random nearby positions."""
+    """Weight of the squared relative difference of roughness between samples and random nearby positions."""
     sparsity: float = 4e-5
-    """Mean absolute entry of each density plane and line, as in ``FieldWeights``."""
+    """Weight of the mean absolute entry of each density plane and line, as in ``FieldWeights``."""
 
 
 @dataclass(frozen=True)

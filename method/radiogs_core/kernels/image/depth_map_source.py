@@ -50,10 +50,10 @@ def point_kernels(dtype: torch.dtype) -> Any:
 _TEXT = native_file(__package__, "normals.inl")
 
 NO_SECOND_NEIGHBOUR = 1e6
-"""Curvature of a side with a single neighbour: it is chosen only if the other side has no neighbour."""
+"""Curvature that is assigned to a side with only one neighbour: it is chosen only if the other side has none."""
 
 NO_NEIGHBOUR = 1e30
-"""Curvature of a side without a neighbour: it is never chosen."""
+"""Curvature that is assigned to a side without a neighbour: it is never chosen."""
 
 
 @cache

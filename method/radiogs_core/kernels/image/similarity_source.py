@@ -40,7 +40,7 @@ def taps() -> list[float]:
 
 @cache
 def similarity_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
-    """The pair ``forward``, ``backward`` for a scalar type and an arrangement; ``columns``: pixels of a block.
+    """The pair ``forward``, ``backward`` for a scalar type and a division of work; ``columns``: pixels of a block.
 
     All arrays are flat. ``slopes``: derivatives of SSIM with respect to the windowed means of x, x^2 and xy.
     """

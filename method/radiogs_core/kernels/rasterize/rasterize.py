@@ -30,9 +30,9 @@ class TileLists:
     index."""
 
     starts: Int[Tensor, " tiles_and_one"]
-    """First entry of each tile in ``members``, and their number."""
+    """First entry of each tile in ``members``, and at the end the number of entries."""
     members: Int[Tensor, " entries"]
-    """Indices of surfels."""
+    """Indices of the surfels, tile after tile."""
     touched: Bool[Tensor, " surfels"]
     """Whether the surfel's bounds intersect the image."""
 

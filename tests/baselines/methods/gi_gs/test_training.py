@@ -116,7 +116,7 @@ def test_only_the_rate_of_albedo_decays() -> None:
     assert rate("log_environment") == rates.light
 
 
-def test_the_frames_of_training_have_hits() -> None:
+def test_every_training_view_shows_indirect_light() -> None:
     """Without hits the tests of this folder would only test the split sum."""
     stage = stage_of()
     for view in stage.views:

@@ -36,7 +36,7 @@ def matched_of(camera: Camera, colour: torch.Tensor, covered: torch.Tensor) -> M
 
 @pytest.mark.parametrize(("window", "agreeing"), [(1, 1), (3, 2), (5, 9), (7, 4)])
 @pytest.mark.parametrize("team", [1, 2])
-def test_costs_are_those_of_sampling_windows_and_sorting(window: int, agreeing: int, team: int) -> None:
+def test_matching_costs_equal_a_reference_that_samples_windows_and_sorts(window: int, agreeing: int, team: int) -> None:
     use_threads(team)
     # Two nearly opposite cameras have planes behind them; images differ in size.
     views = [seen(0.0, 13, 10), seen(0.4, 13, 10), seen(-0.5, 9, 17), seen(3.0, 21, 8), seen(1.5, 13, 10)]
@@ -47,7 +47,7 @@ def test_costs_are_those_of_sampling_windows_and_sorting(window: int, agreeing: 
     assert float(found.min()) < 0.7 < 0.85 < float(found.max()), "others see some pixels, and hardly see some"
 
 
-def test_float32_agrees_with_float64_but_where_a_pixel_crosses_a_threshold() -> None:
+def test_float32_agrees_with_float64_except_where_a_pixel_crosses_a_threshold() -> None:
     views = [seen(0.1 * number, 40, 30) for number in range(5)]
     exact = matching_costs(matched_of(*views[0]), Textures(*zip(*views, strict=True)), [1, 2, 3, 4], PLANES, 3, 2)
     rounded = [(camera.to("cpu", torch.float32), colour.float(), covered) for camera, colour, covered in views]

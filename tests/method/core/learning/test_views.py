@@ -41,7 +41,7 @@ def test_pixels_of_image_files_are_held_as_levels_bit_for_bit(most: int) -> None
     assert torch.equal(kept.values(), pixels)
 
 
-def test_pixels_between_the_levels_are_held_as_they_are() -> None:
+def test_pixels_that_are_no_levels_of_image_files_are_held_as_float32() -> None:
     pixels = torch.rand(8, 8, 3)
     kept = in_memory(pixels, torch.device("cpu"))
     assert bytes_of(kept) == 4 * pixels.numel()

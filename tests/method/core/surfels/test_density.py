@@ -77,7 +77,7 @@ def test_surfels_that_hardly_show_are_pruned_where_that_is_due(iteration: int, s
     assert len(by.gradient.total) == len(found[0]) == len(found[1])
 
 
-def test_statistics_of_those_that_stay_go_on_where_nothing_is_added() -> None:
+def test_remaining_surfels_keep_their_statistics_if_none_are_added() -> None:
     by = control([1, 2, 3, 4], rules=replace(RULES, hidden_at=(1.0,)))
     by.contribution = lambda _: torch.tensor([1.0, 0.0, 1.0, 1.0])
     by.act(four_surfels(), 100, 100, torch.Generator())
@@ -93,7 +93,7 @@ def test_statistics_of_those_that_stay_go_on_where_nothing_is_added() -> None:
         (replace(RULES, opacity_floor=0.0), [0, 3, -1, -1, -1, -1, -1]),
     ],
 )
-def test_every_threshold_is_that_of_the_rules(rules: AdaptiveDensity, origin: list[int]) -> None:
+def test_every_threshold_comes_from_the_rules(rules: AdaptiveDensity, origin: list[int]) -> None:
     assert changed(four_surfels(), control([1, 1, 1, 1e-9], rules=rules))[1].tolist() == origin
 
 

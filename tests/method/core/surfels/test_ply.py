@@ -85,7 +85,7 @@ def test_a_viewer_sees_the_surfels_where_they_are_flat_and_as_opaque_as_they_are
     torch.testing.assert_close(seen["normal"], rotation[..., 2], atol=1e-6, rtol=0)
 
 
-def test_a_viewer_shows_the_colour_that_a_display_shows(tmp_path: Path) -> None:
+def test_a_viewer_shows_radiance_as_display_srgb(tmp_path: Path) -> None:
     """colour = 1/2 + 0.2820947917738781 f_dc where nothing depends on the view; 0.2140 of light are shown as 0.5."""
     surfels = some_surfels()
     surfels.sh.zero_()
