@@ -44,21 +44,21 @@ def loss(surfels: Surfels, camera: Camera) -> float:
     return float(RadiometricConsistency().loss(surfels, light, camera, every, incident, generator, without_lobe))
 
 
-def test_radiance_that_is_physical_from_everywhere_is_consistent() -> None:
+def test_physical_radiance_in_all_directions_has_no_loss() -> None:
     assert loss(matte(0.0, 0.0), ABOVE) < 1e-5
 
 
-def test_what_the_camera_does_not_see_counts_too() -> None:
+def test_directions_away_from_the_camera_count_too() -> None:
     """Right along the normal, wrong beside it: over a hemisphere the mean of 1 - n.wo is one half."""
     assert loss(matte(0.0, SLOPE), ABOVE) == pytest.approx(SLOPE / 2, rel=0.02)
 
 
-def test_both_directions_are_added_up() -> None:
+def test_the_losses_of_both_directions_are_added() -> None:
     assert loss(matte(0.1, 0.0), ABOVE) == pytest.approx(0.2, rel=1e-4)
     assert loss(matte(-0.1, 0.0), ABOVE) == pytest.approx(0.2, rel=1e-4)
 
 
-def test_a_camera_behind_the_surface_sees_nothing_of_it() -> None:
+def test_a_camera_behind_the_surface_does_not_count() -> None:
     assert loss(matte(0.1, 0.0), BELOW) == pytest.approx(0.1, rel=1e-4)
     assert loss(matte(0.0, SLOPE), BELOW) == pytest.approx(SLOPE / 2, rel=0.02)
 
@@ -69,7 +69,7 @@ def split_sum(surfels: Surfels, camera: Camera) -> tuple[Tensor, Tensor]:
     return split_sum_consistency_loss(surfels, surfel_radiance(surfels.sh, outgoing), light, outgoing)
 
 
-def test_the_simplified_consistency_is_the_distance_from_the_split_sum_on_the_visible_side() -> None:
+def test_the_simplified_consistency_is_the_distance_to_the_split_sum_on_the_visible_side() -> None:
     surfels = matte(0.1, 0.0)
     own = surfel_radiance(surfels.sh, towards(ABOVE, surfels))
     found, physical = split_sum(surfels, ABOVE)

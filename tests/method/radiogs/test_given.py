@@ -72,7 +72,7 @@ def start_of(surfels: Surfels) -> Start:
 
 
 @pytest.mark.parametrize("part", [*PARTS, None])
-def test_what_is_given_is_held_and_the_rest_is_learnt(initialised: dict[str, Any], part: Part | None) -> None:
+def test_given_parts_are_frozen_and_the_others_are_learnt(initialised: dict[str, Any], part: Part | None) -> None:
     stage = inverse(initialised, *([part] if part else []))
     before = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
     for _ in range(4):
@@ -82,7 +82,7 @@ def test_what_is_given_is_held_and_the_rest_is_learnt(initialised: dict[str, Any
         assert torch.equal(value, before[name]) == (name in held), name
 
 
-def test_surfels_on_given_surfaces_learn_their_reach_at_the_rates_of_stage_1() -> None:
+def test_surfels_on_given_surfaces_learn_scale_and_opacity_at_the_rates_of_stage_1() -> None:
     learnt_rates, given_rates = rates_of(Variant(), 2.0), rates_of(Variant(given=("geometry",)), 2.0)
     changed = {name for name in learnt_rates if learnt_rates[name] != given_rates[name]}
     assert changed == {"log_scale", "opacity_logit"}
@@ -92,7 +92,7 @@ def test_surfels_on_given_surfaces_learn_their_reach_at_the_rates_of_stage_1() -
     assert learnt_rates["centre"] == pytest.approx(2 * rates_of(Variant(), 1.0)["centre"])
 
 
-def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() -> None:
+def test_given_geometry_is_the_true_surface_with_the_nearest_learnt_radiance() -> None:
     surfels = learnt((-1.0, 0.01, 0.0), (1.0, 0.01, 0.0))
     surfels.sh[0, 0], surfels.sh[1, 0] = 1.0, 2.0
     surfels.sh[:, 1:] = 9.0
@@ -110,7 +110,7 @@ def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() ->
     assert torch.allclose(given.roughness, torch.tensor(0.6))
 
 
-def test_given_light_is_the_true_one_at_its_own_resolution_and_zeros_are_raised(initialised: dict[str, Any]) -> None:
+def test_given_light_has_its_own_resolution_and_raised_zeros(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "light")
     stage.step()
     assert torch.allclose(stage.model.environment, SUNNY.radiance, rtol=1e-5)
@@ -134,7 +134,7 @@ def test_given_materials_are_those_of_the_nearest_true_surface(with_geometry: bo
     assert torch.equal(rough.albedo, start.surfels.albedo)
 
 
-def test_at_a_crease_the_sample_of_the_face_that_looks_the_same_way_is_taken() -> None:
+def test_the_nearest_sample_at_a_crease_has_the_same_normal() -> None:
     floor, wall = (
         Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT),
         Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT),
@@ -145,7 +145,7 @@ def test_at_a_crease_the_sample_of_the_face_that_looks_the_same_way_is_taken() -
     assert torch.allclose(found, torch.tensor([LEFT.albedo, RIGHT.albedo]), atol=1e-4)
 
 
-def test_given_indirect_light_is_that_of_the_furnace_wherever_the_surfel_has_sunk_to() -> None:
+def test_given_indirect_light_of_a_furnace_does_not_depend_on_the_depth_of_a_surfel() -> None:
     """In a furnace of albedo 1/2 that emits 0.1, 0.2 arrives from everywhere."""
     known = known_scene(furnace("furnace-0.5"), 0.25)
     true = known_radiance(known, seed=0).surfels
@@ -159,7 +159,7 @@ def test_given_indirect_light_is_that_of_the_furnace_wherever_the_surfel_has_sun
     assert not bool(below.radiance.any())
 
 
-def test_a_surfel_below_the_surface_is_lit_as_if_it_lay_on_it() -> None:
+def test_a_surfel_below_the_surface_gets_the_light_of_the_surface() -> None:
     floor, wall = Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT), Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT)
     true = surfels_on(surfaces_of([floor, wall], 0.1))
     true.sh[:, 0] = radiance_to_sh(true.albedo)
@@ -174,7 +174,7 @@ def test_a_surfel_below_the_surface_is_lit_as_if_it_lay_on_it() -> None:
     assert float(lit[0, direction[0, :, 0] > 0].abs().max()) < 0.05
 
 
-def test_given_indirect_light_means_the_same_in_training_and_when_shown(initialised: dict[str, Any]) -> None:
+def test_given_indirect_light_is_the_same_in_training_and_in_rendering(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "indirect")
     model = Model.of(through_a_file(stage.product()))
     assert model.indirect is not None
@@ -192,7 +192,7 @@ def test_given_indirect_light_means_the_same_in_training_and_when_shown(initiali
     assert torch.equal(mine.visibility, theirs.visibility)
 
 
-def test_under_another_light_the_given_indirect_light_is_not_used(initialised: dict[str, Any]) -> None:
+def test_relighting_does_not_use_given_indirect_light(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "indirect")
     run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
     lit = []
@@ -217,7 +217,7 @@ def test_a_run_with_given_indirect_light_resumes_bit_for_bit(initialised: dict[s
         assert torch.equal(value, resumed.optimiser.tensors[name]), name
 
 
-def test_the_facts_say_what_was_given_and_how_far_the_radiance_is_from_solved(initialised: dict[str, Any]) -> None:
+def test_the_facts_list_given_parts_and_the_residual_of_given_radiance(initialised: dict[str, Any]) -> None:
     model = inverse(initialised).model
     run = Run(KNOWN, Variant(given=("indirect", "light")), BUDGET, 0, CPU)
     given = replace(model, indirect=KnownRadiance(model.surfels, 0.25))
@@ -225,7 +225,7 @@ def test_the_facts_say_what_was_given_and_how_far_the_radiance_is_from_solved(in
     assert "given" not in TrainedRadioGS(model, replace(run, variant=Variant())).facts()
 
 
-def test_the_facts_say_what_the_plan_as_a_whole_cost_by_the_probe_that_says_most(
+def test_the_facts_have_the_largest_bounds_of_all_whole_plans(
     initialised: dict[str, Any],
 ) -> None:
     def evidence(effect: str, bound: float | None) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def test_given_parts_and_the_sources_of_true_surfaces_change_only_the_key_of_sta
         assert (there[1] == second) == (not set(parts) - {"light"}), parts
 
 
-def test_parts_are_a_set_and_what_contradicts_them_is_refused() -> None:
+def test_given_parts_are_a_set_and_contradictions_are_refused() -> None:
     assert Variant(given=("indirect", "light", "light")) == Variant(given=("light", "indirect"))
     with pytest.raises(UsageError, match="no part 'shape'"):
         Variant(given=("shape",))  # type: ignore[arg-type]

@@ -35,7 +35,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
     return found, {phase.title: phase for phase in plan}
 
 
-def test_what_phases_hold_is_what_the_allocator_handed_out(sizes: Sizes) -> None:
+def test_memory_between_steps_agrees_with_the_allocator(sizes: Sizes) -> None:
     found, plan = sizes
     assert set(found.phases) == set(plan)
     for title, phase in plan.items():
@@ -43,14 +43,14 @@ def test_what_phases_hold_is_what_the_allocator_handed_out(sizes: Sizes) -> None
         assert phase.held == pytest.approx(kept, rel=0.04), (title, found.surfels)
 
 
-def test_peaks_are_those_of_the_allocator(sizes: Sizes) -> None:
+def test_peaks_agree_with_the_allocator(sizes: Sizes) -> None:
     found, plan = sizes
     for title, phase in plan.items():
         own, counted = phase.peak - tables(title, BUDGET), found.phases[title].peak
         assert LEAST * counted < own < MOST * counted, (title, found.surfels, own, counted)
 
 
-def test_no_array_is_larger_than_the_samples_that_are_kept(sizes: Sizes) -> None:
+def test_no_array_is_larger_than_the_cached_samples(sizes: Sizes) -> None:
     found, _ = sizes
     directions = BUDGET.relight_hemisphere_samples + BUDGET.relight_light_samples
     assert found.phases["stage 2, all light anew"].largest < SAMPLE * found.surfels * BUDGET.incident_samples
@@ -72,7 +72,7 @@ def test_preset_paper_with_half_a_million_surfels_fits_a_card_of_24_gb() -> None
     assert max(phase.peak for phase in largest) > CARD
 
 
-def test_the_split_sum_traces_nothing() -> None:
+def test_split_sum_shading_needs_no_memory_for_rays() -> None:
     traced, not_traced = (
         RADIOGS.memory(replace(Variant(), shading=shading), PRESETS["paper"], 10_000, TENSOIR)
         for shading in ("monte-carlo", "split-sum")

@@ -71,7 +71,7 @@ def trained(device: torch.device) -> dict[str, torch.Tensor]:
     return {name: value.held if isinstance(value, There) else value.detach() for name, value in learnt.items()}
 
 
-def test_both_stages_learn_what_they_learn_on_the_host() -> None:
+def test_both_stages_learn_the_same_on_a_device_and_on_the_host() -> None:
     with cpu_as_cuda():
         expected = trained(CPU)
     with elsewhere():
@@ -101,7 +101,7 @@ def moved(surfels: Surfels, device: torch.device) -> Surfels:
     return Surfels.of({name: value.to(device) for name, value in surfels.plain().items()})
 
 
-def test_the_light_is_sought_where_the_surfels_are() -> None:
+def test_the_search_for_the_light_runs_on_the_surfels_device() -> None:
     def sought(device: torch.device) -> torch.Tensor:
         views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
         found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=3), generator)
@@ -115,7 +115,7 @@ def test_the_light_is_sought_where_the_surfels_are() -> None:
 
 
 @pytest.mark.parametrize("mode", get_args(Relighting))
-def test_every_way_to_relight(mode: Relighting) -> None:
+def test_every_mode_of_relighting_runs_on_the_device(mode: Relighting) -> None:
     device = registered()
     with elsewhere():
         ball = surfels_over([Sphere((0.0, 0.0, 0.0), 1.0, Material((0.5, 0.4, 0.3), 0.5))], 0.4)
@@ -139,7 +139,7 @@ def test_a_tensor_of_the_host_is_refused() -> None:
         assert (there + 1).cpu().tolist() == [2.0, 2.0, 2.0]
 
 
-def test_what_is_not_finite_is_named_on_a_device_too() -> None:
+def test_values_that_are_not_finite_are_named_on_a_device_too() -> None:
     with elsewhere():
         stage = Initialisation(Run(SCENE, Variant(), SHORT, 0, registered()))
         with torch.no_grad():

@@ -72,9 +72,7 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
         ),
     ],
 )
-def test_rays_are_traced_where_something_is_in_the_way(
-    name: str, traces: bool, inter_reflects: bool, seed: int
-) -> None:
+def test_scenes_with_occluders_need_rays(name: str, traces: bool, inter_reflects: bool, seed: int) -> None:
     _, found, _ = found_on(name, seed)
     each = records(found)
     assert found.plan.traces == traces
@@ -104,7 +102,7 @@ def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", ["niche", "knot"])
-def test_patterned_walls_about_a_ball_or_a_knot_need_more_than_one_bounce(name: str, seed: int) -> None:
+def test_patterned_walls_around_an_object_need_more_than_one_bounce(name: str, seed: int) -> None:
     _, found, decay = found_on(name, seed)
     several = records(found)["bounces"].measured
     assert several is not None
@@ -113,7 +111,7 @@ def test_patterned_walls_about_a_ball_or_a_knot_need_more_than_one_bounce(name: 
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_smooth_patches_keep_their_lobes_and_the_matt_ones_do_not(seed: int) -> None:
+def test_smooth_patches_keep_their_lobes_and_matte_ones_do_not(seed: int) -> None:
     scene, found, _ = found_on("patchwork", seed)
     roughness, kept = scene.surfels.roughness, found.plan.specular_at
     assert records(found)["specular"].verdict == "local"
@@ -125,7 +123,7 @@ def test_the_smooth_patches_keep_their_lobes_and_the_matt_ones_do_not(seed: int)
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("name", "smoothest"), [("convex", 0.5), ("glossy", 0.25), ("mirror", 0.1)])
-def test_lobes_stay_on_balls_that_show_them(name: str, smoothest: float, seed: int) -> None:
+def test_balls_with_visible_highlights_keep_their_lobes(name: str, smoothest: float, seed: int) -> None:
     scene, found, _ = found_on(name, seed)
     ball = (scene.surfels.roughness - smoothest).abs() < 0.01
     assert bool(ball.any())
@@ -170,12 +168,12 @@ def test_directions_are_drawn_from_a_sun_but_not_from_an_even_light(
 
 
 @pytest.mark.parametrize(("name", "verdict"), [("convex", "on"), ("occluder", "off")])
-def test_the_wide_suns_of_the_generated_skies_are_drawn_from_where_it_shows(name: str, verdict: str) -> None:
+def test_directions_are_drawn_from_the_wide_suns_of_generated_skies_where_it_matters(name: str, verdict: str) -> None:
     scene, found, _ = found_on(name, 0)
     assert decide_own_light_sampling(run(name, 0), scene, found).verdict == verdict
 
 
-def test_under_a_wide_sun_drawn_directions_help_but_as_many_spread_ones_help_more() -> None:
+def test_under_a_wide_sun_more_spread_directions_help_more_than_drawn_ones() -> None:
     """On ``convex`` under its sky. Measured: 64 spread 8.6e-5, 64 spread and 64 drawn 2.5e-5 (3.2e-4 when drawn
     independently), 128 spread 6e-6."""
     surfels, light = true_model(load_scene("convex"))
@@ -194,7 +192,7 @@ def test_under_a_wide_sun_drawn_directions_help_but_as_many_spread_ones_help_mor
     assert many < both
 
 
-def test_light_in_a_closed_room_decays_by_its_albedo() -> None:
+def test_light_in_a_closed_room_decays_by_the_albedo() -> None:
     """Light that all walls send alike arrives everywhere alike: each bounce has the albedo of the one before."""
     walls = surfels_of_room(1.0, 0.2, 0.6)
     direction, weight = hemisphere_directions(walls.frame[..., 2], 32, torch.Generator().manual_seed(0))
@@ -205,7 +203,7 @@ def test_light_in_a_closed_room_decays_by_its_albedo() -> None:
     assert decay.ratio == pytest.approx(0.6, rel=0.03)
 
 
-def test_bounces_are_as_many_as_the_decay_needs() -> None:
+def test_the_number_of_bounces_follows_from_the_decay() -> None:
     """Errors fall by the square of the ratio: 0.5 after one bounce is 2e-3 after four more."""
     decay = Decay((1.0, 0.5, 0.25))
     assert decay.needed(0.5, 1.0) == 1
@@ -214,7 +212,7 @@ def test_bounces_are_as_many_as_the_decay_needs() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_relighting_by_a_sun_of_half_a_degree_keeps_the_shadow_that_it_throws(seed: int) -> None:
+def test_relighting_by_a_sun_of_half_a_degree_keeps_its_shadow(seed: int) -> None:
     """One direction in 94 000 over a hemisphere meets it: a probe has to draw from the light as well."""
     radiance, sun = sun_and_sky(512)
     light = EnvironmentMap(radiance)
@@ -231,7 +229,7 @@ def test_relighting_by_a_sun_of_half_a_degree_keeps_the_shadow_that_it_throws(se
     assert not relighting_findings(run("convex", seed), None, light)[1].plan.traces
 
 
-def test_surfels_of_a_scene_have_its_materials() -> None:
+def test_surfels_on_true_surfaces_have_the_true_materials() -> None:
     surfels, light = true_model(load_scene("convex"))
     assert torch.allclose(surfels.albedo, torch.tensor([0.6, 0.35, 0.2]).expand(len(surfels), 3), atol=1e-5)
     assert light.radiance.shape == (32, 64, 3)

@@ -43,7 +43,7 @@ def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() 
         assert float((direction[..., 2] * weight).sum() / math.pi) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_rays_start_at_a_fixed_distance_only_where_that_is_asked_for(initialised: dict[str, Any]) -> None:
+def test_rays_start_at_a_fixed_distance_only_with_the_deviation(initialised: dict[str, Any]) -> None:
     surfels = stage_with(initialised).model.surfels
     assert RaySettings.of(Variant()).tracer(surfels).world_offset is None
     assert RaySettings.of(Variant(deviations=("fixed-offset",))).tracer(surfels).world_offset == 0.05
@@ -69,7 +69,7 @@ def test_stage_two_begins_under_the_stated_light(initialised: dict[str, Any]) ->
     assert not torch.allclose(stage_with(initialised).model.environment, torch.tensor(1.5))
 
 
-def test_display_radiance_makes_stage_one_learn_what_is_seen(initialised: dict[str, Any]) -> None:
+def test_display_radiance_makes_stage_one_learn_display_colours(initialised: dict[str, Any]) -> None:
     """Its surfels end nearer to the display colours than to the linear ones."""
     first = Initialisation(Run(SCENE, Variant(deviations=("display-radiance",)), BUDGET, 0, CPU))
     linear = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))

@@ -157,7 +157,7 @@ def off(found: Tensor, expected: Tensor) -> tuple[float, float]:
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("light", [EVENING, NOON], ids=["evening", "noon"])
-def test_a_ball_alone_is_lit_by_the_new_light(light: EnvironmentMap, scale: tuple[float, ...]) -> None:
+def test_direct_light_on_a_single_ball_agrees_with_quadrature(light: EnvironmentMap, scale: tuple[float, ...]) -> None:
     found = maps(model_of(BALL), light, scale)
     mean, pixels = off(on_the_ball(found, "direct"), under(light, scale, over_plate=False)[0])
     assert mean < 0.03
@@ -168,7 +168,7 @@ def test_a_ball_alone_is_lit_by_the_new_light(light: EnvironmentMap, scale: tupl
 @pytest.mark.parametrize("met_light", ["occluded", "unoccluded"])
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("light", [AMBER, TEAL], ids=["amber", "teal"])
-def test_a_plate_below_hides_the_light_and_sends_on_the_new_one(
+def test_occlusion_and_indirect_light_of_a_plate_agree_with_quadrature(
     light: EnvironmentMap, scale: tuple[float, ...], met_light: MetLight
 ) -> None:
     found = maps(model_of(BALL, PLATE), light, scale, met_light=met_light)
@@ -182,7 +182,7 @@ def test_a_plate_below_hides_the_light_and_sends_on_the_new_one(
     assert pixels < 0.15
 
 
-def test_the_image_is_direct_and_indirect_light_together() -> None:
+def test_the_image_is_the_sum_of_direct_and_indirect_light() -> None:
     found = maps(model_of(BALL, PLATE), AMBER, SCALES[0])
     image = srgb_encode(on_the_ball(found, "direct") + on_the_ball(found, "indirect"))
     assert off(on_the_ball(found, "image"), image)[1] < 0.02
@@ -198,7 +198,9 @@ def test_relit_images_do_not_depend_on_the_learnt_radiance_and_light() -> None:
 
 
 @pytest.mark.parametrize(("mode", "tolerance"), [("finetuned", 0.025), ("surfels", 0.05)])
-def test_fine_tuned_radiance_is_that_of_the_new_light_and_the_scaled_albedo(mode: Relighting, tolerance: float) -> None:
+def test_fine_tuned_radiance_agrees_with_the_new_light_and_the_scaled_albedo(
+    mode: Relighting, tolerance: float
+) -> None:
     """A hundred steps are enough to see it by; the surfels' own radiance still has their noise."""
     direct, indirect = under(AMBER, SCALES[1], over_plate=True)
     found = on_the_ball(maps(model_of(BALL, PLATE), AMBER, SCALES[1], mode), "image")

@@ -54,7 +54,7 @@ BY_RAYS: tuple[Relighting, ...] = ("pbr", "finetuned")
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
-def test_rays_meet_the_back_of_a_sheet_unless_they_are_one_sided(mode: Relighting) -> None:
+def test_rays_hit_the_back_of_a_sheet_unless_they_are_one_sided(mode: Relighting) -> None:
     two_sided, one_sided = (by_rays(mode, *named) for named in ((), ("one-sided-rays",)))
     under = floors_middle(two_sided.surfels)
     assert float(two_sided.incident.visibility[under].mean()) < 0.75
@@ -69,7 +69,7 @@ def test_rays_start_beyond_the_sheet_only_by_a_fixed_offset(mode: Relighting, mo
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
-def test_directions_over_the_hemisphere_end_at_the_floor_only_where_that_is_asked_for(mode: Relighting) -> None:
+def test_directions_over_the_hemisphere_have_a_floor_only_with_the_deviation(mode: Relighting) -> None:
     for named, ends in (((), False), (("hemisphere-floor",), True)):
         found = by_rays(mode, *named)
         height = (found.incident.direction * found.surfels.frame[:, None, :, 2]).sum(-1)[:, :SPREAD]
@@ -77,7 +77,7 @@ def test_directions_over_the_hemisphere_end_at_the_floor_only_where_that_is_aske
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
-def test_images_shaded_by_rays_are_encoded_as_the_profile_says(mode: Relighting) -> None:
+def test_images_shaded_by_rays_have_the_profiles_encoding(mode: Relighting) -> None:
     for named, straight in (((), True), (("premultiplied-encoding",), False)):
         maps = by_rays(mode, *named).render(CAMERA)
         linear, alpha = maps["direct"] + maps["indirect"], maps["alpha"][..., 0]
@@ -86,7 +86,7 @@ def test_images_shaded_by_rays_are_encoded_as_the_profile_says(mode: Relighting)
         assert float((right - wrong).abs().max()) > 0.05
 
 
-def test_images_of_surfels_alone_are_encoded_as_the_profile_says() -> None:
+def test_images_of_surfels_alone_have_the_profiles_encoding() -> None:
     for named, straight in (((), True), (("premultiplied-encoding",), False)):
         found = relit(sheet(), sky(), "surfels", *named)
         assert isinstance(found, RelitBySurfels)
@@ -102,7 +102,7 @@ def fine_tuned_radiance(surfels: Surfels, light: Tensor, *deviations: str) -> Te
     return own_radiance(CAMERA, found.surfels).mean(-1)
 
 
-def test_fine_tuning_traces_rays_as_the_profile_says() -> None:
+def test_rays_of_fine_tuning_hit_backs_as_in_the_profile() -> None:
     """Below the sheet it is half dark by rays that meet backs."""
     under = floors_middle(sheet())
     two_sided, one_sided = (
@@ -111,7 +111,7 @@ def test_fine_tuning_traces_rays_as_the_profile_says() -> None:
     assert 0.1 < two_sided < 0.8 * one_sided
 
 
-def test_fine_tuning_looks_as_low_as_the_profile_says() -> None:
+def test_directions_of_fine_tuning_have_the_profiles_floor() -> None:
     """In a white furnace, which the released code's directions brighten, and the more the fewer they are."""
     floor = surfels_over([FLOOR], 0.2)
     floor = floor.take(torch.nonzero(floor.frame[:, 2, 2] > 0.9)[:, 0])

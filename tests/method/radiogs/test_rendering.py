@@ -51,7 +51,7 @@ def errors(deviations: tuple[str, ...]) -> tuple[float, float]:
     return float(relative.square().mean().sqrt()), float(relative.mean())
 
 
-def test_a_sun_lights_all_surfels_alike_where_directions_are_drawn_from_the_light() -> None:
+def test_drawn_directions_remove_the_scatter_of_a_suns_irradiance() -> None:
     use_threads(1)
     scatter, bias = errors(())
     assert scatter < 0.04
@@ -59,7 +59,7 @@ def test_a_sun_lights_all_surfels_alike_where_directions_are_drawn_from_the_ligh
     assert errors(("spread-views",))[0] > 3 * scatter
 
 
-def test_two_renderers_of_one_model_agree() -> None:
+def test_two_renderers_of_one_model_have_the_same_directions() -> None:
     model = Model(surfels_over([BALL], 0.3), sun().log())
     first, second = (Renderer(model, SAMPLES, Variant()).incident for _ in range(2))
     assert first is not None
@@ -68,7 +68,7 @@ def test_two_renderers_of_one_model_agree() -> None:
 
 
 @pytest.mark.parametrize("directions", [1, 3])
-def test_as_many_directions_are_drawn_as_are_spread(directions: int) -> None:
+def test_the_number_of_drawn_directions_equals_that_of_spread_ones(directions: int) -> None:
     model = Model(surfels_over([BALL], 0.5), sun().log())
     for deviations, count in (((), 2 * DENSER * directions), (("spread-views",), directions)):
         incident = Renderer(model, directions, Variant(deviations=deviations)).incident

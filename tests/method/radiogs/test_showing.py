@@ -20,9 +20,9 @@ STAGES = RADIOGS.stages(Variant(), RADIOGS.presets["smoke"])
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=[stage.name for stage in STAGES])
-def test_the_sources_of_a_stage_hold_nothing_that_shows_a_model(stage: StageSpec) -> None:
+def test_the_sources_of_a_stage_exclude_the_modules_that_render(stage: StageSpec) -> None:
     assert not SHOWING & installed().closure(*stage.sources).keys()
 
 
-def test_what_shows_a_model_is_in_the_sources_of_the_method() -> None:
+def test_the_sources_of_the_method_include_the_modules_that_render() -> None:
     assert installed().closure(*RADIOGS.sources).keys() >= SHOWING

@@ -40,7 +40,7 @@ class WithoutStageTwo(Budget):
         return super().__getattribute__(name)
 
 
-def test_stage_one_reads_nothing_that_belongs_to_stage_two(initialised: dict[str, Any]) -> None:
+def test_stage_one_reads_no_budget_field_of_stage_two(initialised: dict[str, Any]) -> None:
     """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
     stage = Initialisation(Run(SCENE, Variant(), WithoutStageTwo(**vars(BUDGET)), 0, CPU))
     for _ in range(stage.iterations):
@@ -79,7 +79,7 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
     assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
 
 
-def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
+def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
     """There are two probes, one before the checkpoint and one after it."""
     variant = Variant(effects="auto")
     whole = inverse(initialised, variant)
@@ -144,7 +144,7 @@ def test_detaching_one_side_of_the_residual_cuts_its_gradient(
     assert moved == learns
 
 
-def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fresh(
+def test_without_radiometric_weight_there_is_no_gradient_but_the_cache_is_updated(
     initialised: dict[str, Any],
 ) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
@@ -155,7 +155,7 @@ def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fr
     assert not torch.equal(before, stage.shader.cache.incident.direction)
 
 
-def test_novel_view_initialisation_knows_no_shading() -> None:
+def test_novel_view_initialisation_has_no_loss_of_shading() -> None:
     losses = Initialisation(Run(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU)).step()
     assert "shaded" not in losses
     assert "consistency" not in losses
@@ -196,7 +196,7 @@ def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], vari
         assert torch.equal(value, stage.model.surfels.parameters()[name]), name
 
 
-def test_both_stages_are_what_the_harness_calls_a_stage(initialised: dict[str, Any]) -> None:
+def test_both_stages_implement_the_stage_protocol(initialised: dict[str, Any]) -> None:
     first = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     second = inverse(first.product())
     assert isinstance(first, Stage)

@@ -49,14 +49,14 @@ def terms_of(field: str) -> set[str]:
     return TERMS[field] if field in TERMS else TERMS[field.split("_")[0]]
 
 
-def test_every_term_has_a_positive_value_and_there_is_none_without_a_weight() -> None:
+def test_every_term_has_a_positive_value_and_a_weight() -> None:
     losses = initialisation(worn(), LATE).step()
     assert set(losses) == {"consistency"}.union(*TERMS.values())
     assert all(value > 0 for value in losses.values()), losses
 
 
 @pytest.mark.parametrize("field", [each.name for each in fields(GeometryWeights)])
-def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> None:
+def test_each_weight_scales_its_own_term_alone(field: str) -> None:
     surfels, own, ever = worn(), terms_of(field), set[str]()
     other = "similarity" if field == "absolute" else "absolute"
     alone = {other: 0.0} if own == IMAGES else {}
@@ -77,7 +77,7 @@ def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> 
 
 
 @pytest.mark.parametrize(("field", "term"), [("consistency", "consistency"), ("image", "shaded")])
-def test_a_weight_of_the_split_sum_is_a_factor_of_its_term_alone(field: str, term: str) -> None:
+def test_each_weight_of_the_split_sum_scales_its_own_term_alone(field: str, term: str) -> None:
     surfels = worn()
     weight = getattr(SplitSumLearning(), field)
     none, once, twice = (
@@ -93,7 +93,7 @@ SHAPE = ("centre", "rotation", "log_scale", "opacity_logit")
 
 
 @pytest.mark.parametrize("weight", ["image", "consistency"])
-def test_the_split_sum_has_gradient_to_geometry_only_where_the_variant_says_so(weight: str) -> None:
+def test_the_split_sum_has_gradient_to_geometry_only_with_geometry_gradient(weight: str) -> None:
     def after_a_step(factor: float, shapes: bool) -> dict[str, torch.Tensor]:
         split_sum = SplitSumLearning(**{"image": 0.0, "consistency": 0.0, weight: factor}, geometry_gradient=shapes)
         stage = initialisation(worn(), LATE, Variant(split_sum=split_sum))
@@ -141,12 +141,12 @@ def glowing(factor: float) -> Surfels:
         ("consistency", BALL, changed(albedo_logit=BALL.albedo_logit + 1)),
     ],
 )
-def test_what_is_wrong_costs_more(term: str, before: Surfels, after: Surfels) -> None:
+def test_a_wrong_model_raises_the_term(term: str, before: Surfels, after: Surfels) -> None:
     right, wrong = (initialisation(surfels, LATE).step()[term] for surfels in (before, after))
     assert wrong > 1.2 * right
 
 
-def test_the_light_of_the_split_sum_is_the_one_that_is_learnt() -> None:
+def test_a_wrong_light_raises_the_terms_of_the_split_sum() -> None:
     for term in ("shaded", "consistency"):
         right, *wrong = (initialisation(BALL, LATE, light=WHITE + shift).step()[term] for shift in (0.0, 0.7, -0.7))
         assert min(wrong) > 1.2 * right
@@ -163,7 +163,7 @@ def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
         assert right[term] < 0.5 * wrong[term]
 
 
-def test_what_is_missing_costs_its_contrast_to_white_and_to_black_in_turn() -> None:
+def test_an_invisible_model_costs_the_contrast_to_white_and_black_in_turn() -> None:
     """L1 alone, of one view, where no surfel can be seen: the mean of |image - background|."""
     nothing = changed(opacity_logit=torch.full_like(BALL.opacity_logit, -20.0))
     variant = replace(weighing(absolute=1.0, similarity=0.0), view_share=0.01, initialise="nvs")
@@ -175,7 +175,7 @@ def test_what_is_missing_costs_its_contrast_to_white_and_to_black_in_turn() -> N
     assert found == pytest.approx([on_white, on_black] * 2, rel=1e-4)
 
 
-def test_similarity_is_of_the_images_structure() -> None:
+def test_the_similarity_term_compares_structure() -> None:
     """A ball that is a little too dark everywhere has its structure; one that is speckled has not."""
     variant = replace(weighing(absolute=0.0, similarity=1.0), initialise="nvs")
     speckled = BALL.sh.clone()
@@ -198,14 +198,14 @@ def test_similarity_is_of_the_images_structure() -> None:
         ("consistency", Variant(split_sum=SplitSumLearning(consistency_from=0.4))),
     ],
 )
-def test_terms_set_in_at_their_share_of_the_stage(term: str, variant: Variant) -> None:
+def test_terms_begin_at_their_share_of_the_stage(term: str, variant: Variant) -> None:
     before, after = (initialisation(worn(), share, variant).step() for share in (0.39, 0.4))
     assert term not in before
     assert after[term] > 0
     assert set(after) - set(before) == {term}
 
 
-def test_the_later_weight_of_the_normals_counts_from_its_share_of_the_stage_on() -> None:
+def test_the_late_weight_of_normals_begins_at_its_share_of_the_stage() -> None:
     schedule, factor = GeometrySchedule(normal_late_from=0.4), 3.0
     for share, counts in ((0.0, False), (0.39, False), (0.4, True), (LATE, True)):
         same, other = (
@@ -219,12 +219,12 @@ def test_the_later_weight_of_the_normals_counts_from_its_share_of_the_stage_on()
         assert other == pytest.approx((factor if counts else 1.0) * same, rel=1e-5)
 
 
-def test_at_the_start_neither_distortion_nor_consistency_counts() -> None:
+def test_distortion_and_consistency_do_not_count_at_the_start() -> None:
     """Both would hold on to what is not there yet."""
     assert not {"distortion", "consistency"} & set(initialisation(worn(), 0.0).step())
 
 
-def test_harmonics_take_part_degree_by_degree() -> None:
+def test_degrees_of_harmonics_begin_at_their_shares_of_the_stage() -> None:
     """Before its share of the stage a degree neither shows nor moves."""
     schedule = GeometrySchedule(degrees_from=(0.2, 0.4, 0.6))
     variant = Variant(geometry=GeometryLearning(schedule=schedule))
@@ -243,7 +243,7 @@ def test_harmonics_take_part_degree_by_degree() -> None:
             assert same == (kept == known)
 
 
-def test_by_default_radiance_depends_on_no_direction_at_first_and_on_all_degrees_in_the_end() -> None:
+def test_by_default_radiance_begins_with_degree_0_and_ends_with_all_degrees() -> None:
     sh = BALL.sh.clone()
     sh[:, 1:] = noise(sh[:, 1:], 0.2)
     for share, shows in ((0.0, False), (LATE, True)):
@@ -251,7 +251,7 @@ def test_by_default_radiance_depends_on_no_direction_at_first_and_on_all_degrees
         assert (found != flat) == shows
 
 
-def test_positions_take_steps_as_long_as_the_budget_says_and_rotations_by_the_root() -> None:
+def test_the_budgets_rate_scales_positions_and_its_root_scales_rotations() -> None:
     """A first step of Adam is as long as its rate."""
     rates = Variant().geometry.rates
     for factor in (1.0, 9.0):
@@ -266,7 +266,7 @@ def test_positions_take_steps_as_long_as_the_budget_says_and_rotations_by_the_ro
         assert moved["log_scale"] == pytest.approx(rates.scale, rel=1e-3)
 
 
-def test_the_scene_is_what_the_ball_shows() -> None:
+def test_the_known_ball_reproduces_the_images_of_the_scene() -> None:
     """The known surfels are nearly the truth: their images are as far off as their soft silhouette."""
     stage = initialisation(BALL, LATE)
     losses = stage.step()

@@ -67,14 +67,14 @@ def terms_of(field: str) -> set[str]:
     return TERMS[field] if field in TERMS else TERMS[field.split("_")[0]]
 
 
-def test_every_term_has_a_positive_value_and_there_is_none_without_a_weight() -> None:
+def test_every_term_has_a_positive_value_and_a_weight() -> None:
     losses = inverse_rendering(worn(), LATE, light=TINTED + SPECKLED).step()
     assert set(losses) == {"consistency"}.union(*TERMS.values())
     assert all(value > 0 for value in losses.values()), losses
 
 
 @pytest.mark.parametrize("field", [each.name for each in fields(MaterialWeights)])
-def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> None:
+def test_each_weight_scales_its_own_term_alone(field: str) -> None:
     surfels, light, own, ever = worn(), TINTED + SPECKLED, terms_of(field), set[str]()
     other = "similarity" if field == "absolute" else "absolute"
     alone = {other: 0.0} if own == IMAGES else {}
@@ -95,7 +95,7 @@ def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> 
 
 
 @pytest.mark.parametrize("shading", ["monte-carlo", "split-sum"])
-def test_the_weight_of_the_consistency_is_a_factor_of_it_alone(shading: str) -> None:
+def test_the_weight_of_the_consistency_scales_it_alone(shading: str) -> None:
     weight = Variant().radiometric_weight
     none, once, twice = (
         inverse_rendering(worn(), LATE, Variant(radiometric_weight=factor * weight, shading=shading)).step()
@@ -135,7 +135,7 @@ def painted(shift: float) -> Surfels:
         ("consistency", painted(1.5)),
     ],
 )
-def test_what_is_wrong_costs_more(term: str, wrong: Surfels) -> None:
+def test_a_wrong_model_raises_the_term(term: str, wrong: Surfels) -> None:
     right, off = (inverse_rendering(surfels, LATE).step()[term] for surfels in (BALL, wrong))
     assert off > 1.05 * right
 
@@ -151,12 +151,12 @@ def test_what_is_wrong_costs_more(term: str, wrong: Surfels) -> None:
         ("consistency", WHITE - 1.0),
     ],
 )
-def test_a_wrong_light_costs_more(term: str, light: torch.Tensor) -> None:
+def test_a_wrong_light_raises_the_term(term: str, light: torch.Tensor) -> None:
     right, wrong = (inverse_rendering(BALL, LATE, light=each).step()[term] for each in (WHITE, light))
     assert wrong > 1.2 * right
 
 
-def test_a_smooth_tint_is_smooth_and_white_noise_is_nearly_white() -> None:
+def test_the_two_light_priors_respond_to_tint_and_to_noise() -> None:
     """The two priors of the light tell apart what each is for."""
     tint, speckle = (inverse_rendering(BALL, LATE, light=each).step() for each in (TINTED, SPECKLED))
     assert tint["light smoothness"] < 1e-9 < speckle["light smoothness"]
@@ -174,13 +174,13 @@ def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
         assert right[term] < 0.5 * wrong[term]
 
 
-def test_materials_show_in_the_shaded_image_alone_and_radiance_in_its_own() -> None:
+def test_materials_change_the_shaded_image_alone_and_radiance_its_own_image() -> None:
     right, bright, pale = (inverse_rendering(each, LATE).step() for each in (BALL, glowing(2.0), painted(1.5)))
     assert bright["shaded"] == right["shaded"]
     assert pale["radiance"] == right["radiance"]
 
 
-def test_normals_are_held_to_the_depth_from_their_share_of_the_stage_on() -> None:
+def test_the_normal_term_begins_at_its_share_of_the_stage() -> None:
     variant = learning(normal_from=0.4)
     before, after = (inverse_rendering(worn(), share, variant).step() for share in (0.39, 0.4))
     assert set(after) - set(before) == {"normal"}
@@ -188,7 +188,7 @@ def test_normals_are_held_to_the_depth_from_their_share_of_the_stage_on() -> Non
     assert "normal" not in inverse_rendering(worn(), 0.0).step()
 
 
-def test_the_image_weight_of_the_released_code_is_of_the_shaded_image() -> None:
+def test_the_image_weight_of_the_released_code_scales_the_shaded_image_alone() -> None:
     ours, theirs = (
         inverse_rendering(BALL, LATE, replace(weighing(similarity=0.0), deviations=names)).step()
         for names in ((), ("image-weight",))
@@ -215,7 +215,7 @@ def test_geometry_is_refined_and_not_learnt_again() -> None:
         assert 0 < found[name] < 0.1 * rate, name
 
 
-def test_the_share_of_geometry_moves_geometry_alone() -> None:
+def test_the_factor_of_geometry_rates_scales_geometry_alone() -> None:
     share = MaterialRates().geometry
     once, twice = (steps_of(learning(rates=replace(MaterialRates(), geometry=each))) for each in (share, 2 * share))
     for name in GEOMETRY:
@@ -228,7 +228,7 @@ def test_the_share_of_geometry_moves_geometry_alone() -> None:
     ("rate", "moves"),
     [("albedo", "albedo_logit"), ("roughness", "roughness_logit"), ("light", "log_environment"), ("radiance", "sh")],
 )
-def test_each_rate_is_of_its_own_parameter(rate: str, moves: str) -> None:
+def test_each_rate_moves_its_own_parameter_alone(rate: str, moves: str) -> None:
     once = steps_of(Variant())
     twice = steps_of(learning(rates=replace(MaterialRates(), **{rate: 2 * getattr(MaterialRates(), rate)})))
     assert {name for name in once if twice[name] > 1.5 * once[name]} == {moves}

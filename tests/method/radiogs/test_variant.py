@@ -162,7 +162,7 @@ def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str,
 
 
 @pytest.mark.parametrize("path", OF_STAGE_TWO)
-def test_each_field_of_materials_changes_stage_two_and_is_not_read_before(
+def test_each_field_of_materials_changes_stage_two_alone(
     first: dict[str, Any], second: dict[str, torch.Tensor], path: str
 ) -> None:
     value, base = other(path, LEAVES[path]), BASE
@@ -186,7 +186,7 @@ def test_stage_one_does_not_read_the_settings_of_materials(first: dict[str, Any]
     assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])
 
 
-def test_a_variant_is_hashable_and_comes_back_from_its_file() -> None:
+def test_a_variant_is_hashable_and_survives_a_round_trip_through_json() -> None:
     variant = Variant(effects=("visibility",), deviations=("start-light",))
     for path, value in LEAVES.items():
         if "." in path:
@@ -195,7 +195,7 @@ def test_a_variant_is_hashable_and_comes_back_from_its_file() -> None:
     assert from_plain(Variant, json.loads(json.dumps(asdict(variant))), "variant") == variant
 
 
-def test_a_row_turns_one_field_by_a_nested_table_and_leaves_the_others() -> None:
+def test_a_nested_table_changes_one_field_and_keeps_the_others() -> None:
     variant = from_plain(
         Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "variant"
     )
@@ -203,6 +203,6 @@ def test_a_row_turns_one_field_by_a_nested_table_and_leaves_the_others() -> None
     assert variant == turned(turned(Variant(), "materials.weights.mask", 0.5), "geometry.backgrounds", (0.0,))
 
 
-def test_a_field_that_does_not_exist_is_refused_with_the_nearest_one() -> None:
+def test_an_unknown_field_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
         from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}}, "variant")

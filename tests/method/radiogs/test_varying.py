@@ -112,14 +112,16 @@ def found(case: str) -> dict[str, Determined]:
         ("open box, constant light", "roughness", False),
     ],
 )
-def test_what_is_determined_is_told_from_what_is_not(case: str, quantity: str, expected: bool) -> None:
+def test_determined_quantities_are_distinguished_from_undetermined_ones(
+    case: str, quantity: str, expected: bool
+) -> None:
     record = found(case)[quantity]
     assert record["determined"] is expected, record
     margin = record["rise"] / HALF_A_LEVEL
     assert margin > 1.5 if expected else margin < 0.67, "too near the threshold to be a test"
 
 
-def test_values_are_means_over_what_the_cameras_see() -> None:
+def test_values_are_means_over_visible_surfels() -> None:
     values = {name: record["value"] for name, record in found("half shiny ball, sun").items()}
     assert tuple(values) == QUANTITIES
     # The cameras are a little above the equator and see more of the upper half.
@@ -129,7 +131,7 @@ def test_values_are_means_over_what_the_cameras_see() -> None:
     assert values["brightness"] == pytest.approx(0.2 + 8 * 0.017, abs=0.01)
 
 
-def test_unchanged_it_shows_what_is_evaluated() -> None:
+def test_without_a_change_the_images_equal_those_of_evaluation() -> None:
     for case in CASES:
         model = trained(case)
         cameras = [view.camera for view in model.run.scene.train]
@@ -139,7 +141,7 @@ def test_unchanged_it_shows_what_is_evaluated() -> None:
                 torch.testing.assert_close(image, prepared.render(camera)["image"], atol=2e-5, rtol=0)
 
 
-def test_surfels_without_a_lobe_are_shown_as_they_are_evaluated() -> None:
+def test_images_without_lobes_equal_those_of_evaluation() -> None:
     """The light that the lobe would scatter is in their diffuse part, and does not grow with albedo."""
     plan = replace(EffectPlan(), specular=False)
     run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)
@@ -149,7 +151,7 @@ def test_surfels_without_a_lobe_are_shown_as_they_are_evaluated() -> None:
     torch.testing.assert_close(image, prepared.render(camera)["image"], atol=2e-5, rtol=0)
 
 
-def test_albedo_takes_up_what_it_can() -> None:
+def test_albedo_compensates_a_change_of_roughness() -> None:
     """In constant light a lobe differs little between views: what a change of roughness does is hidden by albedo."""
     model = trained("matte ball, constant light")
     varying = model.varying([view.camera for view in model.run.scene.train])
@@ -163,7 +165,7 @@ def test_albedo_takes_up_what_it_can() -> None:
     assert change(varying) < 0.2 * change(bare)
 
 
-def test_albedo_beyond_one_is_no_albedo() -> None:
+def test_albedo_is_limited_to_one() -> None:
     model = trained("matte ball, constant light")
     varying = model.varying([view.camera for view in model.run.scene.train])
     by_three = torch.stack(varying.images("brightness", 1.0986))
@@ -183,7 +185,7 @@ def test_given_quantities_are_not_determined_from_images(given: tuple[Part, ...]
             model.varying(around()).images(quantity, 0.1)
 
 
-def test_split_sum_shading_is_measured_too() -> None:
+def test_quantities_are_measured_with_split_sum_shading_too() -> None:
     run = Run(sphere_scene(1, SIZE), Variant(shading="split-sum"), BUDGET, 0, CPU)
     model = TrainedRadioGS(Model(ball(SHINY), sunny().log()), run)
     assert isinstance(model, Variable)

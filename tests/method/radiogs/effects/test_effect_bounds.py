@@ -31,7 +31,7 @@ def mostly_zero(generator: torch.Generator) -> torch.Tensor:
 
 
 @pytest.mark.parametrize(("sample", "mean"), [(squared_normals, 1.0), (mostly_zero, 0.3)])
-def test_the_mean_is_within_each_bound_as_often_as_its_level_says(sample: object, mean: float) -> None:
+def test_each_bound_holds_with_the_probability_of_its_level(sample: object, mean: float) -> None:
     """Misses in 300 samples are binomial: 30 is five standard deviations above 15."""
     values = sample(torch.Generator().manual_seed(0))  # type: ignore[operator]
     generator = torch.Generator().manual_seed(1)
@@ -46,7 +46,7 @@ def test_the_mean_is_within_each_bound_as_often_as_its_level_says(sample: object
     assert 0.5 * theory < width < 2 * theory
 
 
-def test_statistics_bounded_together_are_bounded_as_alone() -> None:
+def test_statistics_have_the_same_bounds_together_and_alone() -> None:
     values = squared_normals(torch.Generator().manual_seed(3))[:2]
     below, above = bootstrap_t(values, LEVEL, torch.Generator().manual_seed(4))
     for place in range(2):
@@ -55,7 +55,7 @@ def test_statistics_bounded_together_are_bounded_as_alone() -> None:
         assert float(alone[1]) == pytest.approx(float(above[place]))
 
 
-def test_what_cannot_be_known_is_not_bounded() -> None:
+def test_bounds_are_infinite_for_too_few_values() -> None:
     generator = torch.Generator().manual_seed(0)
     assert bootstrap_t(torch.ones(1, 1), LEVEL, generator)[1] == math.inf
     # Of two values every other resample is constant: it says nothing of how they scatter.
@@ -63,7 +63,7 @@ def test_what_cannot_be_known_is_not_bounded() -> None:
     assert bootstrap_t(torch.full((1, 50), 2.0), LEVEL, generator)[1] == 2.0
 
 
-def test_bounds_are_those_of_resamples_that_are_written_out() -> None:
+def test_bounds_equal_those_of_explicit_resamples() -> None:
     level, count = 0.05, 12
     values = torch.rand(count, dtype=torch.float64, generator=torch.Generator().manual_seed(5)).square()
     mean, error = float(values.mean()), float(values.std()) / math.sqrt(count)
@@ -78,7 +78,7 @@ def test_bounds_are_those_of_resamples_that_are_written_out() -> None:
     assert float(high) == pytest.approx(mean - ratios[RESAMPLES_PER_TAIL - 1] * error, rel=1e-9)
 
 
-def test_many_values_are_bounded_by_the_means_of_batches() -> None:
+def test_bounds_on_many_values_use_the_means_of_batches() -> None:
     values = torch.randn(1, 40_000, generator=torch.Generator().manual_seed(0), dtype=torch.float64).square()
     below, above = bootstrap_t(values, LEVEL, torch.Generator().manual_seed(1))
     theory = 1.645 * math.sqrt(2) / math.sqrt(values.shape[1])
@@ -86,7 +86,7 @@ def test_many_values_are_bounded_by_the_means_of_batches() -> None:
     assert float(above) < float(values.mean()) + 1.5 * theory
 
 
-def test_an_event_that_was_never_seen_is_as_rare_as_the_bound_says() -> None:
+def test_the_bound_on_an_unseen_event_has_the_stated_level() -> None:
     """P(no event in n | p = bound) is the level: drawn, not computed."""
     share = zero_events_upper(50, LEVEL)
     drawn = torch.rand(40_000, 50, generator=torch.Generator().manual_seed(0)) < share
@@ -95,12 +95,12 @@ def test_an_event_that_was_never_seen_is_as_rare_as_the_bound_says() -> None:
     assert zero_events_upper(0, LEVEL) == 1.0
 
 
-def test_comparisons_that_are_independent_hold_together() -> None:
+def test_independent_comparisons_hold_together_with_the_stated_level() -> None:
     for count in (1, 7, 28):
         assert (1 - sidak(0.01, count)) ** count == pytest.approx(0.99)
 
 
-def test_a_tolerance_of_decibels_is_an_error_between_images() -> None:
+def test_a_tolerance_in_decibels_converts_to_an_image_error() -> None:
     """Errors of known correlation are added in float64 and their PSNR compared."""
     generator = torch.Generator().manual_seed(0)
     error = 0.03 * torch.randn(400_000, generator=generator, dtype=torch.float64)
@@ -148,7 +148,7 @@ def but(**changes: float) -> Measured:
         (but(gradient=1.1 * GRADIENT_TOLERANCE), True, "on"),
     ],
 )
-def test_an_effect_is_left_out_only_where_that_is_shown_to_matter_little_and_to_save_something(
+def test_an_effect_is_left_out_only_if_it_matters_little_and_saves_work(
     measured: Measured | None, was_off: bool, verdict: str
 ) -> None:
     found, why = decide(measured, was_off)
@@ -156,7 +156,7 @@ def test_an_effect_is_left_out_only_where_that_is_shown_to_matter_little_and_to_
     assert why
 
 
-def test_evidence_survives_being_written_down() -> None:
+def test_evidence_survives_a_round_trip_through_plain_values() -> None:
     for measured in (None, HARMLESS, but(bound=math.inf)):
         record = Evidence("visibility", "on", "because", 200, 7, 0.1, measured)
         assert Evidence.of(record.plain()) == record

@@ -90,7 +90,7 @@ def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -
     assert all(torch.equal(value, named[name]) for name, value in full.optimiser.tensors.items())
 
 
-def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: dict[str, Any]) -> None:
+def test_tracing_some_surfels_gives_the_same_light_as_tracing_all(initialised: dict[str, Any]) -> None:
     stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     surfels = stage.model.surfels
     some = torch.arange(len(surfels)) % 3 == 0
@@ -148,13 +148,13 @@ def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: di
             assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
 
-def test_where_a_probe_took_all_rays_light_is_kept(initialised: dict[str, Any]) -> None:
+def test_cached_light_is_kept_after_a_probe_removed_all_rays(initialised: dict[str, Any]) -> None:
     counted, before, after = stepped(decided(initialised, NO_RAYS))
     assert not counted.get("rays")
     assert all(torch.equal(value, getattr(after, name)) for name, value in vars(before).items())
 
 
-def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised: dict[str, Any]) -> None:
+def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
     counted, before, after = stepped(decided(initialised, plan))
@@ -164,7 +164,7 @@ def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised
     assert bool((before.direction != after.direction)[plan.traced].any(-1).any(-1).all())
 
 
-def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(initialised: dict[str, Any]) -> None:
+def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     stage = decided(initialised, plan)
     before = copy_of(stage.shader.cache.incident)
@@ -179,7 +179,7 @@ def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(in
 
 
 @pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
-def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_frozen(
+def test_a_plan_with_other_rays_renews_the_cached_light_unless_it_is_precomputed(
     initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool
 ) -> None:
     """Two probes that change the plan, the second after half of the steps."""
@@ -198,7 +198,7 @@ def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_froze
     assert torch.equal(before.direction, stage.shader.cache.incident.direction) != renewed
 
 
-def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
+def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
     model = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model
     camera = SCENE.test[0].camera
 
@@ -210,7 +210,7 @@ def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initiali
         assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(EffectPlan()))
 
 
-def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_was(
+def test_without_indirect_light_occluders_keep_their_mean_radiance(
     initialised: dict[str, Any],
 ) -> None:
     plan = EffectPlan(indirect=False, kept=True)
@@ -230,7 +230,7 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
 
 
 @pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
-def test_fewer_directions_stand_for_as_much_of_the_sphere(samples: int, count: int) -> None:
+def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int) -> None:
     direction = torch.randn(3, samples, 3, generator=torch.Generator().manual_seed(0))
     whole = Incident(direction, torch.full((3, samples), 2 * torch.pi / samples), direction[..., 0], direction)
     some = whole.thinned(count)
@@ -242,7 +242,7 @@ def test_fewer_directions_stand_for_as_much_of_the_sphere(samples: int, count: i
 
 
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
-def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
+def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
     stage = inverse_rendering(Run(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU), initialised)
     loss = stage.consistency_loss(stage.visible_model(), stage.views[0])
     loss.backward()
@@ -252,7 +252,7 @@ def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, An
     assert ("roughness_logit" in moved) == ("specular" not in off)
 
 
-def test_plans_are_named_by_what_they_leave_out() -> None:
+def test_plans_list_the_effects_that_they_leave_out() -> None:
     assert EffectPlan().off == ()
     for name in EFFECTS:
         assert plan_of(but(name)).off == (name,)
@@ -260,7 +260,7 @@ def test_plans_are_named_by_what_they_leave_out() -> None:
     assert plan_of("auto") == EffectPlan()
 
 
-def test_variants_know_the_effects() -> None:
+def test_variants_sort_effects_and_refuse_unknown_ones() -> None:
     assert Variant(effects=("specular", "visibility")).effects == ("visibility", "specular")
     for wrong in ("some", ("visbility",)):
         with pytest.raises(UsageError, match="unknown effect"):
@@ -270,7 +270,7 @@ def test_variants_know_the_effects() -> None:
 
 
 @pytest.mark.parametrize("iteration", [1, BUDGET.refresh_interval])
-def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[str, Any], iteration: int) -> None:
+def test_rays_give_gradient_to_hit_surfels_in_refresh_steps_too(initialised: dict[str, Any], iteration: int) -> None:
     stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     stage.iteration = iteration
     stage.consistency_loss(stage.visible_model(), stage.views[0]).backward()
@@ -280,7 +280,7 @@ def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[st
         assert gradient.any()
 
 
-def test_only_a_plan_that_saves_no_more_than_what_was_left_out_counts_as_left_out() -> None:
+def test_a_plan_counts_as_left_out_only_if_it_saves_no_more_than_before() -> None:
     assessment = Assessment.__new__(Assessment)
     assessment.step = SimpleNamespace(saving=lambda plan, full: len(plan.off) - len(full.off))  # type: ignore[assignment]
     some = EffectPlan().without("indirect")

@@ -25,14 +25,14 @@ from scenes import surfels_over
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_around_a_sphere_alone_nothing_is_traced(seed: int) -> None:
+def test_a_single_sphere_needs_no_rays(seed: int) -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.12)
     plan = found(seen(ball, sky(), seed=seed), seed).plan
     assert not plan.traces
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_under_a_table_light_is_traced(seed: int) -> None:
+def test_a_floor_under_a_table_needs_visibility(seed: int) -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), Material((0.05, 0.05, 0.05), 0.8))
     made = seen(surfels_over([FLOOR, table], 0.12), sky(), seed=seed)
     assert found(made, seed).plan.visibility
@@ -90,12 +90,12 @@ def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_specular_parts_stay_where_they_show(seed: int) -> None:
+def test_a_visible_highlight_keeps_the_specular_effect(seed: int) -> None:
     shiny = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.04, 0.04, 0.04), 0.2))], 0.12)
     assert found(seen(shiny, sky(sun=8.0), seed=seed), seed).plan.specular
 
 
-def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
+def test_a_lobe_that_smoother_surfaces_would_show_is_kept_while_roughness_is_learnt() -> None:
     """While roughness may yet be learnt, what it could still do counts as much as what it does; later it does not."""
     rough = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), 0.98))], 0.12)
     final = seen(rough, sky(sun=8.0), noise=0.1)
@@ -104,7 +104,7 @@ def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
     assert not found(final, effects=("specular",)).plan.specular
 
 
-def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None:
+def test_zero_harmonics_are_left_out_and_others_are_kept() -> None:
     ball = grey(surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.08), 0.4)
     made = seen(ball, sky())
     assert found(made, effects=("view-dependence",)).plan.sh_degree == 0
@@ -112,7 +112,7 @@ def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None
     assert found(seen(ball, sky()), effects=("view-dependence",)).plan.sh_degree == 1
 
 
-def test_bolder_masks_leave_out_more_and_masked_images_lie_between() -> None:
+def test_larger_masks_change_the_radiance_more() -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), CLAY)
     made = seen(surfels_over([FLOOR, table], 0.12), sky())
     radiance = PlanRadiance(made)
@@ -130,7 +130,7 @@ def test_a_probe_repeats_for_its_seed() -> None:
     assert found(seen(ball, sky())).evidence == found(seen(ball, sky())).evidence
 
 
-def test_gradients_are_pulled_by_the_images_errors() -> None:
+def test_the_image_gradient_reaches_visible_surfels_alone() -> None:
     """Against central differences of the images' squared error, in the radiance of one surfel."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
     made = seen(ball, sky())
@@ -141,7 +141,7 @@ def test_gradients_are_pulled_by_the_images_errors() -> None:
 
 
 @pytest.mark.parametrize("refused", [{"visibility", "indirect"}, {"visibility", "indirect", "samples"}])
-def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_out(refused: set[str]) -> None:
+def test_effects_that_save_least_return_if_the_combination_costs_too_much(refused: set[str]) -> None:
     """An assessment that refuses plans which leave out all of ``refused``; each alone passes."""
     local = EffectPlan(traced=torch.arange(100) < 30)
     chosen = {

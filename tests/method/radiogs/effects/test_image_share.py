@@ -22,7 +22,7 @@ def scattered(count: int = 60) -> Surfels:
     return surfels
 
 
-def test_any_channel_means_over_the_pictures_what_it_means_over_shares() -> None:
+def test_a_channels_mean_over_images_equals_its_mean_weighted_by_shares() -> None:
     surfels = scattered()
     share = image_share(CAMERAS, surfels)
     channel = torch.rand(len(surfels), 1, generator=torch.Generator().manual_seed(1))
@@ -34,7 +34,7 @@ def test_any_channel_means_over_the_pictures_what_it_means_over_shares() -> None
     assert float((share * channel[:, 0]).sum()) == pytest.approx(blended / covered, rel=1e-5)
 
 
-def test_what_is_hidden_or_out_of_view_is_no_part_of_any_picture() -> None:
+def test_hidden_surfels_and_surfels_out_of_view_have_no_share() -> None:
     down = torch.linspace(0, -0.5, 6)
     stack = torch.stack([torch.zeros(6), torch.zeros(6), down], -1)
     centre = torch.cat([stack, torch.tensor([[0.0, 0.0, 9.0]])])
@@ -47,6 +47,6 @@ def test_what_is_hidden_or_out_of_view_is_no_part_of_any_picture() -> None:
     assert float(share[6]) == 0
 
 
-def test_where_nothing_is_seen_no_surfel_has_a_share() -> None:
+def test_shares_are_zero_if_no_surfel_is_visible() -> None:
     away = look_at(torch.tensor([0.0, 0.5, 3.0]), torch.tensor([0.0, 0.5, 9.0]) + 0.1, 24, 30.0)
     assert not image_share([away], scattered()).any()

@@ -30,7 +30,7 @@ from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import sphere_scene, surfels_over
 
 
-def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> None:
+def test_a_probe_during_training_assesses_the_lobe_at_a_low_roughness() -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
     assert (
         Planner("auto", 0, 40, SAMPLES, RaySettings(), straight=True).scene(ball, sky(), (), 0).sharpest
@@ -38,7 +38,7 @@ def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> Non
     )
 
 
-def test_the_work_of_a_step_is_what_it_asks_for() -> None:
+def test_the_work_of_a_step_follows_from_its_size() -> None:
     """Each step draws 20 of 100 surfels, with 8 samples each; all are traced again every 10 steps.
 
     Every surfel is shaded, and those drawn for both sides of radiometric consistency; a ray blends four surfels.
@@ -72,7 +72,7 @@ def planned(initialised: dict[str, Any]) -> InverseRendering:
     return inverse_rendering(Run(scene, Variant(effects="auto"), BUDGET, 0, CPU), initialised)
 
 
-def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
+def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
     stage.planner.plan = EffectPlan().without("indirect").without("visibility")
     stage.initialised = copy.deepcopy(initialised)
@@ -118,7 +118,7 @@ def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
 
 
 @pytest.mark.parametrize("moved", [False, True])
-def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
+def test_light_is_kept_as_long_as_rays_trace_the_same_light(moved: bool) -> None:
     """Light that was kept since before a wall came is given up; light that knows the wall is as good as rays."""
     planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
@@ -133,7 +133,7 @@ def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
     assert planner.plan.kept or moved
 
 
-def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew() -> None:
+def test_a_probe_does_not_trace_surfels_with_kept_light() -> None:
     surfels = surfels_over([FLOOR, WALL], 0.12)
     made = seen(surfels, sky())
     direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
@@ -151,7 +151,7 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
     assert found.incident.radiance[~mask].any()
 
 
-def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
+def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
     still = Staleness(1e-9 * torch.rand(200))
     factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)

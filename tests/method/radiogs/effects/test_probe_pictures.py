@@ -34,7 +34,7 @@ def ball() -> Surfels:
 
 
 @pytest.mark.parametrize("straight", [True, False])
-def test_a_model_that_is_its_own_truth_has_no_error_and_no_pull(straight: bool) -> None:
+def test_a_model_compared_with_its_own_images_has_no_error_and_no_gradient(straight: bool) -> None:
     """At silhouettes, where pixels are partly covered, the other encoding errs by as much as a good method does."""
     made = seen(ball(), sky(), noise=0.0, straight=straight)
     other = replace(made, straight=not straight)
@@ -45,7 +45,7 @@ def test_a_model_that_is_its_own_truth_has_no_error_and_no_pull(straight: bool) 
 
 
 @pytest.mark.parametrize("straight", [True, False])
-def test_the_error_beside_which_relighting_is_judged_is_of_the_images_as_they_are_encoded(straight: bool) -> None:
+def test_the_model_error_for_relighting_uses_the_variants_image_encoding(straight: bool) -> None:
     glowing = grey(ball(), 0.4)
     views = tuple(ProbeView(camera, radiance_maps(camera, glowing, straight)["image"]) for camera in cameras())
     share = image_share(cameras(), glowing)
@@ -55,7 +55,7 @@ def test_the_error_beside_which_relighting_is_judged_is_of_the_images_as_they_ar
 
 
 @pytest.mark.parametrize("straight", [True, False])
-def test_the_picture_beside_the_differences_is_the_one_that_evaluation_renders(straight: bool) -> None:
+def test_the_reference_of_difference_maps_is_the_image_that_evaluation_renders(straight: bool) -> None:
     made = seen(sheet(), sky(), straight=straight)
     full, differences = difference_maps(made, ("visibility",))
     torch.testing.assert_close(full.clamp(0, 1), shown(made, cameras()[0]), rtol=0, atol=1e-5)
@@ -64,7 +64,7 @@ def test_the_picture_beside_the_differences_is_the_one_that_evaluation_renders(s
     assert not torch.allclose(difference_maps(doubled, ("visibility",))[1]["visibility"], differences["visibility"])
 
 
-def test_under_a_sheet_that_has_no_lower_side_light_is_traced_by_rays_that_meet_backs_alone() -> None:
+def test_only_rays_that_hit_backs_find_the_occlusion_under_a_one_sided_sheet() -> None:
     two_sided, one_sided = (
         seen(sheet(), sky(), variant=rays) for rays in (RaySettings(), RaySettings(back_offset=None))
     )
@@ -76,7 +76,7 @@ def test_under_a_sheet_that_has_no_lower_side_light_is_traced_by_rays_that_meet_
 
 @pytest.mark.parametrize("drawn", [0, 8])
 @pytest.mark.parametrize("floor", [True, False])
-def test_directions_of_a_probe_end_where_those_of_the_variant_do(drawn: int, floor: bool) -> None:
+def test_directions_of_a_probe_have_the_variants_floor(drawn: int, floor: bool) -> None:
     surfels = ball()
     rays = ProbeRays(16, torch.Generator().manual_seed(0), RaySettings(floor=floor), drawn=drawn)
     made = trace_scene(surfels, sky(), Viewpoints((), image_share((), surfels), straight=True), rays)
@@ -84,7 +84,7 @@ def test_directions_of_a_probe_end_where_those_of_the_variant_do(drawn: int, flo
     assert (float(cosine.min()) > LOWEST) == floor
 
 
-def test_rays_of_a_probe_of_relighting_start_where_those_of_relighting_do() -> None:
+def test_rays_of_a_relighting_probe_start_at_the_offset_of_relighting() -> None:
     """From far beyond everything they meet nothing. In training a probe's start beyond their footprint at any rate."""
     surfels, light, far = sheet(), EnvironmentMap(sky()), RaySettings(world_offset=100.0)
     viewpoints = Viewpoints((), image_share((), surfels), straight=True)
@@ -108,7 +108,7 @@ def probes_of(variant: Variant) -> dict[str, Any]:
     }
 
 
-def test_every_probe_is_of_the_runs_variant() -> None:
+def test_every_probe_uses_the_runs_variant() -> None:
     ours, released = probes_of(Variant()), probes_of(Variant(deviations=RELEASED))
     samples = PRESETS["smoke"].incident_samples
     for name in ours:

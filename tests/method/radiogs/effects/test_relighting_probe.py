@@ -23,7 +23,7 @@ from radiogs_datasets.generate.solids import Sphere
 from scenes import sun_and_sky, surfels_over
 
 
-def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
+def test_a_sun_needs_effects_that_an_even_light_does_not_need() -> None:
     """Under an even light two balls hardly shade each other; a sun throws the shadow of one onto the other."""
     balls = [Sphere((-0.45, 0.0, 0.0), 0.3, CLAY), Sphere((0.5, 0.15, 0.75), 0.3, CLAY)]
     surfels = surfels_over(balls, 0.1)
@@ -54,7 +54,7 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         assert even[effect].verdict == "off"
 
 
-def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree() -> None:
+def test_the_reference_of_light_sampling_resolves_a_sun_of_half_a_degree() -> None:
     """The closed form for rough surfaces is albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 0.99))], 0.25)
     light, sun = sun_and_sky(512)
@@ -67,7 +67,7 @@ def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree()
     assert float(ratio.max()) < 1.06
 
 
-def test_a_texel_shines_as_far_as_light_is_interpolated_and_no_further() -> None:
+def test_a_widened_light_extends_each_texel_by_one() -> None:
     light = torch.zeros(5, 8, 3)
     light[2, 7], light[0, 3] = 9.0, 4.0
     widened = widened_light(EnvironmentMap(light)).radiance
@@ -77,7 +77,7 @@ def test_a_texel_shines_as_far_as_light_is_interpolated_and_no_further() -> None
     assert torch.equal(widened, expected)
 
 
-def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
+def test_the_concentration_of_known_lights() -> None:
     assert concentration(EnvironmentMap(torch.full((8, 16, 3), 0.3))).effective == pytest.approx(1.0)
     spot = torch.zeros(8, 16, 3)
     spot[3, 5] = 9.0
