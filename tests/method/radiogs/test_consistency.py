@@ -1,4 +1,4 @@
-"""L_rad of flat surfels whose radiance and light are such that the residual is known for every direction."""
+"""L_rad of flat surfels with a known residual in every direction."""
 
 import pytest
 import torch
@@ -21,11 +21,11 @@ ALBEDO = 0.5
 SLOPE = 0.2
 UP = torch.tensor([0.0, 0.0, 1.0])
 ABOVE, BELOW = (look_at(torch.tensor([1e-4, 0.0, sign * 50.0]), torch.zeros(3), 8, 10.0) for sign in (1, -1))
-"""So far away that every surfel is seen along its normal, or from behind."""
+"""Distant cameras that see every surfel along its normal, and from behind."""
 
 
 def matte(error: float, slope: float) -> Surfels:
-    """Surfels that face up, without a lobe; own radiance: the physical one + ``error`` + ``slope`` (1 - n.wo)."""
+    """Surfels that face up, without a lobe; their radiance is the physical one + ``error`` + ``slope`` (1 - n.wo)."""
     centre = torch.zeros(COUNT, 3)
     surfels = surfels_facing(centre, UP.expand(COUNT, 3))
     surfels.albedo_logit = torch.full((COUNT, 3), inverse_sigmoid(ALBEDO))
@@ -49,7 +49,7 @@ def test_physical_radiance_in_all_directions_has_no_loss() -> None:
 
 
 def test_directions_away_from_the_camera_count_too() -> None:
-    """Right along the normal, wrong beside it: over a hemisphere the mean of 1 - n.wo is one half."""
+    """The radiance is right along the normal alone; the mean of 1 - n.wo over a hemisphere is one half."""
     assert loss(matte(0.0, SLOPE), ABOVE) == pytest.approx(SLOPE / 2, rel=0.02)
 
 

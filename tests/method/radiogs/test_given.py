@@ -1,4 +1,4 @@
-"""The parts that stage 2 is given are the true ones, stay fixed, and mean the same in training and in rendering."""
+"""Given parts of the truth have the true values, are frozen, and act the same in training and in rendering."""
 
 from dataclasses import replace
 from functools import partial
@@ -60,8 +60,8 @@ def inverse(initialised: dict[str, Any], *given: Part) -> InverseRendering:
     return inverse_rendering(Run(KNOWN, Variant(given=given), BUDGET, 0, CPU), initialised)
 
 
-def learnt(*places: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
-    centre = torch.tensor(places)
+def learnt(*positions: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
+    centre = torch.tensor(positions)
     surfels = surfels_facing(centre, torch.nn.functional.normalize(centre, dim=-1))
     return surfels.with_material(albedo, 0.6)
 
@@ -77,9 +77,9 @@ def test_given_parts_are_frozen_and_the_others_are_learnt(initialised: dict[str,
     before = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
     for _ in range(4):
         stage.step()
-    held = set(FROZEN.get(part or "", ()))
+    frozen = set(FROZEN.get(part or "", ()))
     for name, value in stage.optimiser.tensors.items():
-        assert torch.equal(value, before[name]) == (name in held), name
+        assert torch.equal(value, before[name]) == (name in frozen), name
 
 
 def test_surfels_on_given_surfaces_learn_scale_and_opacity_at_the_rates_of_stage_1() -> None:
@@ -146,14 +146,14 @@ def test_the_nearest_sample_at_a_crease_has_the_same_normal() -> None:
 
 
 def test_given_indirect_light_of_a_furnace_does_not_depend_on_the_depth_of_a_surfel() -> None:
-    """In a furnace of albedo 1/2 that emits 0.1, 0.2 arrives from everywhere."""
+    """In a furnace of albedo 1/2 with an emission of 0.1, a radiance of 0.2 arrives from all directions."""
     known = known_scene(furnace("furnace-0.5"), 0.25)
     true = known_radiance(known, seed=0).surfels
     sunk = surfels_facing(torch.tensor([[0.1, 0.2, -1.04], [0.0, 0.0, -0.97]]), torch.tensor([[0.0, 0.0, 1.0]] * 2))
     tracer, index = KnownIndirectTracer(sunk, true), torch.arange(2)
     incident = tracer.incident(index, *hemisphere_directions(sunk.frame[..., 2], 64, None))
     assert torch.allclose(incident.radiance, torch.tensor(0.2), rtol=0.06)
-    # The model has no walls of its own; the lower surfel sees the back of the other.
+    # The model has no walls; the lower surfel sees the back of the other one.
     assert torch.equal(incident.visibility[1], torch.ones(64))
     below = tracer.incident(index, *hemisphere_directions(-sunk.frame[..., 2], 64, None))
     assert not bool(below.radiance.any())
@@ -233,8 +233,8 @@ def test_the_facts_have_the_largest_bounds_of_all_whole_plans(
 
     model, run = inverse(initialised).model, Run(KNOWN, Variant(), BUDGET, 0, CPU)
     assert TrainedRadioGS(model, run).facts()["metrics"] == {"plan/bound": 0.0, "plan/worst": 0.0}
-    seen = (evidence("plan", 0.1), evidence("indirect", 0.9), evidence("plan", 0.2), evidence("plan", None))
-    assert TrainedRadioGS(replace(model, evidence=seen), run).facts()["metrics"] == {
+    records = (evidence("plan", 0.1), evidence("indirect", 0.9), evidence("plan", 0.2), evidence("plan", None))
+    assert TrainedRadioGS(replace(model, evidence=records), run).facts()["metrics"] == {
         "plan/bound": 0.2, "plan/worst": 0.4,
     }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The memory of a run by formula, against what the CPU's allocator hands out."""
+"""The memory of a run by formula agrees with the CPU's allocator."""
 
 from dataclasses import replace
 
@@ -14,7 +14,8 @@ GIB = 2**30
 CARD = 24 * GIB
 TENSOIR = TrainingImages(100, 800, 800)
 LEAST, MOST = 0.92, 1.2
-"""Peaks by formula over those measured: hits differ from ray to ray, and pairs of surfels and tiles with their size."""
+"""Bounds on the ratio of computed to measured peaks. Hits differ from ray to ray, and pairs of surfels and tiles depend
+on the surfels' sizes."""
 
 SIDE = 96
 

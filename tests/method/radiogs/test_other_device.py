@@ -1,4 +1,4 @@
-"""Both stages on a device that is not the host: they learn what the host does, and hardly ever wait for it."""
+"""Both stages on a device other than the host learn the same as on the host, and rarely wait for the device."""
 
 from dataclasses import replace
 from typing import get_args
@@ -35,31 +35,31 @@ SHORT = with_values(
     BUDGET, {"geometry.steps": 10, "geometry.densify_interval": 4, "inverse_iterations": 6, "refresh_interval": 4}
 )
 MOST_WAITS = {"initialise": 3, "invert": 7}
-"""Waits of a step without a density round or a search for hidden surfels; docs/gpu.md says what for."""
+"""Largest number of waits in a step without density control or a search for hidden surfels (docs/gpu.md)."""
 
 
 @pytest.mark.parametrize("stage", ["initialise", "invert"])
-@pytest.mark.parametrize("place", [pytest.param("cuda", marks=ON_CARD)])
-def test_on_a_card_losses_fall_as_on_the_host(stage: str, place: str) -> None:
-    """Its random numbers are others, and its sums round in another order: the curves agree, not the digits."""
-    here, there = (last_loss(torch.device(each), stage) for each in ("cpu", place))
+@pytest.mark.parametrize("card", [pytest.param("cuda", marks=ON_CARD)])
+def test_on_a_card_losses_fall_as_on_the_host(stage: str, card: str) -> None:
+    """Random numbers and the order of sums differ on a card, so that the curves agree, but not the digits."""
+    here, there = (last_loss(torch.device(each), stage) for each in ("cpu", card))
     assert there == pytest.approx(here, rel=0.2)
 
 
 def last_loss(device: torch.device, stage: str) -> float:
     """Mean of all losses over the last steps of a stage."""
     first = Initialisation(Run(SCENE, Variant(), with_values(SHORT, {"geometry.steps": 60}), 0, device))
-    told = [sum(first.step().values()) for _ in range(first.iterations)]
+    losses = [sum(first.step().values()) for _ in range(first.iterations)]
     if stage == "invert":
         budget = replace(SHORT, inverse_iterations=40)
         second = inverse_rendering(Run(SCENE, Variant(), budget, 0, device), through_a_file(first.state()))
-        told = [sum(second.step().values()) for _ in range(second.iterations)]
-    return sum(told[-10:]) / 10
+        losses = [sum(second.step().values()) for _ in range(second.iterations)]
+    return sum(losses[-10:]) / 10
 
 
 def trained(device: torch.device) -> dict[str, torch.Tensor]:
-    """The tensors that both stages learn. The light is not searched for: its search amplifies rounding, and has a test
-    of its own."""
+    """The tensors that both stages learn. The search for the light is left out: it amplifies rounding, and has its own
+    test."""
     variant = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
     first = Initialisation(Run(SCENE, variant, SHORT, 0, device))
     while first.iteration < first.iterations:
@@ -102,16 +102,16 @@ def moved(surfels: Surfels, device: torch.device) -> Surfels:
 
 
 def test_the_search_for_the_light_runs_on_the_surfels_device() -> None:
-    def sought(device: torch.device) -> torch.Tensor:
+    def light_on(device: torch.device) -> torch.Tensor:
         views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
         found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=3), generator)
         assert found is not None
         return found[0].cpu()
 
     with cpu_as_cuda():
-        expected = sought(CPU)
+        expected = light_on(CPU)
     with elsewhere():
-        torch.testing.assert_close(sought(registered()), expected, rtol=1e-4, atol=0)
+        torch.testing.assert_close(light_on(registered()), expected, rtol=1e-4, atol=0)
 
 
 @pytest.mark.parametrize("mode", get_args(Relighting))

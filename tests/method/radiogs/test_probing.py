@@ -43,7 +43,7 @@ def run(name: str, seed: int) -> Run:
 
 @functools.cache
 def found_on(name: str, seed: int) -> tuple[ProbeScene, Findings, Decay]:
-    """As a probe of the scene has it."""
+    """Scene, findings and decay of light of a probe of the true scene."""
     scene, decay = probe_scene(run(name, seed))
     return scene, training_findings(scene, run(name, seed)), decay
 
@@ -82,7 +82,7 @@ def test_scenes_with_occluders_need_rays(name: str, traces: bool, inter_reflects
         assert each["indirect"].verdict == "on"
         assert indirect.contribution > found.tolerance.decibel
     else:
-        # Off, or small: a tenth of what the shadow does where there is one.
+        # Off, or small: at most a tenth of the contribution of the shadow, if there is one.
         shadow = each["visibility"].measured
         assert shadow is not None
         assert indirect.contribution <= max(0.1 * shadow.contribution, found.tolerance.decibel)
@@ -146,7 +146,8 @@ def real_sun() -> torch.Tensor:
 
 
 LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
-"""On ``mirror`` the lobe of a smooth ball gains a little from any directions more, also from those of an even light."""
+"""Lights with the expected verdict about light sampling. On ``mirror`` the lobe of a smooth ball gains a little from
+any additional directions, also from those of an even light."""
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -174,8 +175,8 @@ def test_directions_are_drawn_from_the_wide_suns_of_generated_skies_where_it_mat
 
 
 def test_under_a_wide_sun_more_spread_directions_help_more_than_drawn_ones() -> None:
-    """On ``convex`` under its sky. Measured: 64 spread 8.6e-5, 64 spread and 64 drawn 2.5e-5 (3.2e-4 when drawn
-    independently), 128 spread 6e-6."""
+    """On ``convex`` under its sky. Measured errors: 64 spread 8.6e-5; 64 spread and 64 drawn 2.5e-5 (3.2e-4 if drawn
+    independently); 128 spread 6e-6."""
     surfels, light = true_model(load_scene("convex"))
     surfels, generator = surfels.take(torch.arange(0, len(surfels), 4)), torch.Generator().manual_seed(0)
     normal, sampler = surfels.frame[..., 2], LightSampler(light)
@@ -193,13 +194,13 @@ def test_under_a_wide_sun_more_spread_directions_help_more_than_drawn_ones() -> 
 
 
 def test_light_in_a_closed_room_decays_by_the_albedo() -> None:
-    """Light that all walls send alike arrives everywhere alike: each bounce has the albedo of the one before."""
+    """If all walls send equal light, equal light arrives everywhere, and each bounce multiplies it by the albedo."""
     walls = surfels_of_room(1.0, 0.2, 0.6)
     direction, weight = hemisphere_directions(walls.frame[..., 2], 32, torch.Generator().manual_seed(0))
     total, decay = scatter(walls, torch.ones_like(walls.albedo), direction, weight, 4)
-    for place, energy in enumerate(decay.energy, start=1):
-        assert energy == pytest.approx(0.6**place, rel=0.03 * place)
-    assert float(total.mean()) == pytest.approx(sum(0.6**place for place in range(5)), rel=0.05)
+    for bounce, energy in enumerate(decay.energy, start=1):
+        assert energy == pytest.approx(0.6**bounce, rel=0.03 * bounce)
+    assert float(total.mean()) == pytest.approx(sum(0.6**bounce for bounce in range(5)), rel=0.05)
     assert decay.ratio == pytest.approx(0.6, rel=0.03)
 
 
@@ -213,13 +214,13 @@ def test_the_number_of_bounces_follows_from_the_decay() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_relighting_by_a_sun_of_half_a_degree_keeps_its_shadow(seed: int) -> None:
-    """One direction in 94 000 over a hemisphere meets it: a probe has to draw from the light as well."""
+    """One of 94 000 directions over a hemisphere hits the sun: a probe has to draw directions from the light too."""
     radiance, sun = sun_and_sky(512)
     light = EnvironmentMap(radiance)
-    seen, found = relighting_findings(run("occluder", seed), None, light)
-    incident, plan = seen.incident, found.plan
+    scene, found = relighting_findings(run("occluder", seed), None, light)
+    incident, plan = scene.incident, found.plan
     assert plan.visibility
-    facing = seen.surfels.frame[..., 2] @ sun > 0.1
+    facing = scene.surfels.frame[..., 2] @ sun > 0.1
     towards_it = (incident.direction @ sun > 0.999) & facing[:, None]
     lit = (incident.visibility * towards_it).sum(1) / towards_it.sum(1).clamp(min=1)
     shadowed = towards_it.any(1) & (lit < 0.1)
@@ -247,6 +248,6 @@ def test_a_probe_is_plain_data_with_an_image_for_each_effect() -> None:
     for change in found.differences.values():
         assert change.shape == found.reference.shape[:2]
         assert float(change.min()) >= 0
-    # Eight bounces fill a scene of tiles side by side no more than one does.
+    # In a scene of adjacent tiles further bounces add no light.
     assert found.bounces == 1
     assert found.psnr == pytest.approx(-10 * math.log10(found.mse))

@@ -1,4 +1,4 @@
-"""Each deviation of the released code does what it says, and nothing where it is off."""
+"""Each deviation of the released code has its stated effect, and none if it is off."""
 
 import math
 from typing import Any
@@ -70,15 +70,15 @@ def test_stage_two_begins_under_the_stated_light(initialised: dict[str, Any]) ->
 
 
 def test_display_radiance_makes_stage_one_learn_display_colours(initialised: dict[str, Any]) -> None:
-    """Its surfels end nearer to the display colours than to the linear ones."""
+    """The radiance of surfels is closer to the display colours than without the deviation."""
     first = Initialisation(Run(SCENE, Variant(deviations=("display-radiance",)), BUDGET, 0, CPU))
     linear = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    shown = torch.cat([view.image[view.mask > 0.5] for view in load(SCENE.train, CPU)]).mean()
+    display = torch.cat([view.image[view.mask > 0.5] for view in load(SCENE.train, CPU)]).mean()
 
     def mean_radiance(model: Model) -> torch.Tensor:
         return (0.28209479 * model.surfels.sh[:, 0] + 0.5).mean()
 
-    assert abs(mean_radiance(first.model) - shown) < abs(mean_radiance(linear.model) - shown)
+    assert abs(mean_radiance(first.model) - display) < abs(mean_radiance(linear.model) - display)
     assert Variant(deviations=("display-radiance",)).of_initialisation() != Variant().of_initialisation()
     assert Variant(deviations=("start-light",)).of_initialisation() == Variant().of_initialisation()
 

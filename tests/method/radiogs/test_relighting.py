@@ -1,4 +1,4 @@
-"""A known ball under two other lights, alone and over a plate, against quadrature of the rendering equation."""
+"""A known ball under new lights, alone and over a plate, agrees with quadrature of the rendering equation."""
 
 from dataclasses import replace
 from functools import cache
@@ -38,7 +38,7 @@ BUDGET = replace(PRESETS["smoke"], relight_hemisphere_samples=128, relight_light
 
 
 def gradient(low: tuple[float, ...], high: tuple[float, ...], towards: tuple[float, ...]) -> EnvironmentMap:
-    """A light that goes from one colour to another across the sky; ``high`` is where it looks ``towards``."""
+    """A light with a gradient from one colour to another; it has the colour ``high`` in the direction ``towards``."""
     share = (1 + texel_directions(16, 32) @ normalize(torch.tensor(towards, dtype=F64), dim=0)) / 2
     colours = torch.tensor([low, high], dtype=F64)
     return EnvironmentMap((colours[0] + share[..., None].square() * (colours[1] - colours[0])).float())
@@ -55,7 +55,7 @@ AMBER, TEAL = constant(0.9, 0.5, 0.1), constant(0.1, 0.5, 0.6)
 
 @cache
 def model_of(*solids: Solid) -> Model:
-    """Grey radiance of one half and a light of one: what they were trained under says nothing of the lights below."""
+    """Surfels over the solids with a grey radiance of 1/2 and a light of 1, unrelated to the lights of the tests."""
     first, *rest = solids
     surfels = surfels_over([first], 0.12)
     for solid in rest:
@@ -76,7 +76,7 @@ def maps(
 
 @cache
 def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
-    """Pixels of the ball well inside its silhouette, as a mask; their points on it, and directions to the camera."""
+    """Mask of pixels well inside the silhouette of the ball, their points on it, and their directions to the camera."""
     rays = normalize(CAMERA.ray_directions().double(), dim=-1)
     origin = CAMERA.centre.double()
     along = -(rays @ origin)
@@ -89,17 +89,17 @@ def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
 def under(
     light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool, met_light: MetLight = "occluded"
 ) -> tuple[Tensor, Tensor]:
-    """Direct and indirect radiance of those pixels; light that the plate sends on is constant.
+    """Direct and indirect radiance, linear RGB, of the pixels of ``seen_of_the_ball``.
 
-    Where the ball is not left out of what the plate sees, it hides cos / distance^2 of its light (its form factor) and
-    sends as much diffuse light as the plate itself, bounce by bounce.
+    The light on the plate is constant. If the plate is occluded, the ball hides the share cos / distance^2 of the
+    plate's light (its form factor), and sends as much diffuse light as the plate itself, bounce by bounce.
     """
     _, normal, outgoing = seen_of_the_ball()
     direction, weight = (each.expand(len(normal), *each.shape) for each in sphere_quadrature(48))
     arrives = torch.zeros_like(direction)
     seen = torch.ones_like(weight)
     if over_plate:
-        # Where the ray from the ball's point goes through the plane of the plate's upper side.
+        # Intersection of the ray from the ball's point with the plane of the plate's upper side.
         far = (TOP - normal[:, None, 2]) / direction[..., 2]
         at = normal[:, None] + far[..., None] * direction
         hits = (far > 0) & (at[..., :2].abs() < HALF_SIDE).all(-1)
@@ -123,8 +123,8 @@ def sent_by_the_plate(light: EnvironmentMap, scale: tuple[float, ...], cosine: T
     direction, weight = (each.expand(len(grid), *each.shape) for each in sphere_quadrature(96))
     nothing = torch.zeros_like(direction)
     table = shaded(PAINT, scale, up, views, direction, weight, torch.ones_like(weight), nothing, light)
-    place = (cosine * 32).long().clamp(0, 31)
-    return table[place, 0], table[place, 2]
+    row = (cosine * 32).long().clamp(0, 31)
+    return table[row, 0], table[row, 2]
 
 
 def shaded(
@@ -150,7 +150,7 @@ def on_the_ball(found: dict[str, Tensor], name: str) -> Tensor:
 
 
 def off(found: Tensor, expected: Tensor) -> tuple[float, float]:
-    """Largest error of a channel's mean, and mean error of the pixels, which surfels blur; shares of the true mean."""
+    """Largest error of a channel's mean, and largest mean error of the pixels, relative to the true mean."""
     mean = expected.mean(0)
     return float(((found.mean(0) - mean) / mean).abs().max()), float(((found - expected).abs().mean(0) / mean).max())
 
@@ -189,7 +189,7 @@ def test_the_image_is_the_sum_of_direct_and_indirect_light() -> None:
 
 
 def test_relit_images_do_not_depend_on_the_learnt_radiance_and_light() -> None:
-    """Neither the surfels' own radiance nor the recovered light is part of the result."""
+    """The result does not depend on the surfels' own radiance or on the recovered light."""
     model = model_of(BALL, PLATE)
     brighter = Surfels.of(model.surfels.parameters() | {"sh": model.surfels.sh + 0.4})
     first, second = (maps(each, AMBER, SCALES[1]) for each in (model, Model(brighter, model.log_environment + 1)))
@@ -201,7 +201,7 @@ def test_relit_images_do_not_depend_on_the_learnt_radiance_and_light() -> None:
 def test_fine_tuned_radiance_agrees_with_the_new_light_and_the_scaled_albedo(
     mode: Relighting, tolerance: float
 ) -> None:
-    """A hundred steps are enough to see it by; the surfels' own radiance still has their noise."""
+    """A hundred steps are enough for this tolerance; the surfels' own radiance still has their noise."""
     direct, indirect = under(AMBER, SCALES[1], over_plate=True)
     found = on_the_ball(maps(model_of(BALL, PLATE), AMBER, SCALES[1], mode), "image")
     assert float((found - srgb_encode(direct + indirect)).mean(0).abs().max()) < tolerance

@@ -1,4 +1,4 @@
-"""Relighting traces rays and encodes images as the variant's profile says, in each of its three modes."""
+"""Relighting follows the variant's profile for rays and image encoding, in each of its three modes."""
 
 import math
 from dataclasses import replace
@@ -24,11 +24,11 @@ from scenes import surfels_over
 SPREAD = 24
 BUDGET = replace(PRESETS["smoke"], relight_hemisphere_samples=SPREAD, relight_light_samples=8, finetune_iterations=40,
                  finetune_surfels=2000, finetune_samples=3)  # fmt: skip
-"""So few samples of fine-tuning that none is drawn from the light."""
+"""A budget with so few samples of fine-tuning that none is drawn from the light."""
 
 CAMERA = cameras()[0]
 LOWEST = 0.1736
-"""Sine of the released code's 10 degrees, below which none of its directions over the hemisphere lies."""
+"""Sine of 10 degrees, the lowest height of the released code's directions over the hemisphere."""
 
 
 def relit(surfels: Surfels, light: Tensor, mode: Relighting, *deviations: str) -> RelitByRays | RelitBySurfels:
@@ -39,7 +39,7 @@ def relit(surfels: Surfels, light: Tensor, mode: Relighting, *deviations: str) -
 
 
 def by_rays(mode: Relighting, *deviations: str) -> RelitByRays:
-    """The sheet under the sky."""
+    """The sheet, relit by the sky."""
     found = relit(sheet(), sky(), mode, *deviations)
     assert isinstance(found, RelitByRays)
     return found
@@ -96,14 +96,14 @@ def test_images_of_surfels_alone_have_the_profiles_encoding() -> None:
 
 
 def fine_tuned_radiance(surfels: Surfels, light: Tensor, *deviations: str) -> Tensor:
-    """The radiance that black surfels send to a camera above them after fine-tuning."""
+    """Radiance of black surfels towards a camera above them, after fine-tuning."""
     found = relit(grey(surfels, 0.0), light, "surfels", *deviations)
     assert isinstance(found, RelitBySurfels)
     return own_radiance(CAMERA, found.surfels).mean(-1)
 
 
 def test_rays_of_fine_tuning_hit_backs_as_in_the_profile() -> None:
-    """Below the sheet it is half dark by rays that meet backs."""
+    """With rays that hit backs, the floor below the sheet is half dark."""
     under = floors_middle(sheet())
     two_sided, one_sided = (
         float(fine_tuned_radiance(sheet(), sky(), *named)[under].mean()) for named in ((), ("one-sided-rays",))
@@ -112,7 +112,7 @@ def test_rays_of_fine_tuning_hit_backs_as_in_the_profile() -> None:
 
 
 def test_directions_of_fine_tuning_have_the_profiles_floor() -> None:
-    """In a white furnace, which the released code's directions brighten, and the more the fewer they are."""
+    """In a white furnace, the released code's directions give too much radiance, and more with fewer directions."""
     floor = surfels_over([FLOOR], 0.2)
     floor = floor.take(torch.nonzero(floor.frame[:, 2, 2] > 0.9)[:, 0])
     white = torch.ones(8, 16, 3)

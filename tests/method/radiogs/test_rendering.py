@@ -1,4 +1,4 @@
-"""A model under its own light: a sun that is narrower than the spread of a surfel's directions is not missed."""
+"""A model under its own light shows a sun that is narrower than the distance of a surfel's spread directions."""
 
 import pytest
 import torch
@@ -19,28 +19,28 @@ BALL = Sphere((0.0, 0.0, 0.0), 1.0, Material((0.7, 0.7, 0.7), 0.9))
 
 
 def sun() -> torch.Tensor:
-    """A lobe half as bright 9 degrees from its middle, 40 times as bright as the sky, 45 degrees high; radiance."""
+    """A sun 45 degrees high and 40 times as bright as the sky, with half its radiance 9 degrees from its middle."""
     middle = torch.tensor([0.5**0.5, 0.0, 0.5**0.5], dtype=torch.float64)
     lobe = (60.0 * (texel_directions(ROWS, 2 * ROWS) @ middle - 1)).exp()
     return (0.5 + 20 * lobe)[..., None].expand(-1, -1, 3).float()
 
 
 def by_quadrature(normal: torch.Tensor) -> torch.Tensor:
-    """Irradiance on unoccluded surfaces: the bilinear map summed over texels eight times as fine."""
+    """Irradiance on unoccluded surfaces, by a sum of the bilinear map over texels eight times as fine."""
     towards = texel_directions(8 * ROWS, 16 * ROWS)
     light = EnvironmentMap(sun().double()).lookup(towards)[..., 0] * texel_solid_angles(8 * ROWS, 16 * ROWS)
     return (normal.double() @ towards.flatten(0, 1).T).clamp(min=0) @ light.flatten()
 
 
 def by_directions(normal: torch.Tensor, incident: Incident) -> torch.Tensor:
-    """The same from a renderer's directions, weights and visibility."""
+    """Irradiance from a renderer's directions, weights and visibility."""
     light = EnvironmentMap(sun()).lookup(incident.direction)[..., 0]
     cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
     return (incident.weight * incident.visibility * cosine * light).sum(1).double()
 
 
 def errors(deviations: tuple[str, ...]) -> tuple[float, float]:
-    """Root-mean-square error of irradiance, and its mean, both relative, on the side that the sun lights."""
+    """Root-mean-square and mean of the relative error of irradiance, on the sunlit side."""
     surfels = surfels_over([BALL], 0.12)
     renderer = Renderer(Model(surfels, sun().log()), SAMPLES, Variant(deviations=deviations))
     assert renderer.incident is not None

@@ -1,4 +1,4 @@
-"""A stage's key covers what trains it and nothing that shows a model: a new map trains no stage again."""
+"""The key of a stage depends on the modules that train it, not on those that render: a new map retrains no stage."""
 
 import pytest
 

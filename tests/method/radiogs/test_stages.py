@@ -1,4 +1,4 @@
-"""Both stages on a scene of a few pixels: they learn, resume bit for bit, and stop at the first NaN."""
+"""Both stages, on a scene of a few pixels, learn, resume bit for bit, and stop at the first NaN."""
 
 from typing import Any
 
@@ -41,7 +41,7 @@ class WithoutStageTwo(Budget):
 
 
 def test_stage_one_reads_no_budget_field_of_stage_two(initialised: dict[str, Any]) -> None:
-    """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
+    """Runs that differ only in stage 2 share stage 1, so it must not depend on fields that its key leaves out."""
     stage = Initialisation(Run(SCENE, Variant(), WithoutStageTwo(**vars(BUDGET)), 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
@@ -98,7 +98,7 @@ def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[st
 
 
 def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, Any]) -> None:
-    """The first probe traces its directions once from every surfel; steps without a probe add nothing to it."""
+    """The first probe traces its directions once from every surfel; steps without a probe do not count as one."""
     stage = inverse(initialised, Variant(effects="auto"))
     with recording() as instruments:
         stage.step()
@@ -125,7 +125,7 @@ def test_initialisation_learns_the_images() -> None:
         (Variant(), {"sh", "albedo_logit"}),
         (Variant(detach="pbr"), {"sh"}),
         (Variant(detach="surfel", incident="detached"), {"albedo_logit"}),
-        # What is traced knows the radiance of the surfels met; what was traced before is a number.
+        # Light traced in a step has gradient to the hit surfels' radiance; precomputed light has none.
         (Variant(incident="precomputed", detach="surfel"), {"albedo_logit"}),
         (Variant(shading="split-sum", detach="none"), {"sh", "albedo_logit"}),
     ],

@@ -1,4 +1,4 @@
-"""Every term of stage 1's losses: what raises it, which weight is its own, and from when on it counts."""
+"""Every term of stage 1's losses: the errors that raise it, its weight, and its beginning."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -16,7 +16,7 @@ from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 
 EARLY, LATE = 0.2, 0.9
-"""Shares of the stage at which all terms count, before and after what changes on the way."""
+"""Shares of the stage at which all terms count, before and after all changes of the schedule."""
 
 IMAGES = {"radiance", "shaded"}
 TERMS: Mapping[str, set[str]] = {
@@ -35,7 +35,7 @@ def weighing(**weights: float) -> Variant:
 
 
 def worn() -> Surfels:
-    """Wrong in every respect, so that no term is zero."""
+    """The ball with errors in all parameters, so that no term is zero."""
     surfels = tilted(20.0)
     return changed(
         rotation=surfels.rotation,
@@ -164,7 +164,7 @@ def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
 
 
 def test_an_invisible_model_costs_the_contrast_to_white_and_black_in_turn() -> None:
-    """L1 alone, of one view, where no surfel can be seen: the mean of |image - background|."""
+    """With L1 alone, one view and no visible surfel, the loss is the mean of |image - background|."""
     nothing = changed(opacity_logit=torch.full_like(BALL.opacity_logit, -20.0))
     variant = replace(weighing(absolute=1.0, similarity=0.0), view_share=0.01, initialise="nvs")
     stage = initialisation(nothing, EARLY, variant)
@@ -176,7 +176,7 @@ def test_an_invisible_model_costs_the_contrast_to_white_and_black_in_turn() -> N
 
 
 def test_the_similarity_term_compares_structure() -> None:
-    """A ball that is a little too dark everywhere has its structure; one that is speckled has not."""
+    """A slightly darker ball has the structure of the images; a speckled one has not."""
     variant = replace(weighing(absolute=0.0, similarity=1.0), initialise="nvs")
     speckled = BALL.sh.clone()
     speckled[:, 0] += noise(speckled[:, 0], 0.7)
@@ -220,12 +220,12 @@ def test_the_late_weight_of_normals_begins_at_its_share_of_the_stage() -> None:
 
 
 def test_distortion_and_consistency_do_not_count_at_the_start() -> None:
-    """Both would hold on to what is not there yet."""
+    """Both would fix geometry that is not learnt yet."""
     assert not {"distortion", "consistency"} & set(initialisation(worn(), 0.0).step())
 
 
 def test_degrees_of_harmonics_begin_at_their_shares_of_the_stage() -> None:
-    """Before its share of the stage a degree neither shows nor moves."""
+    """Before its share of the stage, a degree is neither rendered nor learnt."""
     schedule = GeometrySchedule(degrees_from=(0.2, 0.4, 0.6))
     variant = Variant(geometry=GeometryLearning(schedule=schedule))
     sh = BALL.sh.clone()
@@ -235,7 +235,7 @@ def test_degrees_of_harmonics_begin_at_their_shares_of_the_stage() -> None:
         stage = initialisation(changed(sh=sh), share, variant)
         found = stage.step()
         still = (stage.optimiser.tensors["sh_rest"] == sh[:, 1:]).all(-1).all(0)
-        assert still.tolist() == [place >= known for place in range(1, COEFFICIENTS)]
+        assert still.tolist() == [index >= known for index in range(1, COEFFICIENTS)]
         for kept in {known, degree**2}:
             cut = sh.clone()
             cut[:, kept:] = 0
@@ -252,7 +252,7 @@ def test_by_default_radiance_begins_with_degree_0_and_ends_with_all_degrees() ->
 
 
 def test_the_budgets_rate_scales_positions_and_its_root_scales_rotations() -> None:
-    """A first step of Adam is as long as its rate."""
+    """The length of Adam's first step equals the rate."""
     rates = Variant().geometry.rates
     for factor in (1.0, 9.0):
         stage = initialisation(worn(), 0.0, budget=with_values(BUDGET, {"geometry.rate": factor}))
@@ -267,7 +267,7 @@ def test_the_budgets_rate_scales_positions_and_its_root_scales_rotations() -> No
 
 
 def test_the_known_ball_reproduces_the_images_of_the_scene() -> None:
-    """The known surfels are nearly the truth: their images are as far off as their soft silhouette."""
+    """The known surfels are close to the truth: their images differ at the soft silhouette alone."""
     stage = initialisation(BALL, LATE)
     losses = stage.step()
     assert losses["radiance"] < 0.05

@@ -1,4 +1,4 @@
-"""Every term of stage 2's losses: what raises it, which weight is its own, and from when on it counts."""
+"""Every term of stage 2's losses: the errors that raise it, its weight, and its beginning."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
@@ -16,7 +16,7 @@ from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
 
 EARLY, LATE = 0.2, 0.9
-"""Shares of the stage at which all terms count, before and after what changes on the way."""
+"""Shares of the stage at which all terms count, before and after all changes of the schedule."""
 
 IMAGES = {"radiance", "shaded"}
 TERMS: Mapping[str, set[str]] = {
@@ -56,7 +56,7 @@ def speckled_roughness() -> torch.Tensor:
 
 
 def worn() -> Surfels:
-    """Wrong in every respect, so that with a light to match no term is zero."""
+    """The ball with errors in all parameters, so that no term is zero under a wrong light."""
     return changed(
         rotation=tilted(20.0).rotation, opacity_logit=torch.zeros_like(BALL.opacity_logit),
         albedo_logit=speckled_albedo(), roughness_logit=speckled_roughness(),
@@ -157,7 +157,7 @@ def test_a_wrong_light_raises_the_term(term: str, light: torch.Tensor) -> None:
 
 
 def test_the_two_light_priors_respond_to_tint_and_to_noise() -> None:
-    """The two priors of the light tell apart what each is for."""
+    """A tint raises the light prior alone; noise raises the light smoothness."""
     tint, speckle = (inverse_rendering(BALL, LATE, light=each).step() for each in (TINTED, SPECKLED))
     assert tint["light smoothness"] < 1e-9 < speckle["light smoothness"]
     assert tint["light prior"] > 3 * speckle["light prior"]
@@ -209,7 +209,7 @@ def steps_of(variant: Variant) -> dict[str, float]:
 
 
 def test_geometry_is_refined_and_not_learnt_again() -> None:
-    """A first step of Adam is as long as its rate: far shorter than those that stage 1 found the geometry with."""
+    """The length of Adam's first step equals the rate, which is far lower than in stage 1."""
     found, first = steps_of(Variant()), Variant().geometry.rates
     for name, rate in zip(GEOMETRY, (first.position, first.rotation, first.scale, first.opacity), strict=True):
         assert 0 < found[name] < 0.1 * rate, name
@@ -235,7 +235,7 @@ def test_each_rate_moves_its_own_parameter_alone(rate: str, moves: str) -> None:
 
 
 LOWEST = 0.17364818
-"""Sine of the released code's 10 degrees, below which none of its directions lies."""
+"""Sine of 10 degrees, the lowest height of the released code's directions."""
 
 
 def sight_and_height(surfels: Surfels, incident: Incident) -> tuple[float, float]:
@@ -247,7 +247,10 @@ def sight_and_height(surfels: Surfels, incident: Incident) -> tuple[float, float
 def assert_rays_follow_their_deviations(
     light_on: Callable[[InverseRendering], Incident], steps: int, always: tuple[str, ...] = ()
 ) -> None:
-    """Tilted surfels, which stand in each other's way: 0.05 is nearer than a standard deviation of them."""
+    """The deviations change visibility and directions, for tilted surfels that occlude each other.
+
+    An offset of 0.05 is smaller than their standard deviation.
+    """
     surfels, found = tilted(35.0), {}
     for deviations in ((), ("fixed-offset",), ("hemisphere-floor",)):
         stage = inverse_rendering(surfels, LATE, Variant(deviations=always + deviations))
@@ -262,11 +265,11 @@ def assert_rays_follow_their_deviations(
 
 @pytest.mark.parametrize("steps", [0, 1])
 def test_the_deviations_of_rays_reach_stage_two(steps: int) -> None:
-    """Both when all surfels are traced and when those of L_rad are, which here are all."""
+    """At the trace of all surfels, and at the trace for L_rad, which here draws all surfels."""
     assert_rays_follow_their_deviations(lambda stage: stage.shader.cache.incident, steps)
 
 
 def test_the_deviations_of_rays_reach_rendering() -> None:
-    """Directions that are drawn from the light know no floor: without them."""
+    """With spread directions alone, because directions drawn from the light have no floor."""
     spread = ("spread-views",)
     assert_rays_follow_their_deviations(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0, spread)

@@ -1,4 +1,4 @@
-"""Every weight, rate, share and starting value can be turned by a row, and changes the stage that reads it."""
+"""A row can change every weight, rate, share and initial value, and each changes the stage that reads it."""
 
 import json
 from collections.abc import Iterator
@@ -73,15 +73,15 @@ OTHER = {
     "materials.start.brightest": 0.5,
     "materials.normal_from": 0.4,
 }
-"""Other values of the fields that half as much again would not show on so short a run."""
+"""Test values of fields for which 1.5 times the default would have no effect in so short a run."""
 
 
-# Fainter surfels leave no pixel solid in so few steps, and without depth no normals are compared.
+# With fainter surfels no pixel becomes solid in so few steps, and without depth no normals are compared.
 BASE = Variant(geometry=GeometryLearning(start=SurfelStart(points="hull", opacity=0.6)))
 
 
 def leaves(of: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every field that is no dataclass itself, by its path."""
+    """All fields that are not dataclasses, by dotted name."""
     for field in fields(of):
         value, name = getattr(of, field.name), f"{path}{field.name}"
         if is_dataclass(value):
@@ -91,7 +91,7 @@ def leaves(of: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def turned(of: Any, path: str, value: Any) -> Any:
-    """The same with one field changed, as a row of a suite would."""
+    """A copy with one field changed, as by a row of a suite."""
     first, _, rest = path.partition(".")
     return replace(of, **{first: turned(getattr(of, first), rest, value) if rest else value})
 
@@ -108,7 +108,7 @@ def at(tree: Any, path: str) -> Any:
 
 CONSTANT = replace(BASE, materials=MaterialLearning(start=MaterialStart(light="constant")))
 OF_A_CONSTANT_START = ("materials.start.albedo", "materials.start.white", "materials.start.brightest")
-"""Fields that are read where the light is not sought."""
+"""Fields that are read only without a search for the light."""
 
 ROOM = {points: room_scene(views=8, size=16, points=points) for points in (0, 100)}
 OF_NO_SPARSE_POINTS = "geometry.surroundings.nearest"
@@ -181,7 +181,7 @@ class Unread(MaterialLearning):
 
 
 def test_stage_one_does_not_read_the_settings_of_materials(first: dict[str, Any]) -> None:
-    """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
+    """Runs that differ only in stage 2 share stage 1, so it must not depend on fields that its key leaves out."""
     blind = replace(BASE, materials=Unread())
     assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])
 

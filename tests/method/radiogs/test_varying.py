@@ -1,4 +1,4 @@
-"""How far images determine quantities, on models where that is known: balls, matte and glossy, and an open box."""
+"""The measurement of which quantities images determine, on models with a known answer: balls and an open box."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -43,7 +43,7 @@ def half_shiny() -> Surfels:
 
 
 def open_box() -> Surfels:
-    """A cube seen from inside, without its lid; every wall sends a radiance of 0.4 to the others."""
+    """The inside of a cube without its lid; every wall has an outgoing radiance of 0.4."""
     room = surfels_of_room(1.0, 0.12, 0.6)
     box = room.take(torch.nonzero(room.centre[:, 2] < 0.95)[:, 0])
     box = box.with_material(0.6, DULL)
@@ -52,7 +52,7 @@ def open_box() -> Surfels:
 
 
 def sunny() -> torch.Tensor:
-    """A sun 30 degrees wide, so that 128 directions find it, in a dim sky."""
+    """A dim sky with a sun 30 degrees wide, so that some of 128 directions hit it."""
     towards = torch.nn.functional.normalize(torch.tensor([1.0, 0.3, 0.8]), dim=0)
     disc = (texel_directions(16, 32) @ towards.double() > 0.966).float()
     return (0.2 + 8 * disc)[..., None].repeat(1, 1, 3)
@@ -63,7 +63,7 @@ def around() -> list[Camera]:
 
 
 def within() -> list[Camera]:
-    """Cameras in the middle of the box, each looking at another part of its walls and floor."""
+    """Cameras in the middle of the box, which look at different parts of its walls and floor."""
     turns = torch.arange(VIEWS) * (2 * torch.pi / VIEWS)
     targets = torch.stack([turns.cos(), turns.sin(), torch.full_like(turns, -0.4)], -1)
     return [look_at(torch.zeros(3), target, SIZE, 0.6 * SIZE) for target in targets]
@@ -79,15 +79,15 @@ CASES: Mapping[str, tuple[Callable[[], Surfels], Callable[[], torch.Tensor], Cal
 
 @cache
 def trained(case: str, *given: Part) -> TrainedRadioGS:
-    """The case's model, as if it had been trained on 8-bit images of itself."""
+    """The model of a case, with 8-bit images of itself as training images."""
     surfels, light, cameras = CASES[case]
     model = Model(surfels(), light().log())
     run = Run(sphere_scene(1, SIZE), Variant(given=given), BUDGET, 0, CPU)
     prepared = TrainedRadioGS(model, run).prepare()
     views = []
-    for place, camera in enumerate(cameras()):
+    for index, camera in enumerate(cameras()):
         image = (prepared.render(camera)["image"] * 255).round() / 255
-        views.append(View(f"view_{place}", camera, {"image": lambda image=image: image}))
+        views.append(View(f"view_{index}", camera, {"image": lambda image=image: image}))
     return TrainedRadioGS(model, replace(run, scene=replace(run.scene, train=tuple(views))))
 
 
@@ -142,7 +142,7 @@ def test_without_a_change_the_images_equal_those_of_evaluation() -> None:
 
 
 def test_images_without_lobes_equal_those_of_evaluation() -> None:
-    """The light that the lobe would scatter is in their diffuse part, and does not grow with albedo."""
+    """The diffuse part includes the energy of the missing lobe, which does not grow with albedo."""
     plan = replace(EffectPlan(), specular=False)
     run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)
     model = TrainedRadioGS(Model(ball(SHINY), sunny().log(), plan), run)
@@ -152,11 +152,11 @@ def test_images_without_lobes_equal_those_of_evaluation() -> None:
 
 
 def test_albedo_compensates_a_change_of_roughness() -> None:
-    """In constant light a lobe differs little between views: what a change of roughness does is hidden by albedo."""
+    """In constant light a lobe differs little between views, so that albedo hides a change of roughness."""
     model = trained("matte ball, constant light")
     varying = model.varying([view.camera for view in model.run.scene.train])
     bare = model.varying([view.camera for view in model.run.scene.train])
-    bare.weight = torch.zeros_like(bare.weight)  # no camera sees anything: nothing is to be made up for
+    bare.weight = torch.zeros_like(bare.weight)  # no camera sees a surfel: albedo compensates nothing
     here = torch.stack(varying.images("roughness", 0.0))
 
     def change(of: Varying) -> float:

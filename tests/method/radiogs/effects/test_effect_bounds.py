@@ -1,4 +1,4 @@
-"""Bounds hold as often as they say, judged by simulation of distributions whose mean is known."""
+"""Bounds hold with their stated probability, by simulation of distributions with known means."""
 
 import math
 
@@ -21,12 +21,12 @@ TRIALS = 300
 
 
 def squared_normals(generator: torch.Generator) -> torch.Tensor:
-    """Skewed as squared errors are; mean 1."""
+    """A sample as skewed as squared errors, with mean 1."""
     return torch.randn(TRIALS, 120, generator=generator, dtype=torch.float64).square()
 
 
 def mostly_zero(generator: torch.Generator) -> torch.Tensor:
-    """Three in ten tiles differ; mean 0.3."""
+    """A sample in which three of ten values are 1, with mean 0.3."""
     return (torch.rand(TRIALS, 120, generator=generator, dtype=torch.float64) < 0.3).double()
 
 
@@ -40,7 +40,7 @@ def test_each_bound_holds_with_the_probability_of_its_level(sample: object, mean
     too_high = sum(float(below) > mean for below, _ in bounds)
     assert too_low < 30
     assert too_high < 30
-    # And they are not merely wide: on average within a factor of two of the normal theory's.
+    # The bounds are not too wide: on average within a factor of two of the normal theory.
     theory = 1.645 * float(values.std(1).mean()) / math.sqrt(values.shape[1])
     width = sum(float(above) for _, above in bounds) / TRIALS - mean
     assert 0.5 * theory < width < 2 * theory
@@ -49,16 +49,16 @@ def test_each_bound_holds_with_the_probability_of_its_level(sample: object, mean
 def test_statistics_have_the_same_bounds_together_and_alone() -> None:
     values = squared_normals(torch.Generator().manual_seed(3))[:2]
     below, above = bootstrap_t(values, LEVEL, torch.Generator().manual_seed(4))
-    for place in range(2):
-        alone = bootstrap_t(values[place : place + 1], LEVEL, torch.Generator().manual_seed(4))
-        assert float(alone[0]) == pytest.approx(float(below[place]))
-        assert float(alone[1]) == pytest.approx(float(above[place]))
+    for index in range(2):
+        alone = bootstrap_t(values[index : index + 1], LEVEL, torch.Generator().manual_seed(4))
+        assert float(alone[0]) == pytest.approx(float(below[index]))
+        assert float(alone[1]) == pytest.approx(float(above[index]))
 
 
 def test_bounds_are_infinite_for_too_few_values() -> None:
     generator = torch.Generator().manual_seed(0)
     assert bootstrap_t(torch.ones(1, 1), LEVEL, generator)[1] == math.inf
-    # Of two values every other resample is constant: it says nothing of how they scatter.
+    # Half of the resamples of two values are constant, so that the spread is not known.
     assert bootstrap_t(torch.tensor([[0.0, 1.0]]), LEVEL, generator)[1] == math.inf
     assert bootstrap_t(torch.full((1, 50), 2.0), LEVEL, generator)[1] == 2.0
 
@@ -87,7 +87,7 @@ def test_bounds_on_many_values_use_the_means_of_batches() -> None:
 
 
 def test_the_bound_on_an_unseen_event_has_the_stated_level() -> None:
-    """P(no event in n | p = bound) is the level: drawn, not computed."""
+    """The probability of no event in n trials with p = bound equals the level, by simulation."""
     share = zero_events_upper(50, LEVEL)
     drawn = torch.rand(40_000, 50, generator=torch.Generator().manual_seed(0)) < share
     assert float((drawn.sum(1) == 0).float().mean()) == pytest.approx(LEVEL, abs=0.005)
@@ -101,7 +101,7 @@ def test_independent_comparisons_hold_together_with_the_stated_level() -> None:
 
 
 def test_a_tolerance_in_decibels_converts_to_an_image_error() -> None:
-    """Errors of known correlation are added in float64 and their PSNR compared."""
+    """The PSNR of images with errors of known correlation, in float64, agrees with the conversions."""
     generator = torch.Generator().manual_seed(0)
     error = 0.03 * torch.randn(400_000, generator=generator, dtype=torch.float64)
     tolerance = Tolerance(float(error.square().mean()))
@@ -138,7 +138,7 @@ def but(**changes: float) -> Measured:
         (but(gradient=math.nan), True, "on"),
         (but(share=LEAST_SHARE / 2), False, "on"),
         (but(tail=1.2), False, "on"),
-        # Hysteresis: between half the tolerance and the whole of it things stay as they are.
+        # Hysteresis: between half the tolerance and the whole of it the state does not change.
         (but(bound=0.1 * OFF_BELOW - 1e-3), False, "off"),
         (but(bound=0.1 * OFF_BELOW + 1e-3), False, "on"),
         (but(bound=0.1 * OFF_BELOW + 1e-3), True, "off"),
@@ -151,8 +151,8 @@ def but(**changes: float) -> Measured:
 def test_an_effect_is_left_out_only_if_it_matters_little_and_saves_work(
     measured: Measured | None, was_off: bool, verdict: str
 ) -> None:
-    found, why = decide(measured, was_off)
-    assert found == verdict
+    decision, why = decide(measured, was_off)
+    assert decision == verdict
     assert why
 
 

@@ -1,5 +1,4 @@
-"""Work that a plan leaves out is not done: the counters show it, and the remaining light equals the full method's
-part."""
+"""A plan saves the work of the effects that it leaves out, by the counters, and the remaining light does not change."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -75,7 +74,7 @@ def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]
     assert work_of(initialised, "view-dependence")[0]["bytes_read"] < whole["bytes_read"]
     half = work_of(initialised, "samples")[0]
     assert (2 * half["rays"], 2 * half["shaded_samples"]) == (whole["rays"], whole["shaded_samples"])
-    # Twelve steps hold one refresh of all surfels, at the tenth; twice the interval holds none.
+    # Twelve steps contain one refresh of all surfels, at the tenth; with twice the interval they contain none.
     seldom = work_of(initialised, "refresh")[0]
     assert whole["rays"] - seldom["rays"] == BUDGET.incident_samples * len(
         initialised["optimiser"]["tensors"]["centre"]
@@ -118,7 +117,7 @@ def copy_of(incident: Incident) -> Incident:
 
 
 def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> InverseRendering:
-    """Stage 2 as it is after a probe that has decided for ``plan``."""
+    """Stage 2 after a probe that has decided for ``plan``."""
     stage = inverse_rendering(Run(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU), initialised)
     stage.planner.at = frozenset()
     stage.planner.plan = plan
@@ -127,7 +126,7 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
 
 
 def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
-    """Work of twelve steps, with one refresh, and the cached light before and after."""
+    """Work of twelve steps, one of them with a refresh, and the cached light before and after them."""
     before = copy_of(stage.shader.cache.incident)
     with recording() as instruments:
         for _ in range(12):
@@ -169,23 +168,23 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
     stage = decided(initialised, plan)
     before = copy_of(stage.shader.cache.incident)
     index = torch.tensor([5, 3, 9, 1])
-    found = stage.shader.cache.light_on(index, stage.model.surfels, 1)
-    assert found.visibility.requires_grad or found.radiance.requires_grad
-    for place, surfel in enumerate(index.tolist()):
-        for name in vars(found):
-            value = getattr(found, name)[place]
+    light = stage.shader.cache.light_on(index, stage.model.surfels, 1)
+    assert light.visibility.requires_grad or light.radiance.requires_grad
+    for row, surfel in enumerate(index.tolist()):
+        for name in vars(light):
+            value = getattr(light, name)[row]
             assert torch.equal(value, getattr(stage.shader.cache.incident, name)[surfel])
-        assert torch.equal(found.direction[place], before.direction[surfel]) != bool(plan.traced[surfel])
+        assert torch.equal(light.direction[row], before.direction[surfel]) != bool(plan.traced[surfel])
 
 
 @pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
 def test_a_plan_with_other_rays_renews_the_cached_light_unless_it_is_precomputed(
     initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool
 ) -> None:
-    """Two probes that change the plan, the second after half of the steps."""
+    """Both probes change the plan; the second one comes after half of the steps."""
     stage = inverse_rendering(Run(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU), initialised)
 
-    def without_rays(*seen: Any) -> bool:
+    def without_rays(*arguments: Any) -> bool:
         stage.planner.plan = NO_RAYS
         return True
 
@@ -202,12 +201,12 @@ def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialise
     model = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model
     camera = SCENE.test[0].camera
 
-    def shown(plan: EffectPlan) -> torch.Tensor:
+    def image(plan: EffectPlan) -> torch.Tensor:
         return Renderer(dataclasses.replace(model, plan=plan), 8, Variant()).render(camera)["image"]
 
     for plan in (NO_RAYS, local_rays(initialised)):
-        assert torch.equal(shown(plan), shown(EffectPlan()))
-        assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(EffectPlan()))
+        assert torch.equal(image(plan), image(EffectPlan()))
+        assert not torch.equal(image(dataclasses.replace(plan, kept=False)), image(EffectPlan()))
 
 
 def test_without_indirect_light_occluders_keep_their_mean_radiance(
@@ -217,14 +216,14 @@ def test_without_indirect_light_occluders_keep_their_mean_radiance(
     stage = decided(initialised, plan)
     index = stage.shader.cache.incident.radiance.sum((1, 2)).topk(3).indices
     before = copy_of(stage.shader.cache.incident.of(index))
-    found = stage.shader.cache.light_on(index, stage.model.surfels, 1)
-    assert found.visibility.requires_grad
-    for place in range(3):
-        hidden = (1 - before.visibility[place]).sum()
-        mean = before.radiance[place].sum(0) / hidden if hidden > 0 else torch.zeros(3)
-        expected = (1 - found.visibility[place])[:, None] * mean
-        torch.testing.assert_close(found.radiance[place], expected)
-    assert found.radiance.any()
+    light = stage.shader.cache.light_on(index, stage.model.surfels, 1)
+    assert light.visibility.requires_grad
+    for row in range(3):
+        hidden = (1 - before.visibility[row]).sum()
+        mean = before.radiance[row].sum(0) / hidden if hidden > 0 else torch.zeros(3)
+        expected = (1 - light.visibility[row])[:, None] * mean
+        torch.testing.assert_close(light.radiance[row], expected)
+    assert light.radiance.any()
     bare = decided(initialised, dataclasses.replace(plan, kept=False))
     assert not bare.shader.cache.light_on(index, bare.model.surfels, 1).radiance.any()
 
@@ -236,9 +235,9 @@ def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int)
     some = whole.thinned(count)
     assert some.weight.shape == (3, count)
     torch.testing.assert_close(some.weight.sum(1), whole.weight.sum(1))
-    places = [place * samples // count for place in range(count)]
-    assert torch.equal(some.direction, direction[:, places])
-    assert torch.equal(some.visibility, direction[:, places, 0])
+    kept = [number * samples // count for number in range(count)]
+    assert torch.equal(some.direction, direction[:, kept])
+    assert torch.equal(some.visibility, direction[:, kept, 0])
 
 
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
@@ -274,7 +273,7 @@ def test_rays_give_gradient_to_hit_surfels_in_refresh_steps_too(initialised: dic
     stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     stage.iteration = iteration
     stage.consistency_loss(stage.visible_model(), stage.views[0]).backward()
-    for name in ("log_scale", "opacity_logit"):  # which nothing but rays feels here
+    for name in ("log_scale", "opacity_logit"):  # only rays give gradient to these here
         gradient = stage.optimiser.tensors[name].grad
         assert gradient is not None
         assert gradient.any()

@@ -1,4 +1,4 @@
-"""Probes on surfels whose answer is known, and on scenes made to deceive them: nothing needed goes off for all."""
+"""Probes of surfels with a known answer, and of adversarial scenes: no needed effect is switched off altogether."""
 
 import dataclasses
 import math
@@ -51,9 +51,9 @@ def pit() -> Surfels:
 
 
 def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
-    """0.3 % of the surfels stand around a pit that is two pixels wide, and seen by a method of 28 dB.
+    """0.3 % of the surfels stand around a pit of two pixels, for a method with a PSNR of 28 dB.
 
-    One of 46 dB keeps the rays of the faint shade that it throws, seven of its radii wide, too.
+    At 46 dB, the surfels in its faint shadow, seven of its radii wide, would keep their rays too.
     """
     floor, ring = surfels_over([FLOOR], 0.05), pit()
     assert len(ring) / len(floor) < 0.004
@@ -62,7 +62,7 @@ def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
     plan = found(made).plan
     assert plan.traces
     if plan.traced is not None:
-        # The ring hides the sky from the floor about it, too: what is traced lies there.
+        # The ring also occludes the sky for the floor around it: all traced surfels lie there.
         near = made.surfels.centre.norm(dim=-1) < 0.2
         assert bool(plan.traced[near].any())
         assert not bool(plan.traced[~near].any())
@@ -70,14 +70,14 @@ def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
 
 
 def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None:
-    """The black table hides none but the black part of the sky from the floor: V changes no image. But without V the
-    floor would change a part of the light that it does not see."""
+    """The black table occludes only the black part of the sky for the floor, so that V changes no image. But without V
+    the floor would give gradient to a part of the light that it cannot see."""
     floor = Box((-0.35, -0.35, -0.1), (0.35, 0.35, 0.0), CLAY)
     table = Box((-0.45, -0.45, 0.8), (0.45, 0.45, 0.85), Material((0.02, 0.02, 0.02), 0.9))
     light = sky()
     light[:5] = 1e-6  # more than 39 degrees high; the table's rim is at 45 degrees or higher
     made = seen(grey(surfels_over([floor, table], 0.12), 0.0), light)
-    # Everything is seen a tenth too bright: all pulls have one sign.
+    # All images are a tenth too bright, so that all gradients have one sign.
     darker = tuple(ProbeView(view.camera, 0.9 * view.target) for view in made.views if view.target is not None)
     made = dataclasses.replace(made, views=darker)
     record = found(made).evidence[0]
@@ -96,7 +96,7 @@ def test_a_visible_highlight_keeps_the_specular_effect(seed: int) -> None:
 
 
 def test_a_lobe_that_smoother_surfaces_would_show_is_kept_while_roughness_is_learnt() -> None:
-    """While roughness may yet be learnt, what it could still do counts as much as what it does; later it does not."""
+    """While roughness is learnt, the lobe at a low roughness counts too; for final materials it does not."""
     rough = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), 0.98))], 0.12)
     final = seen(rough, sky(sun=8.0), noise=0.1)
     learning = dataclasses.replace(final, sharpest=SHARP_ROUGHNESS)
@@ -131,7 +131,7 @@ def test_a_probe_repeats_for_its_seed() -> None:
 
 
 def test_the_image_gradient_reaches_visible_surfels_alone() -> None:
-    """Against central differences of the images' squared error, in the radiance of one surfel."""
+    """It is zero for surfels that face away from the camera, and not for all."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
     made = seen(ball, sky())
     pull = image_gradient(PlanRadiance(made))
@@ -142,7 +142,7 @@ def test_the_image_gradient_reaches_visible_surfels_alone() -> None:
 
 @pytest.mark.parametrize("refused", [{"visibility", "indirect"}, {"visibility", "indirect", "samples"}])
 def test_effects_that_save_least_return_if_the_combination_costs_too_much(refused: set[str]) -> None:
-    """An assessment that refuses plans which leave out all of ``refused``; each alone passes."""
+    """The assessment refuses a plan that leaves out all of ``refused``; each effect alone passes."""
     local = EffectPlan(traced=torch.arange(100) < 30)
     chosen = {
         "visibility": local,

@@ -1,4 +1,4 @@
-"""How much of the pictures each surfel is, against the images themselves."""
+"""Shares of surfels in images agree with the rendered images."""
 
 import pytest
 import torch
@@ -9,8 +9,8 @@ from radiogs_core.transport.splatting import splat
 from scenes import look_at, surfels_facing
 
 CAMERAS = [
-    look_at(torch.tensor(place), torch.zeros(3), 24, 30.0)
-    for place in ([0.0, 0.5, 3.0], [1.0, -0.5, 2.5], [2.0, 0.0, 2.0])
+    look_at(torch.tensor(position), torch.zeros(3), 24, 30.0)
+    for position in ([0.0, 0.5, 3.0], [1.0, -0.5, 2.5], [2.0, 0.0, 2.0])
 ]
 
 
@@ -40,7 +40,7 @@ def test_hidden_surfels_and_surfels_out_of_view_have_no_share() -> None:
     centre = torch.cat([stack, torch.tensor([[0.0, 0.0, 9.0]])])
     surfels = surfels_facing(centre, torch.tensor([0.0, 0.0, 1.0]).expand(7, 3))
     surfels.opacity_logit[:] = 6.0
-    surfels.log_scale[:] = 1.5  # as good as a plane
+    surfels.log_scale[:] = 1.5  # nearly a plane
     share = image_share([look_at(torch.tensor([0.0, 0.01, 3.0]), torch.zeros(3), 24, 60.0)], surfels)
     assert float(share[0]) > 0.9
     assert float(share[:2].sum()) == pytest.approx(1, abs=1e-3)

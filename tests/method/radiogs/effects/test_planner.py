@@ -1,4 +1,4 @@
-"""Probes during training: what they know of it, what they decide anew, and what happens when one fails."""
+"""Probes during training: their scene, their decisions, and the failure of a probe."""
 
 import copy
 import dataclasses
@@ -41,7 +41,7 @@ def test_a_probe_during_training_assesses_the_lobe_at_a_low_roughness() -> None:
 def test_the_work_of_a_step_follows_from_its_size() -> None:
     """Each step draws 20 of 100 surfels, with 8 samples each; all are traced again every 10 steps.
 
-    Every surfel is shaded, and those drawn for both sides of radiometric consistency; a ray blends four surfels.
+    All surfels are shaded once, and the drawn ones twice more, for both directions of L_rad; a ray blends four surfels.
     """
     work = Step(100, 20, 8, 10).work(EffectPlan())
     rays = 8 * (20 + 100 / 10)
@@ -84,7 +84,7 @@ def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> Non
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """A training view as a planner needs it."""
+    """A training view for a planner."""
 
     camera: Any
     image: torch.Tensor
@@ -108,7 +108,7 @@ WALL = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
 
 
 def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
-    """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
+    """A plan without rays was decided before a wall appeared."""
     planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
     assert planner.due(15)
@@ -119,7 +119,7 @@ def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
 
 @pytest.mark.parametrize("moved", [False, True])
 def test_light_is_kept_as_long_as_rays_trace_the_same_light(moved: bool) -> None:
-    """Light that was kept since before a wall came is given up; light that knows the wall is as good as rays."""
+    """Kept light from before a wall appeared is dropped; kept light that contains the wall is as good as rays."""
     planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
     made = seen(surfels, sky())
@@ -165,7 +165,7 @@ def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> N
 def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does(
     initialised: dict[str, Any], released: bool
 ) -> None:
-    """The sheet hides the sky from the floor by its back; rays of the released code pass through that."""
+    """The back of the sheet occludes the sky for the floor; rays of the released code pass through it."""
     deviations = ("hemisphere-floor", "one-sided-rays", "premultiplied-encoding") if released else ()
     variant = Variant(effects="auto", deviations=deviations)
     stage = inverse_rendering(Run(sphere_scene(views=4, size=16), variant, BUDGET, 0, CPU), initialised)

@@ -1,4 +1,4 @@
-"""Probes compare the pictures that training compares: encoded as the variant does, lit along the variant's rays."""
+"""Probes compare the same images as training: with the variant's encoding, lit along the variant's rays."""
 
 from dataclasses import replace
 from typing import Any
@@ -26,7 +26,7 @@ from scenes import sphere_scene, surfels_over
 
 RELEASED = ("fixed-offset", "hemisphere-floor", "one-sided-rays", "premultiplied-encoding")
 LOWEST = 0.17
-"""Sine of 10 degrees, above which the released code's directions end; rounded down."""
+"""Sine of 10 degrees, the lowest height of the released code's directions; rounded down."""
 
 
 def ball() -> Surfels:
@@ -35,7 +35,7 @@ def ball() -> Surfels:
 
 @pytest.mark.parametrize("straight", [True, False])
 def test_a_model_compared_with_its_own_images_has_no_error_and_no_gradient(straight: bool) -> None:
-    """At silhouettes, where pixels are partly covered, the other encoding errs by as much as a good method does."""
+    """At silhouettes, where pixels are partly covered, the other encoding has an error as large as a good method's."""
     made = seen(ball(), sky(), noise=0.0, straight=straight)
     other = replace(made, straight=not straight)
     assert found(made).tolerance.mse < 1e-12
@@ -59,7 +59,7 @@ def test_the_reference_of_difference_maps_is_the_image_that_evaluation_renders(s
     made = seen(sheet(), sky(), straight=straight)
     full, differences = difference_maps(made, ("visibility",))
     torch.testing.assert_close(full.clamp(0, 1), shown(made, cameras()[0]), rtol=0, atol=1e-5)
-    # Where straight colour is hardly covered, so is its change; encoded with the black around it, it is amplified.
+    # In hardly covered pixels the change of straight colour is small; premultiplied encoding amplifies it.
     doubled = replace(made, straight=not straight)
     assert not torch.allclose(difference_maps(doubled, ("visibility",))[1]["visibility"], differences["visibility"])
 
@@ -85,7 +85,7 @@ def test_directions_of_a_probe_have_the_variants_floor(drawn: int, floor: bool) 
 
 
 def test_rays_of_a_relighting_probe_start_at_the_offset_of_relighting() -> None:
-    """From far beyond everything they meet nothing. In training a probe's start beyond their footprint at any rate."""
+    """Rays with a large offset hit nothing. In training, a probe's rays start beyond their footprint in any case."""
     surfels, light, far = sheet(), EnvironmentMap(sky()), RaySettings(world_offset=100.0)
     viewpoints = Viewpoints((), image_share((), surfels), straight=True)
     near, away = (scene_under(surfels, surfels.albedo, light, viewpoints, 0, rays) for rays in (RaySettings(), far))
@@ -96,7 +96,7 @@ def test_rays_of_a_relighting_probe_start_at_the_offset_of_relighting() -> None:
 
 
 def probes_of(variant: Variant) -> dict[str, Any]:
-    """Every way to probe a scene or a model with a method's variant."""
+    """The scenes of all kinds of probes with a variant."""
     run = Run(sphere_scene(), variant, PRESETS["smoke"], 0, torch.device("cpu"))
     light = EnvironmentMap(sky())
     model = Model(sheet(), light.radiance.log())

@@ -1,4 +1,4 @@
-"""Probes of a model under a new light, and the truth that they judge the sampling of a light by."""
+"""Probes of a model under a new light, and the reference for the decision about light sampling."""
 
 import math
 
@@ -24,7 +24,7 @@ from scenes import sun_and_sky, surfels_over
 
 
 def test_a_sun_needs_effects_that_an_even_light_does_not_need() -> None:
-    """Under an even light two balls hardly shade each other; a sun throws the shadow of one onto the other."""
+    """Under an even light two balls hardly shade each other; under a sun one casts a shadow on the other."""
     balls = [Sphere((-0.45, 0.0, 0.0), 0.3, CLAY), Sphere((0.5, 0.15, 0.75), 0.3, CLAY)]
     surfels = surfels_over(balls, 0.1)
     made = seen(surfels, sky())
@@ -55,14 +55,14 @@ def test_a_sun_needs_effects_that_an_even_light_does_not_need() -> None:
 
 
 def test_the_reference_of_light_sampling_resolves_a_sun_of_half_a_degree() -> None:
-    """The closed form for rough surfaces is albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
+    """The closed form for rough surfaces is albedo (sky + E_sun n.s / pi); their lobes add a few per cent."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 0.99))], 0.25)
     light, sun = sun_and_sky(512)
     truth = reference_colour(ball, EnvironmentMap(light), torch.Generator().manual_seed(0))
     facing = (ball.frame[..., 2] @ sun).clamp(min=0)
     matt = srgb_encode(0.8 * (0.1 + 2.0 * facing / math.pi))
     ratio = truth[:, 0] / matt
-    # The solid angle that a sun of few texels is read over differs from theirs; a lobe reflects 2 to 5 % of 0.8.
+    # Interpolation changes the solid angle of a sun of few texels; a lobe reflects 2 to 5 % of 0.8.
     assert float(ratio.min()) > 0.99
     assert float(ratio.max()) < 1.06
 
