@@ -158,12 +158,25 @@ class Phase:
 
 
 INITIALISE = Phase(surfel=850, pixel=360)
+"""A step of stage 1."""
+
 INVERT = Phase(surfel=1060, pixel=380, ray=95)
+"""A step of stage 2."""
+
 REFRESH = Phase(surfel=510, ray=86)
+"""A tracing of the light on all surfels in stage 2."""
+
 RELIGHT = Phase(surfel=1440, ray=150)
+"""The preparation of relighting by rays."""
+
 FRAME = Phase(surfel=360, pixel=102)
+"""A frame of a model that is relit by rays."""
+
 OWN_FRAME = Phase(surfel=240, pixel=60)
+"""A frame of the surfels' own radiance."""
+
 FINE_TUNE = Phase(surfel=1650, ray=90)
+"""A step of fine-tuning."""
 
 HIT = 24
 """Bytes of a hit: surfel, depth and opacity, once in the rounds of tracing and once concatenated."""

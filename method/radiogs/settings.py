@@ -110,6 +110,7 @@ PRESETS = by_name(
         finetune_samples=256,
     ),
 )
+"""Budgets by the names of their presets."""
 
 
 RELEASED: Mapping[str, str] = {
@@ -152,6 +153,7 @@ RELIGHTING = RelightingModes(
     by_steps=("surfels", "finetuned"),
     steps="finetune_iterations",
 )
+"""The modes of relighting for the harness (see ``Relighting``)."""
 
 Shading = Literal["monte-carlo", "split-sum"]
 """L_PBR of stage 2. "monte-carlo": Eq. 8 over traced rays. "split-sum": prefiltered light without occlusion and without

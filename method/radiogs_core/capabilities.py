@@ -307,7 +307,7 @@ def require_truth(scene: Scene, parts: tuple[str, ...]) -> None:
         if lacks:
             raise DataError(
                 f"the true {' and '.join(lacks)} of scene '{scene.name}' are not known: '{part}' cannot be given",
-                "Scenes that were generated know both: those that come with the package, and those of"
-                " `radiogs-bench datasets generate`. TensoIR's scenes know their light; captures know neither.",
+                "Generated scenes have both: the scenes of the package, and those of `radiogs-bench datasets generate`."
+                " TensoIR's scenes have a known light; captures have neither.",
                 "Choose among them (`radiogs-bench datasets list`), or leave out the rows that give this part.",
             )

@@ -17,6 +17,7 @@ WORDS: Mapping[Any, str] = {
     type(None): "nothing",
     tuple[str, ...]: "a list of text",
 }
+"""Names of types in error messages."""
 
 Convert = Callable[[Any, str], Any]
 """Makes a value of some type from a plain one; the second argument is its dotted name in the file, for errors."""

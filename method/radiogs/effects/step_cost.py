@@ -46,9 +46,9 @@ class Step:
             "surfels": self.surfels,
         }
 
-    def saving(self, plan: EffectPlan, beside: EffectPlan) -> float:
-        """Share of a step's work under ``beside`` that is saved under ``plan``."""
-        whole = cost(self.work(beside))
+    def saving(self, plan: EffectPlan, reference: EffectPlan) -> float:
+        """Share of a step's work under ``reference`` that is saved under ``plan``."""
+        whole = cost(self.work(reference))
         return 1 - cost(self.work(plan)) / whole
 
 

@@ -58,7 +58,7 @@ ROUNDING = 1e-4
 """Constant under the root of the l1 distance of log-albedo: below its root the distance is quadratic."""
 
 NEVER_SEEN = 1e-6
-"""Weight of the radiance along the normal beside the radiance towards cameras."""
+"""Weight of the radiance along the normal, relative to the radiance towards a camera that the surfel faces."""
 
 SMALLEST_SHARE = 1e-4
 """Share of the mean irradiance that is added to it inside the logarithm."""
@@ -176,9 +176,9 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
     for view in views:
         camera = view.camera
         seen = splat(camera, surfels, {}, depth_unit=1.0)
-        beside = max_pool2d((view.mask < WHOLE).float()[None, None], 3, stride=1, padding=1)[0, 0] > 0
+        at_edge = max_pool2d((view.mask < WHOLE).float()[None, None], 3, stride=1, padding=1)[0, 0] > 0
         length = seen.normal.norm(dim=-1)
-        usable = torch.nonzero((~beside & (seen.alpha > OPAQUE) & (length > 0)).flatten())[:, 0]
+        usable = torch.nonzero((~at_edge & (seen.alpha > OPAQUE) & (length > 0)).flatten())[:, 0]
         order = torch.randperm(len(usable), generator=generator, device=usable.device)
         chosen = usable[order[: -(-POINTS // len(views))]]
         position = camera.centre + camera.ray_directions() * seen.depth[..., None]

@@ -72,7 +72,7 @@ class SplitSumLight:
         normal, outgoing: unit, in the world. albedo: linear. roughness: perceptual. metallic: in [0, 1], see
         ``normal_reflectance``; None: F0 = 0.04.
         """
-        # The split sum turns with its light: turned directions under the map are the map, turned back, over the world.
+        # Rotated directions under the map give the same radiance as world directions under the map rotated back.
         diffuse, specular = split_sum_radiance(
             self.along(normal), albedo, roughness, self.along(outgoing), self.filtered
         )
