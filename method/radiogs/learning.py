@@ -4,10 +4,11 @@ Defaults are the paper's unless a docstring gives another source. Shares are sha
 ``radiogs_core.learning.geometry`` has the settings for surfels.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,11 @@ class SplitSumLearning:
     light: float = 1.0
     """Linear radiance of the constant initial light."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", "image", "consistency", "albedo_rate", "roughness_rate", "light_rate")
+        require(self, "between 0 and 1", "consistency_from")
+        require(self, "above zero", "light")
+
 
 @dataclass(frozen=True)
 class MaterialWeights:
@@ -57,6 +63,9 @@ class MaterialWeights:
     light_smoothness: float = 0.005
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -80,6 +89,9 @@ class MaterialRates:
     """Rate of the harmonics of higher degrees, as in stage 1."""
     geometry: float = 0.01
     """Factor of stage 1's initial rates of geometry (``SurfelRates``): geometry is refined, not learnt again."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -108,3 +120,6 @@ class MaterialLearning:
     """Initial values of materials and light."""
     normal_from: float = 1_000 / 20_000
     """Share of the stage from which on the loss between normals and depth map counts."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "normal_from")

@@ -12,6 +12,7 @@ from radiogs_core.capabilities import PARTS, RelightingModes
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.plain_values import require
 from radiogs_core.transport.plan import Effects, checked_effects
 
 from .learning import MaterialLearning, SplitSumLearning
@@ -206,7 +207,7 @@ class Variant(SurfelVariant):
                 "A deviation is a difference of the released code from the paper.",
                 f"Deviations: {', '.join(RELEASED)}.",
             )
-        self.require("zero or above", "radiometric_weight")
+        require(self, "zero or above", "radiometric_weight")
         object.__setattr__(self, "effects", checked_effects(self.effects))
         if self.effects != "all" and self.shading == "split-sum":
             raise UsageError(

@@ -179,6 +179,29 @@ def value_at(instance: Any, name: str) -> Any:
     return instance
 
 
+RANGES: Mapping[str, Callable[[float], bool]] = {
+    "zero or above": lambda value: value >= 0,
+    "above zero": lambda value: value > 0,
+    "one or above": lambda value: value >= 1,
+    "between 0 and 1": lambda value: 0 <= value <= 1,
+    "above 0 and at most 1": lambda value: 0 < value <= 1,
+    "above 0 and below 1": lambda value: 0 < value < 1,
+}
+"""Ranges of settings, in the words of the message about a value outside; a value that is not a number lies in none."""
+
+
+def require(settings: Any, wanted: str, *names: str) -> None:
+    """Check that fields of a dataclass lie in one of RANGES; of a list, every entry. None passes.
+
+    Raises UsageError that names the field and its value.
+    """
+    for name in names:
+        value = getattr(settings, name)
+        for each in value if isinstance(value, tuple) else (value,):
+            if each is not None and not (math.isfinite(each) and RANGES[wanted](each)):
+                raise UsageError(f"{name}: {each} is not {wanted}")
+
+
 def to_plain(value: Any) -> dict[str, Any]:
     """A dataclass's fields after a round trip through JSON, so that they equal those of a stored result.
 

@@ -6,13 +6,18 @@ a field names another source.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
+from ..errors import UsageError
+from ..plain_values import require
 from ..surfels.density import AdaptiveDensity
 from ..surfels.starting_points import SurfelStart
 from ..surfels.surroundings import SurroundingsStart
 from .losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
+
+DEGREES = 3
+"""Degrees of harmonics that are turned on one after another."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,9 @@ class GeometryWeights:
     normal_smoothness: float = 0.05
     """Weight of the gradient of the normal map where the image has no edges."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class GeometrySchedule:
@@ -58,6 +66,11 @@ class GeometrySchedule:
     position_decay_until: float = 30_000 / 40_000
     """Share until which the rate of positions decays geometrically to ``SurfelRates.position_end``."""
 
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", *(each.name for each in fields(self)))
+        if len(self.degrees_from) > DEGREES:
+            raise UsageError(f"degrees_from: {self.degrees_from} has more than {DEGREES} shares")
+
 
 @dataclass(frozen=True)
 class SurfelRates:
@@ -65,11 +78,11 @@ class SurfelRates:
 
     position: float = 1.6e-4
     """Rate of positions at the start, in scene extents (see ``Scene.extent``); multiplied by the budget's
-    ``geometry_rate``."""
+    ``geometry.rate``."""
     position_end: float = 1.6e-6
     """Rate of positions from ``GeometrySchedule.position_decay_until`` on, in the same unit."""
     rotation: float = 0.001
-    """Rate of quaternions; multiplied by the root of the budget's ``geometry_rate`` (``turning``)."""
+    """Rate of quaternions; multiplied by the root of the budget's ``geometry.rate`` (``turning``)."""
     scale: float = 0.005
     """Rate of the logarithms of scales."""
     opacity: float = 0.05
@@ -80,6 +93,10 @@ class SurfelRates:
     """Rate of the harmonics of higher degrees."""
     end_share: float = 0.05
     """Share of each rate above, except those of positions, that is left at the end."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+        require(self, "between 0 and 1", "end_share")
 
 
 def turning(geometry_rate: float) -> float:
@@ -122,3 +139,9 @@ class GeometryLearning:
     """How a partly covered pixel is encoded for display (see ``kernels.image.display.displayed``)."""
     colour: Literal["linear", "display"] = "linear"
     """Colour space of the surfels' radiance: linear RGB, which light transport needs, or display sRGB, as in 2DGS."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "backgrounds")
+        require(self, "zero or above", "edge_sharpness")
+        if not self.backgrounds:
+            raise UsageError("backgrounds: there is none", "Images are composited on a grey level.")

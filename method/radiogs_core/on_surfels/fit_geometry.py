@@ -148,7 +148,7 @@ class FitGeometry(SurfelStage[Any, Any]):
     def begin_step(self) -> None:
         """Set the learning rates of this step; after ``schedule.decay_from``, all but that of positions decay."""
         begin, end = self.learning.schedule.decay_from, self.learning.rates.end_share
-        progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin))
+        progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin)) if begin < 1 else 0.0
         rates = self._rates(self.geometry_rate)
         self.optimiser.set_rate("centre", rates["centre"])
         for name in DECAYING:

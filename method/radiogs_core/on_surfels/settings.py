@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, TypeVar
 
-from ..errors import UsageError
 from ..learning.geometry import GeometryLearning
+from ..plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,15 +104,7 @@ class SurfelVariant:
     """Weights, rates and schedule of stage 1."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.view_share <= 1:
-            raise UsageError(f"view_share: {self.view_share} is not above 0 and at most 1")
-
-    def require(self, wanted: str, *names: str) -> None:
-        """Raises UsageError unless all these fields are None or as ``wanted``: "above zero" or "zero or above"."""
-        for name in names:
-            value = getattr(self, name)
-            if value is not None and (value < 0 or (value == 0 and wanted == "above zero")):
-                raise UsageError(f"{name}: {value} is not {wanted}")
+        require(self, "above 0 and at most 1", "view_share")
 
     @property
     def straight(self) -> bool:

@@ -7,6 +7,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..plain_values import require
+from ..surfels.surfels import require_roughness
+
 
 @dataclass(frozen=True)
 class LightStart:
@@ -45,6 +48,13 @@ class LightStart:
     albedo_range: tuple[float, float] = (0.02, 0.95)
     """Smallest and largest initial albedo of surfels."""
 
+    def __post_init__(self) -> None:
+        require(self, "one or above", "steps", "neighbours")
+        require(self, "zero or above", "rate", "far", "smoothness", "colour", "white_paint", "turned")
+        require(self, "between 0 and 1", "far_share", "brightest")
+        require(self, "above zero", "other_paint", "same_paint")
+        require(self, "above 0 and below 1", "white", "mean_albedo", "albedo_range")
+
     @property
     def white_log(self) -> float:
         """Logarithm of white paint's albedo."""
@@ -69,3 +79,9 @@ class StartValues:
     scripts start at fixed radiances, whatever the images' exposure."""
     brightest: float = 0.98
     """Quantile of the covered pixels that counts as the brightest."""
+
+    def __post_init__(self) -> None:
+        require(self, "above 0 and below 1", "albedo")
+        require(self, "above zero", "white")
+        require(self, "between 0 and 1", "brightest")
+        require_roughness(self)

@@ -20,6 +20,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from ..plain_values import require
 from ..scene.camera import Camera
 from .surfels import Surfels
 
@@ -85,6 +86,11 @@ class AdaptiveDensity:
     """Shares of the stage after which surfels that hardly show in any training view are pruned."""
     least_contribution: float = 0.1
     """Sum of blending weights over the pixels of the view that shows most of a surfel below which it hardly shows."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "start", "end", "opacity_floor", "hidden_at")
+        require(self, "zero or above", "gradient_threshold", "clone_scale", "least_contribution")
+        require(self, "above zero", "largest_scale", "split_shrink")
 
 
 @dataclass

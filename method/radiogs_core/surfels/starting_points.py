@@ -14,10 +14,11 @@ from torch import Tensor
 from torch.nn.functional import grid_sample
 
 from ..errors import DataError
+from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.colour import srgb_decode
 from ..scene.scene import Scene, View
-from .surfels import Surfels, radiance_to_sh, surfels_at, surfels_facing
+from .surfels import Surfels, radiance_to_sh, require_roughness, surfels_at, surfels_facing
 from .swept_depth import DepthSweep
 from .swept_points import swept_points
 
@@ -53,6 +54,12 @@ class SurfelStart:
     """Initial linear diffuse albedo of all channels."""
     roughness: float = 0.6
     """Initial perceptual roughness r."""
+
+    def __post_init__(self) -> None:
+        require(self, "one or above", "candidates")
+        require(self, "above 0 and at most 1", "consistent_share")
+        require(self, "above 0 and below 1", "opacity", "albedo")
+        require_roughness(self)
 
 
 def initial_surfels(

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from ..errors import UsageError
 from ..kernels.surfel.footprint import frames, widened
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
@@ -194,6 +195,12 @@ def surfels_facing(
 def inverse_sigmoid(value: float) -> float:
     """log(p / (1 - p)), for 0 < p < 1."""
     return float(torch.logit(torch.tensor(value, dtype=torch.float64)))
+
+
+def require_roughness(settings: Any) -> None:
+    """Raise UsageError unless the field ``roughness`` of some settings lies between ROUGHNESS_FLOOR and 1."""
+    if not ROUGHNESS_FLOOR < settings.roughness < 1:
+        raise UsageError(f"roughness: {settings.roughness} is not above {ROUGHNESS_FLOOR} and below 1")
 
 
 def roughness_to_logit(roughness: float) -> float:

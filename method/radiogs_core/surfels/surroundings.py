@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..order_statistics import quantile
+from ..plain_values import require
 from ..scene.colour import srgb_decode
 from ..scene.contraction import Contraction
 from ..scene.scene import Points, Scene, View
@@ -41,6 +42,11 @@ class SurroundingsStart:
     """Initial scales, in pixels, are clipped at this quantile of theirs, because sparse points have outliers."""
     least_pixels: float = 0.5
     """Smallest initial scale, in pixels of the view in which a pixel is narrowest there."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "sparse_share", "nearest_quantile", "width_quantile")
+        require(self, "one or above", "candidates", "compared")
+        require(self, "above zero", "nearest", "farthest", "least_pixels")
 
 
 def surrounded_surfels(

@@ -15,6 +15,7 @@ from torch.nn.functional import avg_pool2d, normalize
 
 from ..kernels.image.matching import Matched, Textures, matching_costs
 from ..kernels.image.matching_source import COVERED
+from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.scene import View
 
@@ -49,6 +50,12 @@ class DepthSweep:
     """Number of moves of each point towards the mean depth of the views that see it (``swept_points.fused``)."""
     opacity: float = 0.8
     """Peak opacity of the surfels at swept points."""
+
+    def __post_init__(self) -> None:
+        require(self, "one or above", "side", "planes", "neighbours", "agreeing", "window")
+        require(self, "zero or above", "step", "jump", "fusions")
+        require(self, "above zero", "tolerance")
+        require(self, "above 0 and below 1", "opacity")
 
 
 @dataclass(frozen=True)

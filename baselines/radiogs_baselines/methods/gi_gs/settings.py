@@ -4,13 +4,14 @@ Unless a field says otherwise, defaults are those of the published script, which
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +101,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -116,6 +120,9 @@ class MaterialRates:
     """Rate of the metalness' logits."""
     light: float = 0.05
     """Rate of the light's log-radiance."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -194,8 +201,8 @@ class Variant(SurfelVariant):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require("zero or above", "start", "bias", "thick", "lr_scale")
-        self.require("above zero", "radius", "far")
+        require(self, "zero or above", "start", "bias", "thick", "lr_scale")
+        require(self, "above zero", "radius", "far")
 
     @property
     def training_start(self) -> int:

@@ -3,12 +3,13 @@
 Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +84,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -98,6 +102,9 @@ class MaterialRates:
     """Rate of the light's log-radiance."""
     irradiance: float = 0.05
     """Rate of the irradiance's harmonics."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -156,5 +163,5 @@ class Variant(SurfelVariant):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require("above zero", "tau")
-        self.require("zero or above", "nearest", "lr_scale")
+        require(self, "above zero", "tau")
+        require(self, "zero or above", "nearest", "lr_scale")

@@ -4,12 +4,13 @@ Unless a field says otherwise, defaults are those of the published scripts for T
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +105,9 @@ class MaterialWeights:
     normal_smoothness: float = 0.01
     """Weight of the gradients of the normal map, down-weighted at image edges."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -119,6 +123,9 @@ class MaterialRates:
     """Rate of the surfels' harmonics of degree 0."""
     radiance_rest: float = 0.0075 / 20
     """Rate of the harmonics of higher degrees."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -143,6 +150,9 @@ class MaterialLearning:
     """Initial materials and light."""
     normal_from: float = 1_000 / 20_000
     """Share of the stage after which the normal loss is active, if geometry is learnt."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "normal_from")
 
 
 Indirect = Literal["traced", "detached", "none"]
@@ -175,4 +185,4 @@ class Variant(SurfelVariant):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require("zero or above", "lr_scale", "ray_start")
+        require(self, "zero or above", "lr_scale", "ray_start")

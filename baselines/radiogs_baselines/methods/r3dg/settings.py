@@ -3,13 +3,14 @@
 Unless a field says otherwise, defaults are those of the published script for Synthetic4Relight.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +92,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of log-radiance between neighbouring texels."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -106,6 +110,9 @@ class MaterialRates:
     """Rate of the local light's harmonics of degree 0."""
     local_rest: float = 0.001 / 10
     """Rate of the local light's harmonics of higher degrees."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -166,4 +173,4 @@ class Variant(SurfelVariant):
         super().__post_init__()
         if not 0 <= self.hidden_below <= 1:
             raise UsageError(f"hidden_below: {self.hidden_below} is not between 0 and 1")
-        self.require("zero or above", "ray_start")
+        require(self, "zero or above", "ray_start")

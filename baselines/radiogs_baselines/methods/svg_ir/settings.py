@@ -4,12 +4,13 @@ Unless a field says otherwise, defaults are those of the published script for Te
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.on_surfels.start_values import StartValues
+from radiogs_core.plain_values import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +93,9 @@ class MaterialWeights:
     light_smoothness: float = 0.02
     """Weight of the squared differences of log-radiance between neighbouring texels."""
 
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
 
 @dataclass(frozen=True)
 class MaterialRates:
@@ -113,6 +117,9 @@ class MaterialRates:
     """Rate of the surfels' harmonics of degree 0."""
     radiance_rest: float = 0.00025 / 20
     """Rate of the harmonics of higher degrees."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -137,6 +144,9 @@ class MaterialLearning:
     """Initial materials and light."""
     ratio_until: float = 1_000 / 20_000
     """Share of the stage after which the ratio is frozen."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "ratio_until")
 
 
 Attributes = Literal["bilinear", "constant"]
@@ -178,8 +188,8 @@ class Variant(SurfelVariant):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require("above zero", "vertex_distance", "hop", "radiance_limit", "light_limit", "relight_rows")
-        self.require("zero or above", "gap", "ray_start")
+        require(self, "above zero", "vertex_distance", "hop", "radiance_limit", "light_limit", "relight_rows")
+        require(self, "zero or above", "gap", "ray_start")
         if not 0 <= self.opaque < 1:
             raise UsageError(f"opaque: {self.opaque} is not zero or above and below 1")
 

@@ -1,0 +1,90 @@
+"""Every value that a setting's documentation allows trains, or is refused by the setting's name."""
+
+import math
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs.method import RADIOGS
+from radiogs.settings import PRESETS, Variant
+from radiogs_core.contract import Run
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import leaf_names, value_at, with_values
+from scenes import sphere_scene
+
+CPU = torch.device("cpu")
+SCENE = sphere_scene(views=4, size=16)
+BUDGET = with_values(
+    PRESETS["smoke"],
+    {"geometry.steps": 8, "geometry.densify_interval": 2, "geometry.initial_surfels": 60, "inverse_iterations": 4},
+)
+FULL = Variant()
+
+
+def numbers() -> list[str]:
+    """The names of all settings that are numbers, or lists of numbers."""
+
+    def is_number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
+    return [
+        name
+        for name in leaf_names(FULL)
+        if is_number(value := value_at(FULL, name))
+        or (isinstance(value, tuple) and len(value) > 0 and all(map(is_number, value)))
+    ]
+
+
+def as_long_as(value: Any, number: float) -> Any:
+    """A number in the form of a setting's value: a list of it for a list, a whole number for a whole number."""
+    if isinstance(value, tuple):
+        return [number] * len(value)
+    return int(number) if isinstance(value, int) else float(number)
+
+
+def trains_or_is_refused(name: str, number: float) -> None:
+    """Train a little with a setting at ``number``, and demand finite losses or an error that names the setting."""
+    field = name.rpartition(".")[2]
+    try:
+        variant = with_values(FULL, {name: as_long_as(value_at(FULL, name), number)})
+    except UsageError as refused:
+        assert field in refused.what
+        return
+    run, product = Run(SCENE, variant, BUDGET, 0, CPU), {}
+    try:
+        for spec in RADIOGS.stages(variant, BUDGET):
+            stage = spec.begin(run, product)
+            while stage.iteration < stage.iterations:
+                assert all(map(math.isfinite, stage.step().values()))
+            product = stage.product()
+    except DataError as refused:  # such as a threshold that leaves no surfel
+        assert "no surfel is left" in refused.what
+
+
+SCHEDULES = [name for name in numbers() if ".schedule." in name or name.endswith(("_from", "end_share"))]
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("name", SCHEDULES)
+def test_both_ends_of_every_share_of_a_schedule_train(name: str, number: float) -> None:
+    trains_or_is_refused(name, number)
+
+
+@pytest.mark.parametrize("name", numbers())
+def test_a_negative_setting_is_refused_by_its_name(name: str) -> None:
+    if name.rpartition(".")[2] in SIGNED:
+        return
+    with pytest.raises(UsageError, match=name.rpartition(".")[2]):
+        with_values(FULL, {name: as_long_as(value_at(FULL, name), -1)})
+
+
+SIGNED = {"freest"}
+"""Settings that may be negative."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 1, 3])
+@pytest.mark.parametrize("name", numbers())
+def test_every_number_of_every_setting_trains_or_is_refused_by_its_name(name: str, number: float) -> None:
+    trains_or_is_refused(name, number)
