@@ -183,6 +183,7 @@ RANGES: Mapping[str, Callable[[float], bool]] = {
     "zero or above": lambda value: value >= 0,
     "above zero": lambda value: value > 0,
     "one or above": lambda value: value >= 1,
+    "two or above": lambda value: value >= 2,
     "between 0 and 1": lambda value: 0 <= value <= 1,
     "above 0 and at most 1": lambda value: 0 < value <= 1,
     "above 0 and below 1": lambda value: 0 < value < 1,

@@ -52,7 +52,8 @@ class DepthSweep:
     """Peak opacity of the surfels at swept points."""
 
     def __post_init__(self) -> None:
-        require(self, "one or above", "side", "planes", "neighbours", "agreeing", "window")
+        require(self, "two or above", "planes")
+        require(self, "one or above", "side", "neighbours", "agreeing", "window")
         require(self, "zero or above", "step", "jump", "fusions")
         require(self, "above zero", "tolerance")
         require(self, "above 0 and below 1", "opacity")
