@@ -8,15 +8,14 @@ each sample.
 """
 
 from dataclasses import dataclass, replace
-from typing import get_args
 
 from radiogs_core.capabilities import MemoryPhase, Relighting, ShortRun, StepKind, TrainingImages
+from radiogs_core.plain_values import with_values
 from radiogs_core.transport.light_filters import filters_bytes
 from radiogs_core.transport.splitsum import LARGEST_HEIGHT
 from radiogs_core.transport.tracer import RAYS_AT_ONCE
 
-from .settings import Budget, Variant
-from .settings import Relighting as Mode
+from .settings import RELIGHTING, Budget, Variant
 
 INITIALISE_STEPS = 12
 """Steps of the short stage 1. Schedules depend on the share of steps done, so that all harmonics and losses occur."""
@@ -35,13 +34,6 @@ REFRESH_EVERY = 4
 
 FINETUNE_STEPS = 3
 """Steps of the short fine-tuning: the first, which is not counted, and two that are."""
-
-TITLES = {
-    "pbr": "by rays, split sum",
-    "finetuned": "by rays, fine-tuned",
-    "surfels": "by surfels alone, fine-tuned",
-}
-"""Title of each mode of relighting in the tables of a rehearsal."""
 
 
 def sizes(budget: Budget) -> tuple[int, int]:
@@ -78,10 +70,15 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
         refreshed, whole = frozenset({REFRESH_EVERY}), (budget.inverse_iterations - 1) // budget.refresh_interval
         tracing = StepKind("step that traces all light anew", refreshed, whole)
         kinds["invert"] = _kinds((tracing,), budget.inverse_iterations, INVERT_STEPS)
-    modes = [mode for mode in get_args(Mode) if mode in TITLES]
-    steps = {mode: 0 if mode == "pbr" else budget.finetune_iterations for mode in modes}
     rehearsed = _in_the_hull(_pruning_once(variant))
-    ways = tuple(Relighting(TITLES[mode], replace(rehearsed, relighting=mode), steps[mode]) for mode in modes)
+    ways = tuple(
+        Relighting(
+            f"by {title}",
+            with_values(rehearsed, {RELIGHTING.field: mode}),
+            budget.finetune_iterations if mode in RELIGHTING.by_steps else 0,
+        )
+        for mode, title in RELIGHTING.titles.items()
+    )
     return ShortRun(rehearsed, short, kinds, ways)
 
 

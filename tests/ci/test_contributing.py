@@ -137,6 +137,12 @@ def test_the_mutant_of_the_walk_is_noticed(changed: Path) -> None:
     assert "1 failed" in done.stdout
 
 
+def test_the_changed_tree_has_no_finding_once_its_imports_are_sorted(changed: Path) -> None:
+    for fix in (["--fix"], []):
+        done = python(changed, "-m", "ruff", "check", *fix, ".")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_changed_tree_keeps_the_structure(changed: Path) -> None:
     done = python(changed, ".ci/structure.py")
     assert done.returncode == 0, done.stdout + done.stderr

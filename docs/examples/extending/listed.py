@@ -12,6 +12,7 @@ from typing import Any
 
 import torch
 
+from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
@@ -19,7 +20,7 @@ from ..bounded_reading import read_json
 from ..view_maps import read_alpha, read_colour
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files
 
-TABLE = "cameras.json"
+TABLE, FIELDS = "cameras.json", ("image", "focal", "camera_to_world")
 
 
 def looks_like(folder: Path) -> bool:
@@ -30,7 +31,7 @@ def looks_like(folder: Path) -> bool:
 def load_listed(folder: Path) -> Scene:
     """Read a scene; its maps are read when asked for. Raises DataError that names what is wrong."""
     folder = Path(os.path.normpath(folder.absolute()))
-    listed = read_json(folder / TABLE)
+    listed = _checked(read_json(folder / TABLE))
     images = {split: [inside(folder, folder / TABLE, view["image"]) for view in listed[split]] for split in listed}
     every = [path for paths in images.values() for path in paths]
     require_files(folder, every)
@@ -42,6 +43,18 @@ def load_listed(folder: Path) -> Scene:
     )
     decode_if_small([*train, *test], sizes)
     return Scene(folder.name, "listed", train, test, {}, None, checksum)
+
+
+def _checked(listed: Any) -> dict[str, list[dict[str, Any]]]:
+    """The list of views by split. Raises DataError for a missing split, and for the first view that lacks a field."""
+    for split in ("train", "test"):
+        if not isinstance(listed, dict) or not isinstance(listed.get(split), list):
+            raise DataError(f"{TABLE} has no list '{split}'", "It lists the views of each split.")
+        for index, view in enumerate(listed[split]):
+            lacks = [name for name in FIELDS if not isinstance(view, dict) or name not in view]
+            if lacks:
+                raise DataError(f"{TABLE}: {split}[{index}] has no '{lacks[0]}'", f"A view has {', '.join(FIELDS)}.")
+    return listed
 
 
 def _view(listed: dict[str, Any], image: Path, height: int, width: int) -> View:
