@@ -91,6 +91,8 @@ class PlainReader:
                 for twice in below.setdefault(field, {}).keys() & table.keys():
                     self.fail(where, f"{field}.{twice} is given twice")
                 below[field].update(table)
+            elif get_origin(hints[field]) in (Union, UnionType):  # such as None, where the type allows it
+                changed[field] = self.convert(hints[field], value, f"{prefix}{field}")
             else:
                 self.change(getattr(instance, field), value, f"{prefix}{field}")  # raises: ``value`` is no table
         for field, table in below.items():

@@ -72,6 +72,10 @@ class Outcome(TypedDict):
     ledger: Ledger
 
 
+Held = list[Mapping[str, Any]]
+"""The product of the previous stage as the only entry. It is removed when the next stage begins, so that tensors which
+that stage does not keep are freed."""
+
 Score = Callable[[Trained], dict[str, float]]
 """Scores a model during training: values by ``task/measure``."""
 
@@ -86,7 +90,7 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
     method raises what explains itself, MethodFailed for anything else; the last checkpoint is kept in every case.
     """
     method = bench.method(cell.found_as)
-    product: Mapping[str, Any] = {}
+    held: Held = [{}]
     ledgers: dict[str, Ledger] = {}
 
     def scored(stage: Stage) -> dict[str, float]:
@@ -97,9 +101,10 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
 
     for index, stage in enumerate(cell.stages):
         asked = scored if score is not None and stage is cell.stages[-1] else None
-        outcome = stage_outcome(bench, cell, scene, index, product, asked)
-        product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
-    return restored(method, run_of(bench, cell, scene), product), ledgers
+        outcome = stage_outcome(bench, cell, scene, index, held, asked)
+        held, ledgers[stage.name] = [outcome["product"]], outcome["ledger"]
+        del outcome
+    return restored(method, run_of(bench, cell, scene), held.pop()), ledgers
 
 
 def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
@@ -125,20 +130,20 @@ def facts_of(method: str, model: Trained) -> dict[str, Any]:
 
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Run the stages that other cells may share, all but the last, and store them. Raises as ``trained`` does."""
-    product: Mapping[str, Any] = {}
+    held: Held = [{}]
     for index in range(len(cell.stages) - 1):
-        product = stage_outcome(bench, cell, scene, index, product)["product"]
+        held = [stage_outcome(bench, cell, scene, index, held)["product"]]
 
 
 def stage_outcome(
-    bench: Bench, cell: Cell, scene: Scene, index: int, before: Mapping[str, Any], score: StageScore | None = None
+    bench: Bench, cell: Cell, scene: Scene, index: int, held: Held, score: StageScore | None = None
 ) -> Outcome:
-    """The outcome of one of a cell's stages, run now or stored; ``before`` is the product of the previous stage."""
+    """The outcome of one of a cell's stages, run now or stored; ``held`` has the product of the previous stage."""
     stage = cell.stages[index]
     with calling(cell.method, "stages()"):
         spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[index]
     run = run_of(bench, cell, scene)
-    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), scene, score)
+    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, held.pop()), scene, score)
 
 
 def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:

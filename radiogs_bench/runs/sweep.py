@@ -9,7 +9,6 @@ from typing import Any, NotRequired, TypedDict, cast
 from radiogs_core.capabilities import RelitInModes, require_truth
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
@@ -170,7 +169,7 @@ class Request:
 
     def _line(self, row: Row) -> TableRow:
         used = self.method(row.method)
-        budget = to_plain(self._budget(used, row))
+        budget = self._budget(used, row)
         line = TableRow(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)

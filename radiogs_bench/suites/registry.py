@@ -14,7 +14,7 @@ from typing import Any
 from radiogs_baselines.published import published_tables
 from radiogs_core.contract import current_name, whole_numbers
 from radiogs_core.errors import DataError, UsageError, unknown
-from radiogs_core.plain_values import PlainReader, flat, to_plain
+from radiogs_core.plain_values import PlainReader, flat
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
@@ -142,7 +142,7 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     preset = next(iter(used.presets.values()))
     scaled = whole_numbers(preset)
     for label in (row.text, row.latex):
-        with_numbers(label, to_plain(preset))
+        with_numbers(label, preset)
     for name, factor in row.budget.items():
         reader.known(f"{where}.budget", "field", current_name(preset, name), scaled)
         reader.expect(

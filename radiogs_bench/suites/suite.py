@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radiogs_core.capabilities import Part
+from radiogs_core.contract import current_name
 from radiogs_core.errors import UsageError, unknown
-from radiogs_core.plain_values import flat, value_at
+from radiogs_core.plain_values import flat, to_plain, value_at
 
 from ..methods import DEFAULT, Settings, budget_of, mark, method, settable, settings_of, variant_of
 from ..scoring.metrics.measures import MEASURES
@@ -255,26 +256,27 @@ NUMBER = re.compile(r"<([a-z_][\w.]*(?:\+[a-z_][\w.]*)*)>")
 """A number of the budget in a label, or a sum of some, by dotted names: ``<incident_samples>``."""
 
 
-def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
-    """A row's label with the numbers that its budget (plain, by dotted names) has in place of their names.
+def with_numbers(label: str, budget: Any) -> str:
+    """A row's label with the numbers that its budget (or its plain values) has in place of their dotted names.
 
-    Raises UsageError for a name that is none of the budget's fields.
+    A former name works as in a row's factors (``contract.current_name``). Raises UsageError for a name that is none of
+    the budget's fields.
 
     >>> with_numbers("N = <first+second> of <first>", {"first": 2, "second": 1})
     'N = 3 of 2'
     """
 
-    budget = flat(budget)
+    numbers = flat(budget if isinstance(budget, Mapping) else to_plain(budget))
 
     def number(found: re.Match[str]) -> str:
-        names = found[1].split("+")
+        names = [current_name(budget, name) for name in found[1].split("+")]
         for name in names:
-            if name not in budget:
+            if name not in numbers:
                 raise UsageError(
                     f"the label '{label}' names '{name}', which the budget does not have",
-                    f"It has: {', '.join(budget)}.",
+                    f"It has: {', '.join(numbers)}.",
                     "Labels name numbers of the budget as <name>.",
                 )
-        return f"{sum(budget[name] for name in names)}"
+        return f"{sum(numbers[name] for name in names)}"
 
     return NUMBER.sub(number, label)

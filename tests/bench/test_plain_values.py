@@ -10,7 +10,7 @@ import pytest
 from radiogs.method import RADIOGS
 from radiogs.settings import PROFILES, Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import from_plain, to_plain
+from radiogs_core.plain_values import from_plain, to_plain, with_values
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,20 @@ def test_fields_that_are_left_out_have_their_defaults() -> None:
 def test_every_form_of_field_is_made_of_plain_values(given: dict[str, Any], made: dict[str, Any]) -> None:
     assert read(**given) == Outer("n", **made)
     assert read(**json.loads(json.dumps(given))) == Outer("n", **made)
+
+
+@dataclass(frozen=True)
+class Perhaps:
+    inner: Inner | None = field(default_factory=Inner)
+
+
+def test_a_nested_table_may_be_left_out_where_its_type_allows_nothing() -> None:
+    without = Perhaps(None)
+    assert with_values(Perhaps(), to_plain(without)) == without
+    assert with_values(Perhaps(), {"inner.kind": "b"}) == Perhaps(Inner(kind="b"))
+    assert with_values(without, to_plain(Perhaps())) == Perhaps()
+    with pytest.raises(UsageError, match="inner"):
+        with_values(Perhaps(), {"inner": 3})
 
 
 def test_a_whole_number_for_a_real_one_becomes_real() -> None:

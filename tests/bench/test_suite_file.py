@@ -17,7 +17,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.own import EFFECTS_SUITE
 from radiogs_bench.suites.registry import read_suite
-from radiogs_bench.suites.suite import Metric, Row, Suite
+from radiogs_bench.suites.suite import Metric, Row, Suite, with_numbers
 from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import value_at
@@ -60,6 +60,14 @@ def test_a_row_may_multiply_a_number_of_stage_1_by_its_former_name_with_a_warnin
     assert former == scaled(small, of_row(new).rows[0].budget)
     assert value_at(former, new) == value_at(small, new) // 2
     assert former.name == f"small, {new} x 0.5"
+
+
+def test_a_label_may_name_a_number_of_stage_1_by_its_former_name_with_a_warning(read: Callable[[str], Suite]) -> None:
+    row = '[[rows]]\nkey = "a"\ntext = "<initialise_iterations+inverse_iterations> steps"\n'
+    with pytest.warns(FutureWarning, match="'initialise_iterations' of a budget is called 'geometry.steps' now"):
+        suite = read(f'name = "mine"\ntitle = "Mine"\ncolumns = ["nvs/psnr"]\nreference = "a"\n{row}')
+    with pytest.warns(FutureWarning, match="called 'geometry.steps' now"):
+        assert with_numbers(suite.rows[0].text, PRESETS["smoke"]) == "80 steps"
 
 
 def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> None:

@@ -97,11 +97,12 @@ class FitGeometry(SurfelStage[Any, Any]):
         self.geometry_rate = budget.rate
         self.unit_rate = scene.extent * budget.rate
         self.space = Contraction.of(scene) if scene.surrounded else None
-        surfels = self._start(scene, tuple(view.reread() for view in self.views), budget.initial_surfels)
+        views = self.views  # the density control keeps them, not the stage: in a cycle the stage would not be freed
+        surfels = self._start(scene, tuple(view.reread() for view in views), budget.initial_surfels)
         self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.rate))
         self.density: DensityControl = AdaptiveDensityControl(
             learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, surfels,
-            lambda surfels: largest_contribution(surfels, self.views),
+            lambda surfels: largest_contribution(surfels, views),
             None if self.space is None else self.space.stretch,
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from radiogs_core.scene.scene import Scene
 
 from ...method_calls import calling, losses_of
 from ...runs.cell import Cell, Work, cell_of
-from ...runs.stages import begun, close_stage, facts_of, restored
+from ...runs.stages import Held, begun, close_stage, facts_of, restored
 from ...scoring.evaluate import SCORES_ALONE, evaluate
 from ...scoring.maps import on_black
 from ...scoring.metrics.protocols import protocol
@@ -71,24 +71,25 @@ class RowRehearsal:
         """The stages that no row before this one has gone through, and the model that they leave."""
         with calling(self.name, "stages()"):
             specs = self.row.method.stages(self.short.variant, self.short.budget)
-        product: Mapping[str, Any] = {}
+        held: Held = [{}]
         for spec, stage in zip(specs, self.cell.stages, strict=True):
             stored = self.store.tensors(product_name(stage.key), self.device)
             if stored is None:
-                self._stage(spec, stage.key, product)
+                self._stage(spec, stage.key, held)
                 stored = self.store.tensors(product_name(stage.key), self.device)
             assert stored is not None
-            product = stored["product"]
-        return restored(self.row.method, self._run(self.short.variant), product)
+            held = [stored["product"]]
+            del stored
+        return restored(self.row.method, self._run(self.short.variant), held.pop())
 
     def _run(self, variant: Any) -> Run:
         workspace = self.store.folder / "work" / str(self.cell.training_key)
         return Run(self.scene, variant, self.short.budget, 0, self.device, workspace)
 
-    def _stage(self, spec: StageSpec, key: str, before: Mapping[str, Any]) -> None:
-        """Begin a stage, take its steps, write and read a checkpoint, and store the product."""
+    def _stage(self, spec: StageSpec, key: str, held: Held) -> None:
+        """Begin a stage, take its steps, write and read a checkpoint, and store the product; empties ``held``."""
         measure, run = self.phases.measure, self._run(self.short.variant)
-        stage = measure(f"{spec.title}: beginning", key, 1, lambda: begun(self.name, spec, run, before))
+        stage = measure(f"{spec.title}: beginning", key, 1, lambda: begun(self.name, spec, run, held.pop()))
         try:
             self._steps(spec, stage, key)
             name = checkpoint_name(key)

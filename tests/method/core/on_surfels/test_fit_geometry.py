@@ -1,5 +1,7 @@
 """The kit's geometry stage: what every surfel method begins with, whoever asks for it."""
 
+import gc
+import weakref
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -56,6 +58,20 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
     resumed.restore(through_a_file(whole.state()))
     before, after = (surfels_of(finished(stage).product(), CPU).parameters() for stage in (whole, resumed))
     assert all(torch.equal(value, after[name]) for name, value in before.items())
+
+
+def test_a_stage_is_freed_as_soon_as_nothing_refers_to_it() -> None:
+    """It is in no cycle, which would keep its tensors until the next collection."""
+    stage = begun()
+    stage.step()
+    left = weakref.ref(stage)
+    gc.collect()
+    gc.disable()
+    try:
+        del stage
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
