@@ -39,7 +39,7 @@ from .paper import (
     STRATEGIES,
     VIEWS,
 )
-from .suite import TASKS, Metric, Row, Suite, with_numbers
+from .suite import TASKS, Metric, Row, Suite, in_current_names, with_numbers
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
@@ -85,7 +85,7 @@ def read_suite(path: Path) -> Suite:
         _complete(row)
     suite = _with_places(reader.build(Suite, content, "suite"), path.parent)
     _check(suite, reader)
-    return suite
+    return replace(suite, rows=tuple(map(_in_current_names, suite.rows)))
 
 
 def _complete(row: object) -> None:
@@ -142,12 +142,23 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     preset = next(iter(used.presets.values()))
     scaled = whole_numbers(preset)
     for label in (row.text, row.latex):
-        with_numbers(label, to_plain(preset))
+        with_numbers(in_current_names(label, preset), to_plain(preset))
+    present: dict[str, str] = {}
     for name, factor in row.budget.items():
-        reader.known(f"{where}.budget", "field", current_name(preset, name), scaled)
+        current = current_name(preset, name)
+        if current in present:
+            reader.fail(f"{where}.budget", f"'{present[current]}' and '{name}' are the same field")
+        present[current] = name
+        reader.known(f"{where}.budget", "field", current, scaled)
         reader.expect(
             0 < factor <= LARGEST_FACTOR, f"{where}.budget.{name}", factor, f"above zero and up to {LARGEST_FACTOR:g}"
         )
+
+
+def _in_current_names(row: Row) -> Row:
+    """The row with labels that name numbers of the budget by their present names."""
+    preset = next(iter(method(row.method).presets.values()))
+    return replace(row, text=in_current_names(row.text, preset), latex=in_current_names(row.latex, preset))
 
 
 def _with_places(suite: Suite, folder: Path) -> Suite:

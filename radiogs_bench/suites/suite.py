@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radiogs_core.capabilities import Part
+from radiogs_core.contract import current_name
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, value_at
 
@@ -253,6 +254,15 @@ def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[
 
 NUMBER = re.compile(r"<([a-z_][\w.]*(?:\+[a-z_][\w.]*)*)>")
 """A number of the budget in a label, or a sum of some, by dotted names: ``<incident_samples>``."""
+
+
+def in_current_names(label: str, budget: Any) -> str:
+    """A label whose numbers have the present names of the fields of ``budget``; a former name gives a warning."""
+
+    def renamed(found: re.Match[str]) -> str:
+        return f"<{'+'.join(current_name(budget, name) for name in found[1].split('+'))}>"
+
+    return NUMBER.sub(renamed, label)
 
 
 def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
