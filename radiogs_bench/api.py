@@ -25,7 +25,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Method, Run, Trained
-from radiogs_core.errors import unknown
+from radiogs_core.errors import UsageError, unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
@@ -64,6 +64,9 @@ __all__ = [
     "scene_names",
     "train",
 ]
+
+
+DEVICES = ("cpu", "cuda")
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ class TrainingOptions(TypedDict, total=False):
 
 def train(
     method: str | Method,
-    scene: str | Scene,
+    scene: str | Path | Scene,
     preset: str = "tiny",
     variant: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -190,14 +193,14 @@ def train(
         raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
     say = options.get("say", lambda line: None)
     used = installed_method(method) if isinstance(method, str) else method
-    opened = options.get("scene_options", AS_STORED)
-    read = load_scene(scene, options=opened) if isinstance(scene, str) else scene
+    opened, on = options.get("scene_options", AS_STORED), _usable(device)
+    read = scene if isinstance(scene, Scene) else load_scene(str(scene), options=opened)
     for repair in read.repairs:
         say(f"{read.name}: {repair}")
     changes = options.get("budget", {})
     work = Work(variant_of(used, variant or {}), budget_of(used, preset, changes), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
-    run = Run(read, cell.variant, cell.budget, seed, torch.device(device))
+    run = Run(read, cell.variant, cell.budget, seed, on)
     if out is None:
         with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as nowhere:
             return _trained(Store(Path(nowhere)), cell, run, used)
@@ -206,8 +209,18 @@ def train(
     if replaced is not None:
         say(f"the files of the model that was here are in {replaced}")
     with store.keeping_tracebacks():
-        name = scene if isinstance(scene, str) else str(read.folder or read.name)
+        name = str(read.folder or read.name) if isinstance(scene, Scene) else str(scene)
         return _trained(store, cell, run, used, Origin(name, preset, changes))
+
+
+def _usable(device: str) -> torch.device:
+    """The device of that name. Raises UsageError for one that is neither ``cpu`` nor ``cuda``, and without a GPU."""
+    if str(device).partition(":")[0] not in DEVICES:
+        raise unknown("device", str(device), DEVICES)
+    found = torch.device(device)
+    if found.type == "cuda" and not torch.cuda.is_available():
+        raise UsageError("no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Use 'cpu'.")
+    return found
 
 
 def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin | None = None) -> Model:
@@ -229,7 +242,7 @@ def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model
     ``changes`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
     DataError where there is none or its scene has changed.
     """
-    run, model = read_trained(Path(folder), torch.device(device), changes)
+    run, model = read_trained(Path(folder), _usable(device), changes)
     return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 

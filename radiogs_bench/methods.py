@@ -111,12 +111,15 @@ def budget_of(of: Method, preset: str, given: Mapping[str, Any] | None = None) -
     budget, values = of.presets[preset], flat(given or {})
     if "name" in values:
         raise UsageError("the name of a budget cannot be set", "It says which preset and which changes it is made of.")
-    changed = with_values(budget, values, f"budget of {of.name}")
+    changed = with_values(budget, given or {}, f"budget of {of.name}")
     for name in values:
         number = value_at(changed, name)
         least, most = (1, LARGEST_COUNT) if type(number) is int else (0, float("inf"))
         if isinstance(number, int | float) and not least <= number <= most:
-            raise UsageError(f"budget of {of.name}: {name}: {number} is not between {least} and {most}")
+            raise UsageError(
+                f"budget of {of.name}: {name}: {number} is not between {least} and {most}",
+                remedy=f"See its presets:  radiogs-bench methods {of.name}",
+            )
     marks = [
         mark(name, value_at(changed, name)) for name in values if value_at(changed, name) != value_at(budget, name)
     ]
@@ -156,6 +159,12 @@ def settings_of(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
                 f"Write variant.{name} or budget.{name}.",
             )
         for owner, field in found:
+            if field in values[owner]:
+                raise UsageError(
+                    f"'{field}' of the {owner} of {of.name} is set twice",
+                    f"'{name}' and '{field}' are the same field.",
+                    "Give every field once.",
+                )
             values[owner][field] = value
     return Settings(**values)
 

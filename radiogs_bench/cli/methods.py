@@ -75,7 +75,7 @@ def _show_one(described: Mapping[str, Any]) -> None:
     from .reporter import say, show
 
     say(f"{described['name']}: {described['title']}, from {described['origin']}")
-    presets = described["presets"]
+    presets = {name: flat(budget) for name, budget in described["presets"].items()}
     numbers = Table("budget", *presets, title="presets")
     for name in next(iter(presets.values())):
         if name != "name":

@@ -135,6 +135,8 @@ def add_set(parser: argparse.ArgumentParser) -> None:
 def settings_from(options: argparse.Namespace) -> dict[str, Any]:
     """The fields that ``--set`` changes, by dotted names. Raises UsageError for one that is set twice."""
     names = [name for name, _ in options.settings]
+    if "variant.effects" in names:
+        names[names.index("variant.effects")] = "effects"
     if options.effects not in (None, "all"):
         names.append("effects")
     if twice := sorted({name for name in names if names.count(name) > 1}):

@@ -28,7 +28,7 @@ from ..durations import duration
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Request, Sweep, label, state_of
+from ..runs.sweep import Request, Sweep, label, preset_text, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
@@ -114,7 +114,7 @@ def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
         count = next((n for n in range(len(columns), 1, -1) if needed(columns[:n]) <= room), 1)
         parts.append(table_part(label, columns[:count]))
         columns = columns[count:]
-    parts[0].title = title
+    parts[0].title = escape(title)
     return parts
 
 
@@ -187,7 +187,8 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int, want
     """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
-    table = RichTable("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
+    preset = preset_text(request.preset, request.settings)
+    table = RichTable("cell", "key", "state", "time", "memory", title=escape(f"{request.suite.title}, preset {preset}"))
     for (place, _), each in zip(cells, expected, strict=True):
         row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)

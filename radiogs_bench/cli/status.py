@@ -117,12 +117,13 @@ def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
 def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "Group":
     """The table of cells and the lines below it; it has a column of keys if ``width`` characters are enough for one."""
     from rich.console import Group
+    from rich.markup import escape
     from rich.table import Table
     from rich.text import Text
 
     from ..runs.sweep import FINISHED, label
 
-    table = Table(title=f"{sweep['title']}, preset {sweep['preset']}")
+    table = Table(title=escape(f"{sweep['title']}, preset {sweep['preset']}"))
     keys = width >= WIDE
     table.add_column("cell", overflow="fold")
     if keys:

@@ -274,15 +274,17 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
         result.get("data") is not None
         and result["data"]["layout"] == conditions.layout
         and least <= result["data"]["width"] <= most
-        and result["cell"]["budget"] == to_plain(scaled(budget_of(method(result["cell"]["method"]), PAPER), row.budget))
+        and result["cell"]["budget"] == to_plain(scaled(budget_of(method(row.method), PAPER), row.budget))
         for result in results
     )
 
 
 def _changes(results: Sequence[Result], row: Row) -> list[str]:
-    """The fields of the variant that a run has set beside those that the row sets."""
-    cell = results[0]["cell"]
-    own = flat(to_plain(variant_of(method(cell["method"]), row.variant)))
+    """Another method than the row's, or the fields of the variant that a run has set beside those that the row sets."""
+    cell, used = results[0]["cell"], method(row.method)
+    if cell["method"] != used.name:
+        return [f"method {cell['method']}"]  # it need not be installed here, nor have the row's fields
+    own = flat(to_plain(variant_of(used, row.variant)))
     return [mark(name, value) for name, value in flat(cell["variant"]).items() if name in own and own[name] != value]
 
 

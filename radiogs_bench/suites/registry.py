@@ -143,8 +143,13 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     scaled = whole_numbers(preset)
     for label in (row.text, row.latex):
         with_numbers(label, preset)
+    present: dict[str, str] = {}
     for name, factor in row.budget.items():
-        reader.known(f"{where}.budget", "field", current_name(preset, name), scaled)
+        current = current_name(preset, name)
+        if current in present:
+            reader.fail(f"{where}.budget", f"'{present[current]}' and '{name}' are the same field")
+        present[current] = name
+        reader.known(f"{where}.budget", "field", current, scaled)
         reader.expect(
             0 < factor <= LARGEST_FACTOR, f"{where}.budget.{name}", factor, f"above zero and up to {LARGEST_FACTOR:g}"
         )

@@ -37,6 +37,12 @@ def test_no_number_is_cut_at_any_width(width: int) -> None:
     assert text.count(made["title"]) == 1
 
 
+def test_a_title_is_printed_as_it_is_written() -> None:
+    made = summary()
+    made["title"] = "Mine [bold]and yours[/]"
+    assert made["title"] in printed(made, 160)
+
+
 def test_columns_that_fit_are_one_table() -> None:
     assert len(parts(summary(), 160)) == 1
     assert len(parts(summary(), 40)) > 1

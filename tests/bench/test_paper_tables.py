@@ -9,7 +9,7 @@ import pytest
 from bench.fake_method import FakeRequest, FakeSweep, asked, scene_of
 from radiogs.settings import PRESETS
 from radiogs_baselines.published import published
-from radiogs_bench.results.paper_tables import paper_tables, value_of, why_not
+from radiogs_bench.results.paper_tables import paper_tables, ran, value_of, why_not
 from radiogs_bench.runs.sweep import Request, Sweep
 from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
 from radiogs_bench.suites.suite import Suite, with_settings
@@ -114,6 +114,16 @@ def test_a_set_field_takes_the_papers_label_from_the_rows_that_it_changes(tmp_pa
     ran = {row["key"]: row["ran"] for row in run(FakeSweep(tmp_path, *scenes), asked)["ablation"]["rows"]}
     assert ran.pop("no-rad") == "", "it sets the field itself"
     assert all("radiometric_weight = 0.1; preset paper, N_g" in label for label in ran.values())
+
+
+def test_a_row_that_another_method_ran_says_so_and_needs_no_such_method_here(sweep: FakeSweep) -> None:
+    """A suite of one's own may give the rows of a published table to methods of other names and with other fields."""
+    mine = request()
+    sweep.run([cell for _, cell in mine.cells()])
+    result = next(sweep.store.results())
+    result["cell"]["method"] = "elsewhere"
+    no_rad = next(row for row in ABLATIONS.rows if row.key == "no-rad")
+    assert ran([result], published("ablation"), no_rad).startswith("λ_rad = 0: method elsewhere; preset smoke, N_g")
 
 
 def test_values_by_other_conventions_are_marked(tmp_path: Path) -> None:

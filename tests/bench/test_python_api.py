@@ -55,6 +55,13 @@ def test_errors_of_the_python_api_are_explained(tmp_path: Path) -> None:
         rb.train("radiogs", "corner", variant={"radiometric_wait": 0.0})
     with pytest.raises(UsageError, match="unknown preset"):
         rb.train("radiogs", "corner", preset="tinny")
+    with pytest.raises(UsageError, match="unknown device 'gpu'"):
+        rb.train("radiogs", "corner", device="gpu")
+    if not torch.cuda.is_available():
+        with pytest.raises(UsageError, match="no CUDA device was found"):
+            rb.train("radiogs", "corner", device="cuda")
+    with pytest.raises(DataError, match=r"there is no scene '.*nowhere'"):
+        rb.train("radiogs", tmp_path / "nowhere")
     with pytest.raises(DataError, match="nothing was trained"):
         rb.open_model(tmp_path)
     with pytest.raises(DataError, match="no run in"):

@@ -16,7 +16,7 @@ from bench.fake_method import FakeSweep, asked
 from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import setting
-from radiogs_bench.methods import budget_of, method, settings_of, substitutes
+from radiogs_bench.methods import budget_of, method, settable, settings_of, substitutes
 from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.runs.sweep import plain_preset, preset_text, read_sweep
 from radiogs_bench.runs.trained_folder import read_about, read_trained
@@ -90,6 +90,37 @@ def test_a_field_of_both_has_to_be_named_in_full() -> None:
         settings_of(CHAIN, "smoke", {"geometry.light": 0.1})
     assert caught.value.remedy == "Write variant.geometry.light or budget.geometry.light."
     assert settings_of(CHAIN, "smoke", {"variant.geometry.light": 0.1}).variant == {"geometry.light": 0.1}
+
+
+@pytest.mark.parametrize(
+    "given", [{"share": 0.5, "variant.share": 0.6}, {"budget.each": 4, "each": 5}, {"each": 4, "budget.each": 4}]
+)
+def test_a_field_is_not_set_twice_by_its_short_and_its_full_name(given: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="of chain is set twice"):
+        settings_of(CHAIN, "smoke", given)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"geometry": {"steps": 7}, "geometry.steps": 8}, "geometry.steps is given twice"),
+        ({"each": {}}, "each: {} is not a whole number"),
+    ],
+)
+def test_a_table_in_a_budget_is_neither_lost_nor_given_twice(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        budget_of(CHAIN, "smoke", given)
+
+
+def test_a_dry_run_names_the_fields_that_are_set(fake_run: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fake_run("ablations", "--dry-run", "--set", "inverse_iterations=7") == 0
+    assert "preset smoke with inverse_iterations = 7" in capsys.readouterr().out
+
+
+def test_a_method_is_shown_with_the_names_that_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["methods", "radiogs"]) == 0
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in settable(method("radiogs"), "smoke"))
 
 
 def test_the_name_of_a_changed_budget_says_what_was_changed() -> None:
@@ -215,8 +246,9 @@ def test_a_run_with_a_set_field_has_cells_labels_and_reports_of_its_own(
 def test_a_run_refuses_a_field_that_is_set_twice(fake_run: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
     assert fake_run("ablations", "--set", "view_share=0.5", "--set", "view_share=1") == 2
     assert "'view_share' is set twice" in capsys.readouterr().err
-    assert fake_run("ablations", "--effects", "auto", "--set", "effects=all") == 2
-    assert "'effects' is set twice" in capsys.readouterr().err
+    for name in ("effects", "variant.effects"):
+        assert fake_run("ablations", "--effects", "auto", "--set", f"{name}=all") == 2
+        assert "'effects' is set twice" in capsys.readouterr().err
 
 
 def test_a_row_whose_variant_is_changed_has_not_the_papers_label(tmp_path: Path) -> None:

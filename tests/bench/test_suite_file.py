@@ -70,6 +70,13 @@ def test_a_label_may_name_a_number_of_stage_1_by_its_former_name_with_a_warning(
         assert with_numbers(suite.rows[0].text, PRESETS["smoke"]) == "80 steps"
 
 
+@pytest.mark.filterwarnings("ignore:.*of a budget is called:FutureWarning")
+def test_a_number_is_not_multiplied_by_its_former_and_its_present_name(read: Callable[[str], Suite]) -> None:
+    row = '[[rows]]\nkey = "a"\ntext = "A"\nbudget = { initialise_iterations = 0.5, "geometry.steps" = 0.25 }\n'
+    with pytest.raises(UsageError, match=r"'initialise_iterations' and 'geometry\.steps' are the same field"):
+        read(f'name = "mine"\ntitle = "Mine"\ncolumns = ["nvs/psnr"]\nreference = "a"\n{row}')
+
+
 def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> None:
     assert read(WHOLE) == Suite(
         name="mine",
