@@ -169,10 +169,15 @@ def fields_from(options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, 
     variant = dict(profiles[options.profile])
     if options.effects != "all":
         if "effects" not in leaf_names(used.variant()):
-            raise UsageError(f"{used.name} has no choice of effects", "", "Leave --effects out.")
+            raise no_effects(used.name)
         variant["effects"] = options.effects
     settings = settings_for(used, options.preset, settings_from(options))
     return {**variant, **settings.variant}, dict(settings.budget)
+
+
+def no_effects(method: str) -> UsageError:
+    """The error for a choice of effects of a method that has none."""
+    return UsageError(f"{method} has no choice of effects", "", "Leave --effects out.")
 
 
 def render(options: argparse.Namespace) -> int:
@@ -226,6 +231,8 @@ def relight(options: argparse.Namespace) -> int:
     mode, changes = chosen_mode(about["method"], options.mode)
     if "effects" in about["variant"]:
         changes["effects"] = options.effects
+    elif options.effects != "all":
+        raise no_effects(about["method"])
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, device, changes)
         if run.scene.surrounded:

@@ -27,7 +27,7 @@ from radiogs_bench.errors import StoreError
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.runs.stages import trained
 from radiogs_bench.runs.sweep import read_sweep
-from radiogs_bench.runs.trained_folder import read_about, write_trained
+from radiogs_bench.runs.trained_folder import Origin, read_about, write_trained
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import Broken
 from radiogs_bench.store.tensor_file import read_tensors
@@ -53,7 +53,7 @@ def finished(folder: Path) -> None:
     sweep.store.put_failure(failure | words)  # type: ignore[arg-type]
     cell = fake_cell()
     scene = replace(request.scenes["fake"], train=request.scenes["fake"].test)
-    write_trained(sweep.store, "fake", scene, cell, trained(sweep.bench, cell, scene)[0])
+    write_trained(sweep.store, Origin("fake", "smoke", {}), scene, cell, trained(sweep.bench, cell, scene)[0])
 
 
 def readers(folder: Path) -> dict[str, tuple[list[Path], Read]]:

@@ -33,9 +33,9 @@ REPETITIONS = 3
 
 CHANGES = {
     "half of N_s": (
-        "radiogs/budget.py",
-        "            consistency_surfels=64,\n            incident_samples=8,\n",
-        "            consistency_surfels=64,\n            incident_samples=4,\n",
+        "radiogs/settings.py",
+        "        consistency_surfels=64,\n        incident_samples=8,\n",
+        "        consistency_surfels=64,\n        incident_samples=4,\n",
     ),
     "V is one where the light is hidden": (
         "radiogs_core/transport/tracer.py",
@@ -43,7 +43,7 @@ CHANGES = {
         "visibility = torch.where(solid, 1.0, 1 - hits.transmittance)",
     ),
     "L_rad towards the camera alone": (
-        "radiogs/stages/consistency.py",
+        "radiogs/consistency.py",
         "outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)",
         "outgoing = to_camera[:, None]",
     ),

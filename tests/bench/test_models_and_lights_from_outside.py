@@ -71,11 +71,14 @@ def put_surfels(name: str, value: object) -> Callable[[dict[str, Any]], None]:
         (put("log_environment", torch.zeros(0, 0, 3)), "'log_environment' of the stored model has the shape (0, 0, 3)"),
         (put("log_environment", torch.zeros(8, 16)), "'log_environment' of the stored model has the shape (8, 16)"),
         (put("log_environment", torch.full((8, 16, 3), math.inf)), "'log_environment' of the stored model holds 384"),
-        (put("log_environment", [1.0]), "'log_environment' of the stored model is missing, or no tensor"),
+        (
+            put("log_environment", [1.0]),
+            "'log_environment' of the stored model is missing, or is not a floating-point tensor",
+        ),
         (put_surfels("rotation", torch.zeros(5, 4)), "'rotation' of the stored model has the shape (5, 4)"),
         (put_surfels("sh", torch.zeros(5, 16, 3)), "'sh' of the stored model has the shape (5, 16, 3)"),
         (put_surfels("albedo_logit", torch.tensor(1.0)), "'albedo_logit' of the stored model has the shape ()"),
-        (put_surfels("metallic", torch.zeros(5)), "'metallic' of the stored model is no parameter"),
+        (put_surfels("metallic", torch.zeros(5)), "'metallic' of the stored model is not a parameter"),
     ],
 )
 def test_a_model_that_is_misshapen_or_not_finite_is_not_rendered(

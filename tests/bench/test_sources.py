@@ -76,7 +76,8 @@ MODULES: Mapping[str, set[str]] = {
     # RadioGS: stages, showing
     "radiogs.initialise": FIRST | SECOND | TRAINED,
     "radiogs.invert": SECOND | TRAINED,
-    "radiogs.effects.bounds": SECOND | TRAINED,
+    # Only a choice of effects trains by evidence; a model is shown by it in any case.
+    "radiogs.effects.bounds": TRAINED | {"cost: invert"},
     # The model is shown by what metrics are computed with; a stage that is scored along the way is shown too.
     "radiogs.showing": TRAINED | {"cost: invert"},
     # loaders

@@ -128,7 +128,7 @@ def behave(arguments: Namespace) -> None:
             say(f"iteration {number} " + "." * 80)
     if habit == "take memory":
         block = bytearray(b"x") * (200 * 2**20)
-        time.sleep(0.6)
+        time.sleep(1.5)
         del block
 
 

@@ -12,9 +12,10 @@ from radiogs.effects.assessment import Assessment
 from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.method import inverse_rendering
+from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import Renderer
+from radiogs_bench.sources import installed
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
@@ -249,6 +250,14 @@ def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, An
     moved = {name for name, value in gradient.items() if value is not None and bool((value != 0).any())}
     assert {"albedo_logit", "sh", "log_environment"} <= moved
     assert ("roughness_logit" in moved) == ("specular" not in off)
+
+
+@pytest.mark.parametrize("effects", ["auto", but("specular")])
+def test_only_a_choice_of_effects_makes_stage_2_depend_on_their_code(effects: Any) -> None:
+    for variant, depends in ((Variant(), False), (Variant(effects=effects), True)):
+        modules = installed().closure(*RADIOGS.stages(variant, BUDGET)[1].sources)
+        for name in ("radiogs.effects.training", "radiogs.effects.bounds"):
+            assert (name in modules) == depends
 
 
 def test_plans_list_the_effects_that_they_leave_out() -> None:
