@@ -22,6 +22,7 @@ from rooms import room_scene
 from short_training import BUDGET, CPU, SCENE
 
 OTHER = {
+    "materials.start.search.white": 0.9,
     "geometry.schedule.distortion_from": 0.5,
     "geometry.schedule.degrees_from": (0.5,),
     "geometry.schedule.position_decay_until": 0.5,
@@ -175,6 +176,9 @@ def test_each_field_of_materials_changes_stage_two_alone(
 
 
 class Unread(MaterialLearning):
+    def __post_init__(self) -> None:
+        """Check no field: nothing may read one."""
+
     def __getattribute__(self, name: str) -> Any:
         assert name not in MaterialLearning.__dataclass_fields__, f"stage 1 reads {name}"
         return super().__getattribute__(name)
