@@ -35,6 +35,13 @@ REFRESH_EVERY = 4
 FINETUNE_STEPS = 3
 """Steps of the short fine-tuning: the first, which is not counted, and two that are."""
 
+TITLES = {
+    "pbr": "by rays, split sum",
+    "finetuned": "by rays, fine-tuned",
+    "surfels": "by surfels alone, fine-tuned",
+}
+"""Titles of modes of relighting by which stored measurements are compared; other modes have the method's title."""
+
 
 def sizes(budget: Budget) -> tuple[int, int]:
     """Initial and largest number of surfels of a run."""
@@ -73,7 +80,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     rehearsed = _in_the_hull(_pruning_once(variant))
     ways = tuple(
         Relighting(
-            f"by {title}",
+            TITLES.get(mode, f"by {title}"),
             with_values(rehearsed, {RELIGHTING.field: mode}),
             budget.finetune_iterations if mode in RELIGHTING.by_steps else 0,
         )

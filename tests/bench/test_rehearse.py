@@ -16,8 +16,8 @@ import pytest
 import torch
 
 from bench.fake_method import FAKE, FakeStage
-from radiogs.rehearsing import INITIALISE_STEPS, memory_of, short_run
-from radiogs.settings import PRESETS, RELIGHTING, Variant
+from radiogs.rehearsing import INITIALISE_STEPS, TITLES, memory_of, short_run
+from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli import main
 from radiogs_bench.lab.rehearsal import climb as climbing
 from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
@@ -61,9 +61,9 @@ def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsy
     assert last["stage 1, initialisation: step that looks for hidden surfels"]["whole"] == 7
     assert last["stage 2, inverse rendering: step that traces all light anew"]["whole"] == 1
     assert last["stage 2, inverse rendering: step"]["whole"] == 20 - 1 - 1
-    for title in RELIGHTING.titles.values():
-        assert last[f"relighting by {title}: a frame"]["whole"] == 2 * 2 * 2  # two views, two lights, each twice
-    assert last["relighting by fine-tuned surfels alone: step of its preparation"]["whole"] == 2 * 10
+    for title in TITLES.values():
+        assert last[f"relighting {title}: a frame"]["whole"] == 2 * 2 * 2  # two views, two lights, each twice
+    assert last["relighting by surfels alone, fine-tuned: step of its preparation"]["whole"] == 2 * 10
     assert found["scene"] | {"remarks": 0} == {
         "name": "corner", "train": 3, "test": 2, "width": 40, "height": 32, "masks": True, "lights": 2, "remarks": 0,
     }  # fmt: skip
