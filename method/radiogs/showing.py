@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, Prepared, Run
-from radiogs_core.on_surfels.trained import INCIDENT, SHOWN, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
+from radiogs_core.on_surfels.trained import INCIDENT, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import Incident
@@ -28,7 +28,7 @@ from .relighting import RelitBySurfels, relight
 from .settings import Budget, Variant
 from .varying import VaryingRadioGS
 
-SHOWN_BY_SURFELS: dict[str, MapKind] = {name: SHOWN[name] for name in ("image", "alpha")}
+SHOWN_BY_SURFELS: dict[str, MapKind] = {name: STANDARD_MAPS[name] for name in ("image", "alpha")}
 """Maps of a model that is rendered from its surfels' own radiance."""
 
 DENSER = 2
@@ -68,7 +68,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
     def as_trained(self) -> Prepared:
         """The model under its recovered light, shaded as in training, along more directions."""
         own = self.renderer()
-        return Shown(own, SHOWN if own.incident is None else SHOWN_WITH_INCIDENT)
+        return Shown(own, STANDARD_MAPS if own.incident is None else SHOWN_WITH_INCIDENT)
 
     def renderer(self) -> "Renderer":
         """The renderer of the model under its recovered light."""
@@ -87,7 +87,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         else:
             plan = plan_of(variant.effects)
         relit = relight(self.model, light, albedo_scale, self.run, after_step, plan)
-        return Shown(relit, SHOWN_BY_SURFELS if isinstance(relit, RelitBySurfels) else SHOWN, remarks)
+        return Shown(relit, SHOWN_BY_SURFELS if isinstance(relit, RelitBySurfels) else STANDARD_MAPS, remarks)
 
     def varying(self, cameras: Sequence[Camera]) -> VaryingRadioGS:
         """The model with changed roughness or brightness; see ``radiogs_core.capabilities.Variable``."""

@@ -135,6 +135,19 @@ class MapKind:
     """Multiplied by coverage, that is, composited on black; or straight."""
 
 
+STANDARD_MAPS: Mapping[str, MapKind] = {
+    "image": MapKind("display"),
+    "alpha": MapKind("data"),
+    "direct": MapKind("linear"),
+    "indirect": MapKind("linear"),
+    "albedo": MapKind("linear"),
+    "roughness": MapKind("data"),
+    "normal": MapKind("data"),
+    "depth": MapKind("data"),
+}
+"""Maps of every rendering, all composited on black."""
+
+
 @runtime_checkable
 class Prepared(Protocol):
     """A trained model under one light, ready for rendering from any camera."""

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..contract import BudgetT, MapKind, Maps, Prepared, Run, VariantT
+from ..contract import STANDARD_MAPS, BudgetT, MapKind, Maps, Prepared, Run, VariantT
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
 from ..surfels.ply import write_ply
@@ -24,19 +24,7 @@ from .model import SurfelModel
 INCIDENT = "incident"
 """Name of the map of mean incident indirect radiance; it is rendered on request, under the recovered light only."""
 
-SHOWN: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "albedo": MapKind("linear"),
-    "roughness": MapKind("data"),
-    "normal": MapKind("data"),
-    "depth": MapKind("data"),
-}
-"""Maps of every rendering, all composited on black."""
-
-SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {**SHOWN, INCIDENT: MapKind("linear")}
+SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
 """Maps of a model that can also render ``incident``."""
 
 ModelT = TypeVar("ModelT", bound=SurfelModel)
@@ -118,7 +106,7 @@ class Shown:
     timed = True
 
     def __init__(
-        self, renderer: Renderer, offers: Mapping[str, MapKind] = SHOWN, remarks: tuple[str, ...] = ()
+        self, renderer: Renderer, offers: Mapping[str, MapKind] = STANDARD_MAPS, remarks: tuple[str, ...] = ()
     ) -> None:
         self.renderer, self.offers, self.remarks = renderer, offers, remarks
         self.default = frozenset(offers) - {INCIDENT}

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.methods.adapters import ADAPTERS, RESUMED, Maps
 from baselines.methods.gi_gs.training import STANDING
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
 from baselines.methods.r3dg import training as r3dg_training
 from baselines.methods.tensoir.world import looking_down as down_upon_a_field
 from baselines.methods.trained_models import MODELS, r3dg
-from baselines.methods.tried import RESUMED, TRIED, Maps
 from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
 from known_ball import BALL
 from radiogs_bench.methods import method
@@ -23,7 +23,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.kernels.runtime import use_threads
 from short_training import through_a_file
 
-METHODS = pytest.mark.parametrize("name", TRIED)
+METHODS = pytest.mark.parametrize("name", ADAPTERS)
 FAR = torch.tensor([0.0, 0.0, 500.0])
 
 
@@ -50,25 +50,25 @@ def test_case_21_empty_and_nearly_empty_scenes_are_rendered(name: str, kind: str
         surfels.centre = surfels.centre - torch.tensor([0.0, 0.0, 20.0])
     if kind == "one":
         surfels = surfels.take(torch.tensor([0]))
-    for maps in TRIED[name].shown(surfels, looking_along_z(), 1.0):
+    for maps in ADAPTERS[name].shown(surfels, looking_along_z(), 1.0):
         if kind == "one":
             assert_finite(maps)
             assert float(maps["image"].max()) > 0
-            assert TRIED[name].lights_itself or bool((maps["indirect"] == 0).all()), "a surfel does not see itself"
+            assert ADAPTERS[name].lights_itself or bool((maps["indirect"] == 0).all()), "a surfel does not see itself"
         else:
             assert all(bool((value == 0).all()) for value in maps.values())
 
 
 @METHODS
 def test_case_21_a_step_that_sees_no_surfel_changes_no_material(name: str) -> None:
-    tried = TRIED[name]
-    still = dict(tried.learnt) | {"lr_scale": 0.0} if "lr_scale" in tried.learnt else tried.learnt
+    adapter = ADAPTERS[name]
+    still = dict(adapter.learnt) | {"lr_scale": 0.0} if "lr_scale" in adapter.learnt else adapter.learnt
     away = replace(BALL, centre=BALL.centre + FAR)
-    stage = tried.training.stage_of(tried.training.variant(**still, **tried.seen_alone), away)
-    before = tried.training.tensors_of(stage)
+    stage = adapter.training.stage_of(adapter.training.variant(**still, **adapter.seen_alone), away)
+    before = adapter.training.tensors_of(stage)
     losses = stage.step()
-    assert [losses[each] for each in tried.silent] == [0.0] * len(tried.silent)
-    after = tried.training.tensors_of(stage)
+    assert [losses[each] for each in adapter.silent] == [0.0] * len(adapter.silent)
+    after = adapter.training.tensors_of(stage)
     assert_finite(after)
     lit = ("environment", "local") if name == "r3dg" else ("environment",)
     assert all(torch.equal(after[each], before[each]) for each in after if not any(word in each for word in lit))
@@ -78,7 +78,7 @@ def test_case_21_a_step_that_sees_no_surfel_changes_no_material(name: str) -> No
 @pytest.mark.parametrize("shape", [(1, 1), (17, 1), (1, 17), (33, 15)])
 def test_case_22_images_of_any_shape(name: str, shape: tuple[int, int]) -> None:
     camera = looking_along_z(*shape)
-    maps = TRIED[name].shown(raw_surfels(30), camera, 1.0)[0]
+    maps = ADAPTERS[name].shown(raw_surfels(30), camera, 1.0)[0]
     assert all(value.shape[:2] == (camera.height, camera.width) for value in maps.values())
     assert_finite(maps)
 
@@ -92,8 +92,8 @@ def test_case_19_the_world_may_have_any_scale(name: str, exponent: int) -> None:
     surfels, camera = two_balls(), looking_along_z(16, 12, 14.0)
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     large, its = moved(surfels, camera, 2.0**exponent)
-    one, other = TRIED[name].shown(surfels, camera, 1.0)[0], TRIED[name].shown(large, its, 2.0**exponent)[0]
-    most, share = TRIED[name].tolerance
+    one, other = ADAPTERS[name].shown(surfels, camera, 1.0)[0], ADAPTERS[name].shown(large, its, 2.0**exponent)[0]
+    most, share = ADAPTERS[name].tolerance
     for map_ in ("image", "albedo", "direct", "indirect"):
         off = (one[map_] - other[map_]).abs().amax(-1)
         assert float((off > most).double().mean()) < share, map_
@@ -106,10 +106,10 @@ def test_case_19_the_world_may_have_any_scale(name: str, exponent: int) -> None:
 def test_case_26_a_floor_seen_at_grazing_angles(name: str, cosine: float) -> None:
     sine = (1 - cosine**2) ** 0.5
     floor = sheet(0.0, (sine, 0.0, cosine), scale=0.5, opacity=OPAQUE)
-    for maps in TRIED[name].shown(floor, looking_down(1.0, 9), 1.0):
+    for maps in ADAPTERS[name].shown(floor, looking_down(1.0, 9), 1.0):
         assert_finite(maps)
-    training = TRIED[name].training
-    stage = training.stage_of(training.variant(**TRIED[name].learnt), together(BALL, floor))
+    training = ADAPTERS[name].training
+    stage = training.stage_of(training.variant(**ADAPTERS[name].learnt), together(BALL, floor))
     for _ in range(3):
         stage.step()  # raises where a gradient is not finite
 
@@ -133,17 +133,17 @@ def test_case_40_blended_normals_that_cancel_leave_finite_maps(name: str) -> Non
     lean = (1 - 1e-12) ** 0.5
     left = sheet(0.0, (lean, 0.0, 1e-6), scale=1.0, opacity=0.5)
     right = sheet(0.0, (-lean, 0.0, 1e-6), scale=1.0, opacity=OPAQUE)
-    for maps in TRIED[name].shown(together(left, right), looking_down(1.0, 5), 1.0):
+    for maps in ADAPTERS[name].shown(together(left, right), looking_down(1.0, 5), 1.0):
         assert_finite(maps)
 
 
 @METHODS
 def test_case_44_the_same_seed_gives_the_same_model_on_any_number_of_threads(name: str) -> None:
-    training = TRIED[name].training
+    training = ADAPTERS[name].training
     surfels = together(BALL, ball_of_surfels())
 
     def learnt() -> Maps:
-        stage = training.stage_of(training.variant(**TRIED[name].learnt), surfels)
+        stage = training.stage_of(training.variant(**ADAPTERS[name].learnt), surfels)
         for _ in range(3):
             stage.step()
         return training.tensors_of(stage)
@@ -170,7 +170,7 @@ def test_case_44_the_same_seed_gives_the_same_model_on_any_number_of_threads(nam
 )  # fmt: skip
 def test_stage_two_resumes_bit_for_bit(name: str, turned: dict[str, Any]) -> None:
     """Includes the default search for the initial light."""
-    training = TRIED[name].training
+    training = ADAPTERS[name].training
     surfels = STANDING if name == "gi-gs" else RESUMED
     budget = training.BUDGET
     if name == "svg-ir":
@@ -229,7 +229,7 @@ MORE: Mapping[str, tuple[str, ...]] = {
 @METHODS
 def test_training_reads_no_field_outside_its_key(name: str) -> None:
     """Fields for rendering change neither key nor losses; fields for training change the key."""
-    ours, training = method(name), TRIED[name].training
+    ours, training = method(name), ADAPTERS[name].training
     geometry, invert = ours.stages(ours.variant(), training.BUDGET)
     assert geometry.owner == "radiogs_core"
     turned, less = SHOWN[name]
@@ -273,5 +273,5 @@ def test_an_invalid_variant_is_refused(name: str, field: str, value: Any) -> Non
 
 
 def test_every_surfel_method_is_in_the_table() -> None:
-    assert set(TRIED) == set(MODELS) - {"tensoir"}
+    assert set(ADAPTERS) == set(MODELS) - {"tensoir"}
     assert set(WRONG) == {*MODELS, "radiogs"}

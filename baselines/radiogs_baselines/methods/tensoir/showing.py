@@ -4,7 +4,7 @@ A ray is marched for every pixel, and shaded where its coverage is above ``shadi
 differs from the published method.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.contract import STANDARD_MAPS, Maps, Prepared, Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
@@ -33,18 +33,6 @@ RAYS_AT_ONCE = 2048
 """Camera rays marched and shaded in one batch."""
 
 PixelMaps = dict[str, Float[Tensor, "pixels _"]]
-
-SHOWN: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "albedo": MapKind("linear"),
-    "roughness": MapKind("data"),
-    "normal": MapKind("data"),
-    "depth": MapKind("data"),
-}
-"""Maps of every rendering, all composited on black."""
 
 
 class TrainedTensoIR:
@@ -190,8 +178,8 @@ class _Shown:
     """A rendering under one light; see ``contract.Prepared``."""
 
     timed = True
-    default = frozenset(SHOWN)
-    offers = SHOWN
+    default = frozenset(STANDARD_MAPS)
+    offers = STANDARD_MAPS
 
     def __init__(self, renderer: Renderer) -> None:
         self.renderer = renderer

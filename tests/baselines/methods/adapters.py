@@ -35,7 +35,7 @@ RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95
 
 
 @dataclass(frozen=True)
-class Tried:
+class MethodAdapter:
     """Adapter of a surfel method for the shared tests."""
 
     training: ModuleType
@@ -113,8 +113,8 @@ def images_alone() -> Any:
     return replace(learning, weights=replace(learning.weights, consistency=0.0, offset=0.0))
 
 
-TRIED: Mapping[str, Tried] = {
-    "gs-ir": Tried(
+ADAPTERS: Mapping[str, MethodAdapter] = {
+    "gs-ir": MethodAdapter(
         gs_ir_training,
         by_gs_ir,
         lights_itself=True,
@@ -122,12 +122,12 @@ TRIED: Mapping[str, Tried] = {
         learnt={"metallic": True},
         silent=("smoothness", "prior"),
     ),
-    "gi-gs": Tried(
+    "gi-gs": MethodAdapter(
         gi_gs_training, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
     ),
-    "irgs": Tried(
+    "irgs": MethodAdapter(
         irgs_training, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
     ),
-    "r3dg": Tried(r3dg_training, by_r3dg, lights_itself=True),
-    "svg-ir": Tried(svg_ir_training, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
+    "r3dg": MethodAdapter(r3dg_training, by_r3dg, lights_itself=True),
+    "svg-ir": MethodAdapter(svg_ir_training, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
 }
