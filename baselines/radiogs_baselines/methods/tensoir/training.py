@@ -4,6 +4,7 @@ Both use Adam on named parameters whose shapes may change. Stage 2 compares marc
 and regularises normals and materials.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -29,7 +30,7 @@ from .settings import Budget, Rates, Variant
 from .shading import surface_points
 
 
-class _Learning:
+class _Learning(ABC):
     """Base of both stages: training views, ray batches, the optimiser, and resuming."""
 
     name = ""
@@ -58,9 +59,9 @@ class _Learning:
         order = (self.iteration, self.seed)
         return ray_batch(self.views, self.box, self.budget, order, self.generator, self.random_background)
 
+    @abstractmethod
     def losses(self, batch: RayBatch) -> dict[str, Tensor]:
         """Weighted losses of the rays, by name."""
-        raise NotImplementedError
 
     def step(self) -> Mapping[str, float]:
         """Do one optimisation step; returns the weighted losses by name."""
