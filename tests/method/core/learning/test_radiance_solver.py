@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from radiogs.model import Model
-from radiogs.relighting import relight
 from radiogs.settings import PRESETS, Variant
+from radiogs.showing import TrainedRadioGS
 from radiogs_core.contract import Run
 from radiogs_core.learning.radiance_solver import RATE, RATE_REST, RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.light import EnvironmentMap
@@ -103,11 +103,12 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
         if len(done) == 2:
             raise InterruptedError
 
-    relight(model, DARK, torch.ones(3), run, after_step=count)
+    trained = TrainedRadioGS(model, run)
+    trained.prepare(DARK, after_step=count)
     assert len(done) == 5
     done.clear()
     with pytest.raises(InterruptedError):
-        relight(model, DARK, torch.ones(3), run, after_step=stop)
+        trained.prepare(DARK, after_step=stop)
     assert len(done) == 2
 
 
