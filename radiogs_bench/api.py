@@ -34,7 +34,7 @@ from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from .export.records import rows
-from .methods import budget_of, method_names, variant_of
+from .methods import budget_of, method_names, variant_by_recipe
 from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption
@@ -163,6 +163,8 @@ class TrainingOptions(TypedDict, total=False):
 
     budget: Mapping[str, Any]
     """Numbers that replace those of the preset, as plain values, by dotted names or in nested tables."""
+    recipe: str
+    """Name of the method's recipe that ``variant`` changes (default: its defaults)."""
     scene_options: SceneOptions
     """How a scene that is given by its name or folder is opened (layout, reduction, held-out views)."""
     replace: bool
@@ -198,7 +200,8 @@ def train(
     for repair in read.repairs:
         say(f"{read.name}: {repair}")
     changes = options.get("budget", {})
-    work = Work(variant_of(used, variant or {}), budget_of(used, preset, changes), seed, device)
+    made = variant_by_recipe(used, options.get("recipe", ""), read.layout, read.name, variant or {})
+    work = Work(made, budget_of(used, preset, changes), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
     run = Run(read, cell.variant, cell.budget, seed, on)
     if out is None:

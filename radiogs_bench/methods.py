@@ -15,10 +15,10 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, TakesGiven
+from radiogs_core.capabilities import PARTS, OffersRecipes, TakesGiven
 from radiogs_core.contract import LARGEST_COUNT, Method
 from radiogs_core.errors import UsageError, unknown
-from radiogs_core.plain_values import flat, leaf_names, value_at, with_values
+from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
 
 from .method_calls import calling, lacking
 
@@ -76,6 +76,41 @@ def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
     given by dotted names or by tables.
     """
     return with_values(of.variant(), given, f"variant of {of.name}")
+
+
+def variant_by_recipe(of: Method, recipe: str, layout: str, scene: str, given: Mapping[str, Any]) -> Any:
+    """A variant of a method by one of its recipes, with the given fields changed; without a recipe, its full form.
+
+    ``layout`` and ``scene``: of the scene that it is for, because recipes may differ between scenes. Raises UsageError
+    for a recipe that the method does not offer, and as ``variant_of`` does.
+    """
+    if not recipe:
+        return variant_of(of, given)
+    require_recipe(of, recipe)
+    assert isinstance(of, OffersRecipes)
+    with calling(of.name, "recipe_values()"):
+        values = of.recipe_values(recipe, layout, scene)
+    return variant_of(of, {**flat(values), **flat(given)})
+
+
+def require_recipe(of: Method, recipe: str) -> None:
+    """Raise UsageError unless the method offers a recipe of that name."""
+    if not isinstance(of, OffersRecipes):
+        raise UsageError(
+            f"{of.name} has no recipes, and none called '{recipe}'",
+            "A recipe is a named set of all settings of a method; this one has its defaults alone.",
+            "Leave --recipe out.",
+        )
+    if recipe not in of.recipes:
+        raise unknown("recipe", recipe, of.recipes, of=of.name)
+
+
+def recipe_of(of: Method, variant: Mapping[str, Any], layout: str, scene: str, given: Mapping[str, Any]) -> str | None:
+    """The recipe by which a stored variant, as plain values, was made with the given fields; None if by none."""
+    if not isinstance(of, OffersRecipes):
+        return None
+    made = ((name, variant_by_recipe(of, name, layout, scene, given)) for name in of.recipes)
+    return next((name for name, each in made if to_plain(each) == variant), None)
 
 
 def why_not_given(of: Method, parts: Sequence[str]) -> str:

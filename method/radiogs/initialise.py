@@ -14,7 +14,6 @@ from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from .consistency import split_sum_consistency_loss
-from .learning import SplitSumLearning
 from .model import Model, constant_light
 from .settings import Budget, Variant
 
@@ -27,7 +26,7 @@ class Initialisation(FitGeometry):
     def __init__(self, run: Run[Variant, Budget]) -> None:
         variant, budget = run.variant, run.budget
         shading_of = SplitSumShading if variant.initialise == "radiometric" else UnseenMaterials
-        shading = shading_of(variant.split_sum, budget.light_height, run.device)
+        shading = shading_of(variant, budget.light_height, run.device)
         super().__init__(run, variant.surfel_learning, budget.geometry, variant.view_share, shading)
 
     @property
@@ -39,8 +38,9 @@ class Initialisation(FitGeometry):
 class UnseenMaterials(Shading):
     """Stage 1 without shaded images: materials and light keep their initial values until stage 2 learns them."""
 
-    def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
-        self.learning = learning
+    def __init__(self, variant: Variant, light_height: int, device: torch.device) -> None:
+        self.learning = learning = variant.split_sum
+        self.masking = variant.masking
         self.image_weight, self.geometry_gradient = learning.image, learning.geometry_gradient
         self.tensors = {"log_environment": constant_light(light_height, learning.light, device)}
         self.rates = {
@@ -63,7 +63,7 @@ class SplitSumShading(UnseenMaterials):
         self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """L_PBR towards the camera, and, from ``consistency_from`` on, the weighted L_rad; see ``Shading.images``."""
-        light = PrefilteredLight(tensors["log_environment"].exp())
+        light = PrefilteredLight(tensors["log_environment"].exp(), self.masking)
         outgoing = towards(camera, surfels)
         consistency, shaded = split_sum_consistency_loss(surfels, own, light, outgoing, self.geometry_gradient)
         counts = progress >= self.learning.consistency_from

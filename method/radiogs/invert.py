@@ -20,12 +20,12 @@ from radiogs_core.learning.losses import (
     reconstruction,
 )
 from radiogs_core.learning.views import TrainingView
-from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_model
-from radiogs_core.on_surfels.model import LitSurfels
+from radiogs_core.on_surfels.fit_geometry import mean_distortion, surfels_of
+from radiogs_core.on_surfels.light_start import StartingModel, starting_model
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.splatting import own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
@@ -44,7 +44,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
         variant = run.variant
         super().__init__(run, run.budget.inverse_iterations, variant.view_share)
-        self.geometry = variant.surfel_learning
+        self.geometry, self.surrounded = variant.surfel_learning, run.scene.surrounded
         self.start = start_of(run, surfels_of(initialised, run.device), self.views, self.generator)
         light = {"log_environment": self.start.log_environment}
         self.optimiser = SurfelOptimiser(self.start.surfels, light, self.start.rates)
@@ -54,7 +54,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def make_shader(self) -> Shader:
         """The shader of L_PBR that the variant selects."""
         if self.variant.shading == "split-sum":
-            return SplitSum()
+            return SplitSum(self.variant.masking)
         rays, policy = RaySettings.of(self.variant, self.start.indirect), IncidentPolicy.of(self.variant.incident)
         cache = IncidentCache(self.start.surfels, rays, policy, self.budget, self.generator)
         return MonteCarlo(RadiometricConsistency.of(self.variant), cache)
@@ -83,7 +83,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """The weighted losses of the blended images, of the maps and of the light, by name."""
         surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
         outgoing = towards(camera, surfels)
-        light = PrefilteredLight(model.environment)
+        light = PrefilteredLight(model.environment, self.variant.masking)
         channels = {
             "radiance": own_radiance(camera, surfels),
             "shaded": self.shader.radiance(model, outgoing, light),
@@ -110,6 +110,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "light prior": weights.light_prior * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
+        if weights.distortion > 0:
+            losses["distortion"] = weights.distortion * mean_distortion(seen, self.depth_unit, self.surrounded)
         if self.iteration >= self.variant.materials.normal_from * self.iterations:
             depth_normal = seen.depth_normal(camera, geometry.normal_target == "one-sided")
             losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, depth_normal)
@@ -138,37 +140,46 @@ def start_of(
     """
     scene, variant = run.scene, run.variant
     model = _materials_and_light(given_geometry(learnt, variant.given, scene), run, views, generator)
-    start = Start(model.surfels, model.log_environment, rates_of(variant, scene.extent))
+    rates = rates_of(variant, scene.extent, run.budget.inverse_iterations, model.searched)
+    start = Start(model.surfels, model.log_environment, rates)
     return with_given_parts(start, variant.given, scene, run.seed)
 
 
 def _materials_and_light(
     learnt: Surfels, run: Run[Variant, Budget], views: tuple[TrainingView, ...], generator: torch.Generator
-) -> LitSurfels:
-    """The surfels with initial materials, and the initial light."""
+) -> StartingModel:
+    """The surfels with initial materials, and the initial light.
+
+    The search for the light simulates what stage 2 simulates: split-sum shading has neither visibility nor indirect
+    light.
+    """
     variant, start, rows = run.variant, run.variant.materials.start, run.budget.light_height
     if "start-light" in variant.deviations:
         surfels = learnt.with_material(start.albedo, start.roughness)
-        return LitSurfels(surfels, constant_light(rows, START_RADIANCE, run.device))
+        return StartingModel(surfels, constant_light(rows, START_RADIANCE, run.device), searched=False)
     two_sided = RaySettings.of(variant).back_offset is not None
-    return starting_model(learnt, views, rows, start, generator, two_sided)
+    plan = plan_of(() if variant.shading == "split-sum" else variant.effects)
+    return starting_model(learnt, views, rows, start, generator, two_sided, plan)
 
 
-def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates of stage 2 by raw parameter; ``extent``: extent of the scene, world units.
+def rates_of(variant: Variant, extent: float, steps: int, searched: bool = True) -> dict[str, float]:
+    """Learning rates of stage 2 by raw parameter.
 
-    With given geometry, surfels have not been through stage 1: their scales and opacities are learnt at its rates.
+    ``extent``: extent of the scene, world units. ``steps``: number of steps of the stage, for the length rule.
+    ``searched``: whether the light was searched for. With given geometry, surfels have not been through stage 1: their
+    scales and opacities are learnt at its rates.
     """
     rates, before = variant.materials.rates, variant.geometry.rates
     share = 1.0 if "geometry" in variant.given else rates.geometry
+    longer = rates.factor(steps)
     return {
         "centre": rates.geometry * (before.position * extent),
         "rotation": rates.geometry * before.rotation,
         "log_scale": share * before.scale,
         "opacity_logit": share * before.opacity,
-        "sh": rates.radiance,
-        "sh_rest": rates.radiance_rest,
-        "albedo_logit": rates.albedo,
-        "roughness_logit": rates.roughness,
-        "log_environment": rates.light,
+        "sh": longer * rates.radiance,
+        "sh_rest": longer * rates.radiance_rest,
+        "albedo_logit": longer * rates.albedo,
+        "roughness_logit": longer * rates.roughness,
+        "log_environment": longer * (rates.light if searched else rates.constant_light),
     }

@@ -1,12 +1,13 @@
 """Settings for learning materials and light: every weight, rate, share and initial value.
 
-Defaults are the paper's unless a docstring gives another source. Shares are shares of the stage's iterations.
+Defaults are those of the recipe ``recommended`` (``recipes``). Shares are shares of the stage's iterations.
 ``radiogs_core.learning.geometry`` has the settings for surfels.
 """
 
 from dataclasses import dataclass, field, fields
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
+from radiogs_core.on_surfels.length import LengthRule
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -50,6 +51,8 @@ class MaterialWeights:
     """Weight of 1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
     """Weight of the distance between the surfels' normals and the normals of the depth map (2DGS)."""
+    distortion: float = 0.0
+    """Weight of the depth distortion, in the unit of stage 1's (``GeometryWeights.distortion``)."""
     mask: float = 0.02
     """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
@@ -71,27 +74,34 @@ class MaterialWeights:
 class MaterialRates:
     """Adam's learning rates in stage 2; those of albedo and roughness are the paper's.
 
-    The light starts near the solution (``LightStart``) and learns slowly. The incident light of single surfels is
-    noisier than the pixels that see them, and a faster light fits that noise: on ``corner`` its error rises from 0.36
-    to 0.61 in 800 steps at a rate of 0.002, and to 0.44 at 0.0005. From a constant light the paper's 0.01 finds no sun
-    either.
+    A light that was searched for (``LightStart``) is held. Learnt in stage 2 it drifts, and albedo with it: after 3,000
+    steps at a rate of 0.0005 albedo and relighting were worse than after 600 on most scenes that nothing was chosen on,
+    and with the light held they were not.
     """
 
     albedo: float = 0.005
     """Rate of the albedo's logits."""
     roughness: float = 0.005
     """Rate of the logits of roughness."""
-    light: float = 0.0005
-    """Rate of the light's log-radiance (paper: 0.01)."""
+    light: float = 0.0
+    """Rate of the log-radiance of a light that was searched for; 0 holds it."""
+    constant_light: float = 0.01
+    """Rate of the log-radiance of a light that starts constant (paper: 0.01)."""
     radiance: float = 0.005
     """Rate of the surfels' harmonics of degree 0."""
     radiance_rest: float = 0.0025 / 20
     """Rate of the harmonics of higher degrees, as in stage 1."""
     geometry: float = 0.01
     """Factor of stage 1's initial rates of geometry (``SurfelRates``): geometry is refined, not learnt again."""
+    length_power: float = 0.0
+    """Power of the length rule for the rates of albedo, roughness, light and harmonics (``on_surfels.length``)."""
 
     def __post_init__(self) -> None:
         require(self, "zero or above", *(each.name for each in fields(self)))
+
+    def factor(self, steps: int) -> float:
+        """The length rule's factor of these rates in a stage 2 of so many steps; 1 at the paper's 20,000."""
+        return LengthRule(whole=20_000, power=self.length_power).factor(steps)
 
 
 @dataclass(frozen=True)
@@ -99,7 +109,7 @@ class MaterialStart(StartValues):
     """Initial materials and light of stage 2.
 
     The radiance of a constant light follows from the images' exposure, so that the recovered albedo does not depend on
-    the exposure; the released code starts at a radiance of 1.5. Pixels above the quantile ``brightest`` are highlights.
+    the exposure, or from the deviation ``start-light``. Pixels above the quantile ``brightest`` are highlights.
     """
 
     albedo: float = 0.3

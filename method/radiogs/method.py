@@ -8,21 +8,24 @@ from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, Train
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
+from .constants import recipe_table
 from .effects.probing import probe_run
 from .effects.training import PlannedInverseRendering
 from .initialise import Initialisation
 from .invert import InverseRendering
 from .model import Model
+from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import memory_of, short_run, sizes
-from .settings import INVERSE_ONLY, PRESETS, PROFILES, RELIGHTING, Budget, Variant
+from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 
 
 class RadioGS:
     """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
 
-    ``profiles`` are named settings of the variant: the formulas of the paper, or those of the released code. The method
-    accepts every part of the truth (``radiogs_core.capabilities.TakesGiven``).
+    ``recipes`` are the paper's values, those of the published code, and the recommended ones, which are the defaults
+    (``radiogs_core.capabilities.OffersRecipes``). The method accepts every part of the truth
+    (``radiogs_core.capabilities.TakesGiven``).
     """
 
     name = "radiogs"
@@ -33,7 +36,8 @@ class RadioGS:
     size_name = "surfels"
     relighting_modes = RELIGHTING
     sources = ("radiogs.showing",)
-    profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
+    recipes: Mapping[str, str] = {name: each.title for name, each in RECIPES.items()}
+    published_recipe = PUBLISHED
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec[Variant, Budget]]:
         """Initialisation and inverse rendering."""
@@ -70,6 +74,14 @@ class RadioGS:
         Raises UsageError for an unknown part, and for parts that contradict other fields of the variant.
         """
         return replace(variant, given=parts)
+
+    def recipe_values(self, name: str, layout: str, scene: str) -> Mapping[str, Any]:
+        """The values of a recipe for a scene; see ``radiogs_core.capabilities.OffersRecipes``."""
+        return recipe_values(name, layout, scene)
+
+    def recipe_table(self) -> str:
+        """All values of the recipes with their sources, as Markdown."""
+        return recipe_table()
 
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""

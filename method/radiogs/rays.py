@@ -15,7 +15,7 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, incident_along
 
-from .settings import FIXED_OFFSET, Variant
+from .settings import Variant
 
 TURN = 3.0
 """Distance, in standard deviations of a true surfel, that counts as much as a difference of 1 between unit normals. At
@@ -97,10 +97,10 @@ class RaySettings:
 
     @classmethod
     def of(cls, variant: Variant, indirect: KnownRadiance | None = None) -> "RaySettings":
-        """The settings of a variant: the paper's, unless it reproduces the released code."""
+        """The settings of a variant."""
         released = variant.deviations
         return cls(
-            FIXED_OFFSET if "fixed-offset" in released else None,
+            variant.ray_offset if "fixed-offset" in released else None,
             "hemisphere-floor" in released,
             None if "one-sided-rays" in released else BACK_OFFSET,
             indirect,

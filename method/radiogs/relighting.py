@@ -62,7 +62,9 @@ def relight(
             if variant.met_light == "occluded":
                 is_open = traced_openness(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
             features = hit_features(surfels, albedo, is_open)
-            incident = split_sum_incident(tracer, features, light, direction, weight, plan)
+            incident = split_sum_incident(
+                tracer, features, PrefilteredLight(light.radiance, variant.masking), direction, weight, plan
+            )
     return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
 
 
@@ -73,7 +75,8 @@ def fine_tuned(
     budget, cameras = run.budget, [view.camera for view in run.scene.train]
     effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
     rays = RaySettings.of(run.variant)
-    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor)
+    rates = run.variant.finetuning
+    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor, rates)
     while solver.iteration < solver.iterations:
         solver.step()
         after_step()
@@ -118,7 +121,7 @@ class RelitBySurfels:
 def split_sum_incident(
     tracer: SurfelTracer,
     features: Float[Tensor, "surfels _"],
-    light: EnvironmentMap,
+    prefiltered: PrefilteredLight,
     direction: Float[Tensor, "surfels samples 3"],
     weight: Float[Tensor, "surfels samples"],
     plan: EffectPlan = EVERYTHING,
@@ -126,12 +129,12 @@ def split_sum_incident(
     """Incident light whose L_ind is the split-sum radiance of the blended material that a ray hits (``hit_surface``).
 
     The surfels' own radiance is not used, because it belongs to the training light. ``features``: see ``hit_features``.
-    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced.
+    ``prefiltered``: the new light. ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the
+    effects that are traced.
     """
     every = torch.arange(len(features), device=direction.device)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
     chosen = plan.traced_among(every)
-    prefiltered = PrefilteredLight(light.radiance)
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     for index in chosen.split(together) if len(chosen) else ():
         hits = tracer.trace(index, direction[index], features)

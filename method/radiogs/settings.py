@@ -1,7 +1,7 @@
 """Settings of RadioGS: the budget of a run, the variants of ablations, and the deviations of the released code.
 
 Every row of the paper's ablations is a value of ``Variant``'s fields, not a code path; ``learning`` has the weights,
-rates and initial values. ``docs/paper_and_code.md`` lists every known discrepancy between paper and code.
+rates and initial values; ``recipes`` has all of them as printed, as released and as recommended.
 """
 
 from collections.abc import Mapping
@@ -11,9 +11,11 @@ from typing import Any, Literal
 from radiogs_core.capabilities import PARTS, RelightingModes
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.radiance_solver import SolverRates
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.plain_values import require
 from radiogs_core.transport.plan import Effects, checked_effects
+from radiogs_core.transport.splitsum import Masking
 
 from .learning import MaterialLearning, SplitSumLearning
 
@@ -114,9 +116,9 @@ PRESETS = by_name(
 """Budgets by the names of their presets."""
 
 
-RELEASED: Mapping[str, str] = {
+DEVIATIONS: Mapping[str, str] = {
     "hemisphere-floor": "incident directions end 10 degrees above the horizon, and the first one is the normal",
-    "fixed-offset": "rays start 0.05 world units from their surfel, whatever its scale",
+    "fixed-offset": "rays start ``ray_offset`` world units from their surfel, whatever its scale",
     "one-sided-rays": "rays hit surfels from their visible side alone, at any distance",
     "light-detached": "L_rad has no gradient to the light",
     "image-weight": "the image loss of L_PBR weighs L1 by 1.0 instead of 0.8",
@@ -125,16 +127,10 @@ RELEASED: Mapping[str, str] = {
     "start-light": "stage 2 begins under a constant radiance of 1.5, whatever the exposure",
     "spread-views": "new views are shaded along N_s directions over the hemisphere, none drawn from the light",
 }
-"""Deviations of the released code from the paper, by name, in the order of the documentation."""
+"""What the released code does and the recommended recipe does not, by name, in the order of the documentation."""
 
 FIRST_STAGE = frozenset({"display-radiance", "premultiplied-encoding"})
 """Deviations that stage 1 reads."""
-
-PROFILES: Mapping[str, tuple[str, ...]] = {"paper": (), "released": tuple(RELEASED)}
-"""Deviations of each profile, for ``radiogs-bench train --profile NAME``."""
-
-FIXED_OFFSET = 0.05
-"""Distance at which rays start with ``fixed-offset``, world units; the released default (0.1 for a few scenes)."""
 
 START_RADIANCE = 1.5
 """Linear radiance of the initial light with ``start-light``."""
@@ -168,7 +164,7 @@ class Variant(SurfelVariant):
     Raises UsageError for an unknown deviation, effect or part, and for settings that contradict each other.
     """
 
-    shown_only = ("relighting", "met_light")
+    shown_only = ("relighting", "met_light", "finetuning")
 
     radiometric_weight: float = 0.2
     """Weight lambda_rad of L_rad in stage 2 (paper: 0.2)."""
@@ -187,7 +183,12 @@ class Variant(SurfelVariant):
     """Light on the surfaces that rays hit in "pbr" relighting. "occluded": reduced by their openness, plus the light
     that their occluders scatter (``hit_surface.enclosed``). "unoccluded": as in the paper."""
     deviations: tuple[str, ...] = ()
-    """Deviations of the released code to reproduce, by the names of ``RELEASED``."""
+    """Deviations of the released code to reproduce, by the names of ``DEVIATIONS``."""
+    ray_offset: float = 0.05
+    """Distance from their surfel at which rays start with the deviation ``fixed-offset``, world units (released code:
+    0.05, and 0.1 in a few scenes)."""
+    masking: Masking = "schlick"
+    """Masking in the pre-integrated BRDF of all split sums (see ``splitsum.Masking``)."""
     effects: Effects = "all"
     """Effects that stage 2 and relighting simulate: "all", "auto" (the effects that a scene needs, by measured
     evidence; see ``effects``), or the names of the effects that are on."""
@@ -197,17 +198,19 @@ class Variant(SurfelVariant):
     """Weights, rates and initial values of stage 1's shading."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
     """Weights, rates and initial values of stage 2."""
+    finetuning: SolverRates = field(default_factory=SolverRates)
+    """Learning rates of fine-tuning under another light (stage 3)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unknown = set(self.deviations) - RELEASED.keys()
+        unknown = set(self.deviations) - DEVIATIONS.keys()
         if unknown:
             raise UsageError(
                 f"unknown deviation '{sorted(unknown)[0]}'",
                 "A deviation is a difference of the released code from the paper.",
-                f"Deviations: {', '.join(RELEASED)}.",
+                f"Deviations: {', '.join(DEVIATIONS)}.",
             )
-        require(self, "zero or above", "radiometric_weight")
+        require(self, "zero or above", "radiometric_weight", "ray_offset")
         object.__setattr__(self, "effects", checked_effects(self.effects))
         if self.effects != "all" and self.shading == "split-sum":
             raise UsageError(
@@ -260,4 +263,5 @@ class Variant(SurfelVariant):
             "deviations": sorted(FIRST_STAGE.intersection(self.deviations)),
             "geometry": asdict(self.geometry),
             "split_sum": asdict(self.split_sum),
+            "masking": self.masking,
         }

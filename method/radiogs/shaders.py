@@ -16,7 +16,7 @@ from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.splatting import shade_surfels, towards
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.splitsum import Masking, PrefilteredLight, split_sum_radiance
 
 from .consistency import RadiometricConsistency, split_sum_consistency_loss
 from .incident_cache import IncidentCache
@@ -79,9 +79,12 @@ class MonteCarlo:
 class SplitSum:
     """Split-sum shading by prefiltered light. It traces no rays and has no state."""
 
+    def __init__(self, masking: Masking) -> None:
+        self.masking: Masking = masking
+
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over all surfels, towards the camera."""
-        outgoing, light = towards(camera, model.surfels), PrefilteredLight(model.environment)
+        outgoing, light = towards(camera, model.surfels), PrefilteredLight(model.environment, self.masking)
         own = surfel_radiance(model.surfels.sh, outgoing)
         return split_sum_consistency_loss(model.surfels, own, light, outgoing)[0]
 

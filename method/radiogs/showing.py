@@ -19,9 +19,11 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .effects.new_light import probe_relighting, training_share
+from .labels import labels_of
 from .model import Model
 from .rays import RaySettings
 from .relighting import RelitBySurfels, relight
@@ -40,16 +42,17 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
     """Surfels with materials and a light, and the run that trained them; see ``contract.Trained``."""
 
     def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
-        super().__init__(model, run, labels={})
+        labels = labels_of(run.variant, run.budget, run.scene.layout, run.scene.name)
+        super().__init__(model, run, labels)
 
     def facts(self) -> dict[str, Any]:
         """Facts for the result.
 
         ``surfels``: their number. ``effects``: the plan at the end of training, and its evidence, oldest first.
         ``metrics``: ``plan/bound`` and ``plan/worst``, upper bounds on the loss by the plan, dB of PSNR, of the probe
-        with the largest; 0 if no probe left an effect out. ``remarks``: effects that are not simulated, in words.
-        ``given``: the parts of the truth that training was given, and the residual of the given indirect light
-        (``KnownRadiance``).
+        with the largest; 0 if no probe left an effect out. ``labels``: differences from the paper, by name
+        (``labels_of``). ``remarks``: effects that are not simulated, and the labels, in words. ``given``: the parts of
+        the truth that training was given, and the residual of the given indirect light (``KnownRadiance``).
         """
         plan, evidence = self.model.plan, [dict(each) for each in self.model.evidence]
         measured = [each["measured"] for each in evidence if each["effect"] == "plan" and each["measured"] is not None]
@@ -62,7 +65,11 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
             "metrics": {
                 f"plan/{name}": max((each[name] for each in measured), default=0.0) for name in ("bound", "worst")
             },
-            "remarks": [f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else [],
+            "labels": self.labels,
+            "remarks": [
+                *([f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else []),
+                *(f"{name}: {value}" for name, value in self.labels.items()),
+            ],
         }
 
     def as_trained(self) -> Prepared:
@@ -112,14 +119,14 @@ class Renderer:
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
-        self.model, self.straight = model, variant.straight
+        self.model, self.straight, self.masking = model, variant.straight, variant.masking
         self.incident = None if variant.shading == "split-sum" else _incident(model, samples, variant)
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of one view; see ``radiogs_core.on_surfels.trained.Renderer``."""
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
-            return split_sum_maps(camera, surfels, environment, self.straight)
+            return split_sum_maps(camera, surfels, PrefilteredLight(environment, self.masking), self.straight)
         specular_at = self.model.plan.specular_among(surfels.albedo)
         maps = shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at, self.straight)
         return maps | {INCIDENT: incident_map(camera, surfels, self.incident)} if INCIDENT in further else maps

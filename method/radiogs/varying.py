@@ -47,7 +47,8 @@ class VaryingRadioGS:
 
     def __init__(self, model: Model, incident: Incident | None, cameras: Sequence[Camera], variant: Variant) -> None:
         """``incident``: the light on each surfel in ``showing.Renderer``; None for split-sum shading."""
-        self.model, self.incident, self.surfels, self.straight = model, incident, model.surfels, variant.straight
+        self.model, self.incident, self.surfels = model, incident, model.surfels
+        self.straight, self.masking = variant.straight, variant.masking
         like = self.surfels.centre
         self.cameras = [camera.to(like.device, like.dtype) for camera in cameras]
         with torch.no_grad():
@@ -114,7 +115,7 @@ class VaryingRadioGS:
         normal, outgoing = self.surfels.frame[..., 2], towards(camera, self.surfels)
         white, incident = torch.ones_like(self.albedo), self.incident
         if incident is None:
-            return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light))
+            return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light, self.masking))
         specular_at = self.model.plan.specular_among(self.albedo)
         parts = shade_materials(normal, white, roughness, outgoing[:, None], incident, light, specular_at)[:, 0]
         diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]

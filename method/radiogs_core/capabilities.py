@@ -32,12 +32,25 @@ class Closing(Protocol):
 
 
 @runtime_checkable
-class Profiled(Protocol):
-    """A method whose variant has named settings, for ``radiogs-bench train --profile NAME``."""
+class OffersRecipes(Protocol):
+    """A method with recipes: named values for all of its settings, for ``--recipe NAME`` and rows of suites."""
 
     @property
-    def profiles(self) -> Mapping[str, Mapping[str, Any]]:
-        """Fields of the variant by the profile's name, as plain values."""
+    def recipes(self) -> Mapping[str, str]:
+        """Title of each recipe, by name."""
+
+    @property
+    def published_recipe(self) -> str:
+        """Name of the recipe with the published values, which alone may be called by the published method's name."""
+
+    def recipe_values(self, name: str, layout: str, scene: str) -> Mapping[str, Any]:
+        """Fields of the variant by dotted names, as plain values, for a scene by its layout and name.
+
+        Raises UsageError for an unknown recipe.
+        """
+
+    def recipe_table(self) -> str:
+        """Every value of every recipe with its source, as Markdown, for ``radiogs-bench methods NAME --recipes``."""
 
 
 @dataclass(frozen=True)

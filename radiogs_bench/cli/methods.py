@@ -22,12 +22,18 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "name", nargs="?", metavar="NAME", help="Show every preset and field of this method, or TOML file."
     )
+    parser.add_argument(
+        "--recipes", action="store_true",
+        help="With a name, print every value of the method's recipes with its source, as Markdown.",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="Print one JSON object a line.")
     add_verbose(parser)
 
 
 def methods(options: argparse.Namespace) -> int:
     """List all methods, or print everything about one."""
+    if options.recipes:
+        return _show_recipes(options.name)
     from ..errors import explain, worst_exit_code
     from ..methods import describe, method, method_names
     from .reporter import complain, say_whole
@@ -51,6 +57,22 @@ def methods(options: argparse.Namespace) -> int:
     for failure in broken:
         complain(explain(failure))
     return worst_exit_code(broken)
+
+
+def _show_recipes(name: str | None) -> int:
+    from radiogs_core.capabilities import OffersRecipes
+    from radiogs_core.errors import UsageError
+
+    from ..methods import method
+    from .reporter import say_whole
+
+    if name is None:
+        raise UsageError("recipes of which method?", "", "Name one:  radiogs-bench methods radiogs --recipes")
+    used = method(name)
+    if not isinstance(used, OffersRecipes):
+        raise UsageError(f"{used.name} has no recipes", "Its settings are its defaults.", "Leave --recipes out.")
+    say_whole(used.recipe_table().rstrip("\n"))
+    return 0
 
 
 def _show_all(described: list[dict[str, Any]]) -> None:

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from .options import (
     add_data,
     add_device,
     add_effects,
+    add_recipe,
     add_scene_options,
     add_set,
     add_verbose,
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
 
     from ..api import Model
     from .options import Commands
-
-PAPER = "paper"
-"""The profile that every method has: its variant without changes."""
 
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
@@ -54,10 +52,7 @@ def add_to(commands: "Commands") -> None:
         default=METHOD,
         help=f"Train this method (see `methods`), or the one in a TOML file (default: {METHOD}).",
     )
-    training.add_argument(
-        "--profile", default=PAPER,
-        help="Take these named settings of the method; RadioGS has paper and released (default: paper).",
-    )  # fmt: skip
+    add_recipe(training)
     training.add_argument(
         "--force", action="store_true", help="Move the files of another model in the folder aside, and train."
     )
@@ -118,7 +113,8 @@ def train(options: argparse.Namespace) -> int:
     variant, budget = fields_from(options)
     model = api.train(
         options.method, options.scene, options.preset, variant, options.seed, options.device, options.out,
-        budget=budget, scene_options=scene_options(options), replace=options.force, say=say,
+        budget=budget, recipe=options.recipe or "", scene_options=scene_options(options), replace=options.force,
+        say=say,
     )  # fmt: skip
     written = [path.name for path in model.files]
     size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
@@ -156,17 +152,12 @@ def _score(model: "Model", folder: Path, path: Path) -> None:
 
 def fields_from(options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
     """The fields of the variant and of the budget that the options of ``train`` set. Raises UsageError."""
-    from radiogs_core.capabilities import Profiled
-    from radiogs_core.errors import unknown
     from radiogs_core.plain_values import leaf_names
 
     from ..methods import method, settings_for
 
     used = method(options.method)
-    profiles: Mapping[str, Mapping[str, Any]] = used.profiles if isinstance(used, Profiled) else {PAPER: {}}
-    if options.profile not in profiles:
-        raise unknown("profile", options.profile, profiles, "Leave --profile out.", of=used.name)
-    variant = dict(profiles[options.profile])
+    variant: dict[str, Any] = {}
     if options.effects != "all":
         if "effects" not in leaf_names(used.variant()):
             raise no_effects(used.name)

@@ -96,6 +96,15 @@ def effects(text: str) -> "Effects":
     return checked_effects(() if text == "none" else names(text))
 
 
+def add_recipe(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--recipe``."""
+    parser.add_argument(
+        "--recipe", metavar="NAME",
+        help="Take all settings from this recipe of the method: RadioGS has printed (the paper's values), released"
+        " (the published code's) and recommended, its default.",
+    )  # fmt: skip
+
+
 def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") -> None:
     """Add ``--effects``, for commands that simulate light."""
     parser.add_argument(

@@ -18,6 +18,7 @@ from .options import (
     PRESETS_HELP,
     add_device,
     add_effects,
+    add_recipe,
     add_scene_options,
     add_set,
     add_verbose,
@@ -66,6 +67,7 @@ def add_to(commands: "Commands") -> None:
         "--method", type=names, metavar="A,B",
         help="Run these methods (see `methods`, or TOML files) in the suite's table (default: the rows').",
     )  # fmt: skip
+    add_recipe(parser)
     add_effects(parser, default=None)
     add_set(parser)
     add_scene_options(parser)
@@ -172,16 +174,20 @@ def describe(suite: "Suite") -> list[str]:
 
 def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite, list[str]]":
     """The suite with the methods and fields that the options set, and remarks on rows that are not changed."""
-    from ..suites.suite import of_methods, with_field, with_settings
+    from ..suites.suite import of_methods, with_field, with_recipe, with_settings
 
+    remarks: list[str] = []
     if options.method:
         suite = of_methods(suite, options.method)
+    if options.recipe:
+        suite, remarks = with_recipe(suite, options.recipe)
     if options.effects not in (None, "all"):
         mark = options.effects if isinstance(options.effects, str) else "+".join(options.effects) or "none"
         suite = with_field(suite, "effects", options.effects, mark)
     if settings := settings_from(options):
-        return with_settings(suite, settings, options.preset)
-    return suite, []
+        suite, kept = with_settings(suite, settings, options.preset)
+        remarks += kept
+    return suite, remarks
 
 
 def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":

@@ -6,10 +6,11 @@ image size and budget: those of the row's method and variant, and of the sources
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from radiogs_baselines.published import PublishedTable, published, published_tables
-from radiogs_core.contract import scaled
+from radiogs_core.capabilities import OffersRecipes
+from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import flat, to_plain
 from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
@@ -17,7 +18,7 @@ from radiogs_reports.analysis.power import smallest_difference, smallest_of
 from radiogs_reports.statistics import Origin, Sample, differences, mean_of
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
-from ..methods import budget_of, mark, method, variant_of
+from ..methods import budget_of, mark, method, recipe_of, variant_by_recipe, variant_of
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, plain_preset
 from ..scoring.metrics.comparable import alike
@@ -90,21 +91,32 @@ SHARED_BY_A_RUN = ("checksum", "loader", "device", "protocol", "method", "method
 
 def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str) -> Rows:
     """The results of each row of a suite. A row that the preset is too small for is left out."""
-    found = {}
+    results, found = list(results), {}
     for row in rows:
         used = method(row.method)
         try:
             share = scaled(budget_of(used, preset), row.budget)
         except UsageError:
             continue
-        made_from = {
-            "method": used.name, "variant": to_plain(variant_of(used, row.variant)), "budget": to_plain(share),
-            "experiment": TRAINING, "settings": {},
-        }  # fmt: skip
+        made_from = {"method": used.name, "budget": to_plain(share), "experiment": TRAINING, "settings": {}}
         found[row.key] = [
-            result for result in results if all(result["cell"][name] == content for name, content in made_from.items())
+            result
+            for result in results
+            if all(result["cell"][name] == content for name, content in made_from.items())
+            and result["cell"]["variant"] == to_plain(_as_published(row, used, result))
         ]
     return found
+
+
+def _as_published(row: Row, used: Method, result: Result) -> Any:
+    """The variant of a row on the scene of a result, by the recipe with the published values if the method has one."""
+    recipe = used.published_recipe if isinstance(used, OffersRecipes) else ""
+    return variant_by_recipe(used, recipe, _layout(result), result["scene"], row.variant)
+
+
+def _layout(result: Result) -> str:
+    data = result.get("data")
+    return data["layout"] if data is not None else ""
 
 
 def as_published(rows: Rows, table: PublishedTable, by_key: Mapping[str, Row]) -> Rows:
@@ -280,10 +292,17 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
 
 
 def _changes(results: Sequence[Result], row: Row) -> list[str]:
-    """Another method than the row's, or the fields of the variant that a run has set beside those that the row sets."""
+    """What a run has otherwise than the published row, in words.
+
+    Another method than the row's; another recipe than the published one; the fields of the variant that the run has set
+    beside those that the row sets.
+    """
     cell, used = results[0]["cell"], method(row.method)
     if cell["method"] != used.name:
         return [f"method {cell['method']}"]  # it need not be installed here, nor have the row's fields
+    recipe = recipe_of(used, cell["variant"], _layout(results[0]), results[0]["scene"], row.variant)
+    if recipe is not None and isinstance(used, OffersRecipes):
+        return [] if recipe == used.published_recipe else [f"recipe {recipe}"]
     own = flat(to_plain(variant_of(used, row.variant)))
     return [mark(name, value) for name, value in flat(cell["variant"]).items() if name in own and own[name] != value]
 

@@ -13,14 +13,14 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
-from ..methods import budget_of, mark, settings_of, variant_of, why_not_given, with_given
+from ..methods import budget_of, mark, settings_of, variant_by_recipe, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
-from ..suites.suite import Row, Suite, with_numbers
+from ..suites.suite import Row, Suite, recipe_of_row, with_numbers
 from .cell import Cell, Work, cell_of
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/3"
@@ -51,6 +51,8 @@ class TableRow(TypedDict):
     """The method's title, in rows that give parts of the truth."""
     given: NotRequired[list[str]]
     """The parts that are given, in such rows."""
+    recipe: NotRequired[str]
+    """The recipe of the row's method; absent in rows of the method's defaults, and in folders of earlier versions."""
     refused: NotRequired[str]
     """Why the row has no cells: the method does not take these parts."""
     files: NotRequired[str]
@@ -148,9 +150,11 @@ class Request:
 
     def _cell(self, row: Row, scene: str, seed: int) -> tuple[CellRef, Cell]:
         used = self.method(row.method)
-        require_truth(self.scenes[scene], row.given or ())
+        opened = self.scenes[scene]
+        require_truth(opened, row.given or ())
+        variant = variant_by_recipe(used, recipe_of_row(self.suite, row), opened.layout, opened.name, row.variant)
         work = Work(
-            variant=with_given(used, variant_of(used, row.variant), row.given or ()),
+            variant=with_given(used, variant, row.given or ()),
             budget=self._budget(used, row),
             seed=seed,
             device=self.device,
@@ -158,7 +162,7 @@ class Request:
             experiment=self.suite.experiment,
             settings=row.settings,
         )
-        cell = cell_of(used, self.scenes[scene], work, row.method)
+        cell = cell_of(used, opened, work, row.method)
         keys = [stage.key for stage in cell.stages]
         return CellRef(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
@@ -173,6 +177,8 @@ class Request:
         line = TableRow(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
+        if recipe := recipe_of_row(self.suite, row):
+            line["recipe"] = recipe
         refusal = self.refused().get(row.key)
         if refusal is not None:
             line["refused"] = refusal

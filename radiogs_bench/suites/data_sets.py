@@ -3,7 +3,7 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
-from .baselines import PUBLISHED_METHODS
+from .baselines import PUBLISHED_METHODS, RECOMMENDED
 from .suite import Metric, Row, Suite, knob_rows
 
 OURS = Row("ours", "Ours", "Ours", {})
@@ -17,7 +17,7 @@ TENSOIR = Suite(
     title="TensoIR-Synthetic",
     published="tensoir",
     reference="ours",
-    rows=(OURS, OURS_FINETUNED, *PUBLISHED_METHODS),
+    rows=(OURS, OURS_FINETUNED, RECOMMENDED, *PUBLISHED_METHODS),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -25,6 +25,7 @@ TENSOIR = Suite(
     ),
     scenes=("armadillo", "ficus", "hotdog", "lego"),
     protocol="radiogs",
+    recipe="printed",
     download=(
         "TensoIR-Synthetic is Zenodo's record 7880113; its environment maps (linked to by the README of"
         " Haian-Jin/TensoIR) belong beside the scenes, in Environment_Maps/."
@@ -37,10 +38,11 @@ SYNTHETIC4RELIGHT = Suite(
     title="Synthetic4Relight",
     published="synthetic4relight",
     reference="ours",
-    rows=(OURS, *PUBLISHED_METHODS),
+    rows=(OURS, RECOMMENDED, *PUBLISHED_METHODS),
     columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
     scenes=("air_baloons", "chair", "hotdog", "jugs"),
     protocol="radiogs",
+    recipe="printed",
     download=(
         "The README of zju3dv/InvRender links to Synthetic4Relight; envmap3.exr, envmap6.exr and envmap12.exr (there in"
         " code/envmaps) belong beside the scenes."
@@ -60,7 +62,7 @@ STANFORD_ORB = Suite(
     title="Stanford-ORB",
     published=None,  # the paper shows pictures of it, and no table
     reference="ours",
-    rows=(OURS, OURS_FINETUNED, *PUBLISHED_METHODS),
+    rows=(OURS, OURS_FINETUNED, RECOMMENDED, *PUBLISHED_METHODS),
     columns=(
         *(Metric(task, measure) for task in ("nvs", "relight") for measure in ("psnr_h", "psnr_l", "ssim", "lpips")),
         Metric("normal", "cosine"),
@@ -69,6 +71,7 @@ STANFORD_ORB = Suite(
     ),
     scenes=tuple(f"{name}_scene{place:03}" for name, places in CAPTURES.items() for place in places),
     protocol="stanford-orb",
+    recipe="printed",
     download=(
         "stanfordorb.github.io links to blender_LDR and ground_truth, which belong side by side; blender_LDR holds a"
         " folder a capture."

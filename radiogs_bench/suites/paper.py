@@ -1,6 +1,6 @@
 """Suites on generated scenes: the paper's ablations and costs, and checks of the method."""
 
-from .baselines import IRGS, R3DG, SVG_IR
+from .baselines import IRGS, R3DG, RECOMMENDED, SVG_IR
 from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
@@ -75,7 +75,16 @@ INDIRECT = Suite(
         SVG_IR,
         Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
+        Row(
+            "recommended-no-rad",
+            r"$\lambda_{rad}=0$ (recommended)",
+            "λ_rad = 0 (recommended)",
+            {"radiometric_weight": 0.0},
+            recipe="recommended",
+        ),
+        RECOMMENDED,
     ),
+    recipe="printed",
     columns=(
         *(Metric(task, measure) for task in ("nvs", "indirect") for measure in ("psnr", "ssim", "lpips")),
         Metric("normal", "mae"),
@@ -123,29 +132,6 @@ STRATEGIES = Suite(
     columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
 )
 
-DEVIATIONS = (
-    "hemisphere-floor", "fixed-offset", "light-detached", "image-weight", "display-radiance", "start-light",
-    "spread-views",
-)  # fmt: skip
-"""Values of RadioGS's variant field ``deviations``: deviations of the released code (docs/paper_and_code.md)."""
-
-PROFILES_SUITE = Suite(
-    name="profiles",
-    title="What the released code does otherwise than the paper",
-    published=None,
-    reference="paper",
-    rows=(
-        Row("paper", "Paper", "the paper", {}),
-        *(Row(name, name, name, {"deviations": (name,)}) for name in DEVIATIONS),
-        Row("released", "Released", "all of them", {"deviations": DEVIATIONS}),
-        Row(
-            "unoccluded", "Unoccluded hits", "relit rays meet unoccluded surfaces (paper)", {"met_light": "unoccluded"}
-        ),
-    ),
-    columns=(*QUALITY, Metric("roughness", "mse")),
-    scenes=("corner", "convex"),
-)
-
 RELIGHT_COST = Suite(
     name="relight-cost",
     title="Relighting: quality and milliseconds a frame",
@@ -158,7 +144,16 @@ RELIGHT_COST = Suite(
         Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
         Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),
         Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", {"relighting": "surfels"}),
+        *(
+            Row(f"recommended-{key}", f"{text} (recommended)", f"{text} (recommended)", variant, recipe="recommended")
+            for key, text, variant in (
+                ("split-sum", "PBR split-sum", {}),
+                ("pbr-finetuned", "PBR finetuned", {"relighting": "finetuned"}),
+                ("surfel-finetuned", "Surfel finetuned", {"relighting": "surfels"}),
+            )
+        ),
     ),
+    recipe="printed",
     columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
 )
 

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from radiogs_baselines.published import published_tables
-from radiogs_core.contract import current_name, whole_numbers
+from radiogs_core.capabilities import OffersRecipes
+from radiogs_core.contract import Method, current_name, whole_numbers
 from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.plain_values import PlainReader, flat
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
-from ..methods import SUFFIX, method
+from ..methods import SUFFIX, method, require_recipe
 from ..scoring.metrics.measures import MEASURES
 from ..store.names import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
@@ -33,7 +34,6 @@ from .paper import (
     INIT,
     NG,
     NS,
-    PROFILES_SUITE,
     RELIGHT_COST,
     STABILITY_SUITE,
     STRATEGIES,
@@ -44,7 +44,7 @@ from .suite import TASKS, Metric, Row, Suite, with_numbers
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
-        ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FINETUNE,
+        ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, RELIGHT_COST, EFFICIENCY, FINETUNE,
         COST_OF_ACCURACY, EFFECTS_SUITE, ORACLES, FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
         BASELINES, *BASELINE_ABLATIONS,
     )
@@ -123,11 +123,22 @@ def _check(suite: Suite, reader: PlainReader) -> None:
     _check_text("suite.title", suite.title, reader)
     for index, row in enumerate(suite.rows):
         _check_row(row, reader, f"suite.rows[{index}]")
+    offering = [used for row in suite.rows if isinstance(used := method(row.method), OffersRecipes)]
+    if suite.recipe:
+        _check_recipe(suite.recipe, offering[0] if offering else method(suite.rows[0].method), reader, "suite.recipe")
 
 
 def _check_text(where: str, text: str, reader: PlainReader) -> None:
     """Refuse control and bidirectional characters in texts, because they could falsify the output of a terminal."""
     reader.expect(text.isprintable(), where, text, "text of printable characters, on one line")
+
+
+def _check_recipe(recipe: str, used: Method, reader: PlainReader, where: str) -> None:
+    """Check that a method offers a recipe."""
+    try:
+        require_recipe(used, recipe)
+    except UsageError as absent:
+        reader.fail(where, absent.what, absent.why, "Name a recipe of the method, or none.")
 
 
 def _check_row(row: Row, reader: PlainReader, where: str) -> None:
@@ -138,6 +149,8 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
         used = method(row.method)
     except UsageError as absent:
         reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
+    if row.recipe:
+        _check_recipe(row.recipe, used, reader, f"{where}.recipe")
     reader.change(used.variant(), row.variant, f"{where}.variant")
     preset = next(iter(used.presets.values()))
     scaled = whole_numbers(preset)

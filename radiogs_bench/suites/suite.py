@@ -5,12 +5,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from radiogs_core.capabilities import Part
+from radiogs_core.capabilities import OffersRecipes, Part
 from radiogs_core.contract import current_name
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, to_plain, value_at
 
-from ..methods import DEFAULT, Settings, budget_of, mark, method, settable, settings_of, variant_of
+from ..methods import (
+    DEFAULT,
+    Settings,
+    budget_of,
+    mark,
+    method,
+    require_recipe,
+    settable,
+    settings_of,
+    variant_of,
+)
 from ..scoring.metrics.measures import MEASURES
 from .experiment import TRAINING
 
@@ -84,6 +94,9 @@ class Row:
     """Settings of the experiment, if it has any."""
     method: str = DEFAULT
     """Name of the method."""
+    recipe: str = ""
+    """Name of the recipe of the method that ``variant`` changes (``radiogs_core.capabilities.OffersRecipes``); empty:
+    that of the suite."""
     given: tuple[Part, ...] | None = None
     """Parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``): empty for the row of a
     ladder that is given nothing, None for a row outside a ladder."""
@@ -115,6 +128,9 @@ class Suite:
     """Where to find scenes that do not come with the package."""
     data_set: str = ""
     """Folder of these scenes below the root of data."""
+    recipe: str = ""
+    """Recipe of the rows that name none, if their methods offer any; empty: the methods' defaults. ``run --recipe``
+    takes its place."""
 
     def __post_init__(self) -> None:
         keys = [row.key for row in self.rows]
@@ -125,6 +141,34 @@ class Suite:
             raise UsageError(
                 f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
             )
+
+
+def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
+    """The suite with a recipe for all rows that name none, and remarks on the rows that do not run by it.
+
+    Raises UsageError for a recipe that no row's method offers.
+    """
+    refused: dict[str, UsageError] = {}
+    for used in dict.fromkeys(row.method for row in suite.rows):
+        try:
+            require_recipe(method(used), name)
+        except UsageError as error:
+            refused[used] = error
+    if all(row.method in refused for row in suite.rows):
+        raise next(iter(refused.values()))
+    misnamed = [error for each, error in refused.items() if isinstance(method(each), OffersRecipes)]
+    if misnamed:
+        raise misnamed[0]
+    kept = [f"row '{row.key}' keeps its recipe, {row.recipe}" for row in suite.rows if row.recipe not in ("", name)]
+    lacking = [f"rows of method '{each}' run as they are: it has no recipes" for each in refused]
+    return replace(suite, recipe=name), [*kept, *lacking]
+
+
+def recipe_of_row(suite: Suite, row: Row) -> str:
+    """The recipe that a row runs by: its own, else that of the suite if its method offers any; empty for none."""
+    if row.recipe or not suite.recipe:
+        return row.recipe
+    return suite.recipe if isinstance(method(row.method), OffersRecipes) else ""
 
 
 def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:

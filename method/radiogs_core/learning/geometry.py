@@ -28,6 +28,9 @@ class GeometryWeights:
     """Weight of L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
     """Weight of 1 - SSIM between these images (3DGS)."""
+    radiance: float = 1.0
+    """Factor of both for the image of the surfels' own radiance; the released code leaves this image out of stage 1 in
+    three scenes."""
     normal: float = 0.05
     """Weight of the distance between the surfels' normals and those of the depth map (2DGS), until
     ``GeometrySchedule.normal_late_from``."""
@@ -60,6 +63,8 @@ class GeometrySchedule:
     """Shares from which the harmonics of degree 1, 2 and 3 are learnt."""
     normal_late_from: float = 0.3
     """Share from which ``GeometryWeights.normal_late`` replaces ``GeometryWeights.normal``."""
+    normal_smoothness_until: float = 1.0
+    """Share until which the loss on neighbouring normals is on (released code: 18,000 of 40,000 steps)."""
     decay_from: float = 0.5
     """Share from which all learning rates but that of positions decay geometrically, to ``SurfelRates.end_share`` of
     their value. Short runs take long steps; at constant rates the surfels would keep oscillating about the optimum."""

@@ -8,13 +8,14 @@ illumination.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.shade.shade import shade
+from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
 from ..surfels.harmonics import surfel_radiance, unclamped_radiance
@@ -24,14 +25,26 @@ from ..transport.splatting import towards
 from ..transport.tracer import SurfelTracer, incident_along
 from .backward import backward
 
-RATE = 0.3
-"""Learning rate of degree 0 at the start, in units of the scene's mean radiance."""
-RATE_REST = 0.05
-"""Share of it that is the rate of higher degrees (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
-dB."""
-LAST_RATE = 0.02
-"""Share of the rates that is left at the end of a cosine schedule; it bounds the noise that samples leave in the
-radiance."""
+
+@dataclass(frozen=True)
+class SolverRates:
+    """Learning rates of a ``RadianceSolver``."""
+
+    degree_0: float = 0.3
+    """Rate of the harmonics of degree 0 at the start, times ``unit``."""
+    unit: Literal["mean radiance", "one"] = "mean radiance"
+    """Unit of the rates: the scene's mean radiance under the light, so that a rate suits every light, or one, as in
+    training."""
+    rest_share: float = 0.05
+    """Share of it that is the rate of higher degrees (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
+    dB."""
+    last_share: float = 0.02
+    """Share of the rates that is left at the end of a cosine schedule; it bounds the noise that samples leave in the
+    radiance. 1: constant rates."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", "degree_0", "rest_share")
+        require(self, "between 0 and 1", "last_share")
 
 
 @dataclass(frozen=True)
@@ -75,6 +88,7 @@ class RadianceSolver:
         seed: Seed of all random draws.
         tracer: Makes the tracer of the surfels.
         floor: See ``hemisphere_directions``.
+        rates: Learning rates.
     """
 
     name = "radiance"
@@ -88,10 +102,11 @@ class RadianceSolver:
         seed: int,
         tracer: Callable[[Surfels], SurfelTracer] = SurfelTracer,
         floor: bool = False,
+        rates: SolverRates = SolverRates(),
     ) -> None:
         device = surfels.centre.device
         self.fixed = surfels.take(torch.arange(len(surfels), device=device))
-        self.equation, self.budget = equation, budget
+        self.equation, self.budget, self.rates = equation, budget, rates
         self.cameras = [camera.to(device, surfels.centre.dtype) for camera in cameras]
         self.iteration, self.iterations = 0, budget.iterations
         self.generator = torch.Generator(device).manual_seed(seed)
@@ -101,7 +116,7 @@ class RadianceSolver:
         self.sh = {"sh": self.fixed.sh[:, :1].clone(), "sh_rest": self.fixed.sh[:, 1:].clone()}
         for value in self.sh.values():
             value.requires_grad_()
-        self.unit = self._mean_radiance()
+        self.unit = self._mean_radiance() if rates.unit == "mean radiance" else 1.0
         self.adam = torch.optim.Adam([{"params": [value], "lr": 0.0} for value in self.sh.values()], fused=True)
 
     @property
@@ -157,10 +172,10 @@ class RadianceSolver:
         return max(float(self.reflected(index, along).mean()), float(own.mean()))
 
     def _set_rates(self) -> None:
-        progress = torch.tensor(self.iteration / self.iterations)
-        decay = float(LAST_RATE + (1 - LAST_RATE) * (1 + torch.cos(torch.pi * progress)) / 2)
-        for group, share in zip(self.adam.param_groups, (1.0, RATE_REST), strict=True):
-            group["lr"] = RATE * self.unit * share * decay
+        rates, progress = self.rates, torch.tensor(self.iteration / self.iterations)
+        decay = float(rates.last_share + (1 - rates.last_share) * (1 + torch.cos(torch.pi * progress)) / 2)
+        for group, share in zip(self.adam.param_groups, (1.0, rates.rest_share), strict=True):
+            group["lr"] = rates.degree_0 * self.unit * share * decay
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

@@ -168,9 +168,13 @@ class FitGeometry(SurfelStage[Any, Any]):
                 centre.copy_(before + (centre - before) * self.space.stretch(before)[:, None])
         done = self.iteration + 1
         if self.density.due(done, self.iterations):
-            changed = self.density.act(self.optimiser.surfels, done, self.iterations, self.generator)
-            require_some(changed[0], done)
-            self.optimiser.replace(*changed)
+            opacity = self.optimiser.surfels.opacity_logit
+            changed, origin = self.density.act(self.optimiser.surfels, done, self.iterations, self.generator)
+            require_some(changed, done)
+            self.optimiser.replace(changed, origin)
+            kept = origin >= 0
+            if not torch.equal(changed.opacity_logit[kept], opacity[origin[kept]]):
+                self.optimiser.forget("opacity_logit")
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name; sets ``touched``, the mask of surfels that the view shows."""
@@ -190,8 +194,9 @@ class FitGeometry(SurfelStage[Any, Any]):
             losses["distortion"] = weights.distortion * mean_distortion(seen, self.depth_unit, self.space is not None)
         inside = None if self.learning.across_silhouettes else view.mask
         allowance = edge_allowance(view.over(0.0), self.learning.edge_sharpness, inside)
-        smoothness = edge_aware_smoothness(seen.normal, allowance)
-        losses["normal smoothness"] = weights.normal_smoothness * smoothness
+        if self.iteration <= self.learning.schedule.normal_smoothness_until * self.iterations:
+            smoothness = edge_aware_smoothness(seen.normal, allowance)
+            losses["normal smoothness"] = weights.normal_smoothness * smoothness
         self.touched = seen.touched
         return losses
 
@@ -211,7 +216,8 @@ class FitGeometry(SurfelStage[Any, Any]):
             composited.append(self._composited(torch.stack(others), covered, background))
         losses = reconstruction(torch.cat(composited), target, weights.absolute, weights.similarity)
         radiance, *shaded = zip(seen.images, losses.unbind(), strict=True)
-        return dict([radiance]) | {name: self.shading.image_weight * loss for name, loss in shaded}
+        own_loss = {radiance[0]: weights.radiance * radiance[1]}
+        return own_loss | {name: self.shading.image_weight * loss for name, loss in shaded}
 
     def _composited(
         self, blended: Float[Tensor, "images height width 3"], alpha: Float[Tensor, "height width"], background: float

@@ -26,9 +26,10 @@ from ..scene.colour import LINEAR_KNEE, srgb_decode
 from ..scene.light import bilinear_texels
 from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
+from ..transport.plan import EffectPlan
 from ..transport.sampling import hemisphere_directions
 from ..transport.splatting import splat, towards
-from ..transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
+from ..transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, visibility_of
 from .model import LitSurfels
 from .start_values import LightStart, StartValues
 
@@ -92,6 +93,14 @@ class Transport:
         return self.direct @ light.flatten(0, 1) + self.indirect
 
 
+@dataclass(frozen=True)
+class StartingModel(LitSurfels):
+    """The initial model of stage 2."""
+
+    searched: bool
+    """Whether the light and albedo are those of a search; otherwise both are constant."""
+
+
 def starting_model(
     learnt: Surfels,
     views: tuple[TrainingView, ...],
@@ -99,14 +108,16 @@ def starting_model(
     start: StartValues,
     generator: torch.Generator,
     two_sided: bool = True,
-) -> LitSurfels:
+    plan: EffectPlan = EVERYTHING,
+) -> StartingModel:
     """The initial model of stage 2: the surfels of stage 1 with initial materials, and an initial light.
 
     See ``starting_light_and_albedo`` for the arguments.
     """
-    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided)
-    surfels = learnt.with_material(start.albedo, start.roughness)
-    return LitSurfels(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
+    found = _searched(learnt, views, rows, start, generator, two_sided, plan)
+    light, albedo = found or _constant(learnt, views, rows, start)
+    surfels = replace(learnt.with_material(start.albedo, start.roughness), albedo_logit=torch.logit(albedo))
+    return StartingModel(surfels, light.log(), searched=found is not None)
 
 
 def starting_light_and_albedo(
@@ -116,17 +127,37 @@ def starting_light_and_albedo(
     start: StartValues,
     generator: torch.Generator,
     two_sided: bool = True,
+    plan: EffectPlan = EVERYTHING,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
     """The initial light, [rows, 2 rows, 3], and the initial albedo of the surfels ``learnt`` by stage 1, linear RGB.
 
     Both are constant if ``start.light`` is "constant" or if too few points are seen for a search. ``two_sided``:
-    whether rays also hit surfels from behind (see ``light_and_albedo``).
+    whether rays also hit surfels from behind. ``plan``: whether the search simulates visibility and indirect light
+    (see ``transport_to``).
     """
-    estimate = None
-    if start.light == "least-variation":
-        estimate = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
-    if estimate is not None:
-        return estimate
+    found = _searched(learnt, views, rows, start, generator, two_sided, plan)
+    return found or _constant(learnt, views, rows, start)
+
+
+LightAndAlbedo = tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]
+"""A light, [rows, 2 rows, 3], and the albedo of each surfel, both linear RGB."""
+
+
+def _searched(
+    learnt: Surfels,
+    views: tuple[TrainingView, ...],
+    rows: int,
+    start: StartValues,
+    generator: torch.Generator,
+    two_sided: bool,
+    plan: EffectPlan,
+) -> LightAndAlbedo | None:
+    if start.light == "constant":
+        return None
+    return light_and_albedo(learnt, views, rows, start.search, generator, two_sided, plan)
+
+
+def _constant(learnt: Surfels, views: tuple[TrainingView, ...], rows: int, start: StartValues) -> LightAndAlbedo:
     level = white_light(views, start.white, start.brightest)
     return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
 
@@ -138,11 +169,12 @@ def light_and_albedo(
     learning: LightStart,
     generator: torch.Generator,
     two_sided: bool = True,
-) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]] | None:
+    plan: EffectPlan = EVERYTHING,
+) -> LightAndAlbedo | None:
     """A light map of ``rows`` rows and the surfels' albedo under it, both linear RGB.
 
-    Returns None, and counts ``lights_not_sought``, if fewer than ``FEWEST_POINTS`` points are found. ``two_sided``: see
-    ``transport_to``.
+    Returns None, and counts ``lights_not_sought``, if fewer than ``FEWEST_POINTS`` points are found. ``two_sided`` and
+    ``plan``: see ``transport_to``.
     """
     surfels = surfels.take(torch.arange(len(surfels), device=surfels.centre.device))
     points = seen_points(surfels, views, generator)
@@ -150,7 +182,7 @@ def light_and_albedo(
     fire(lights_not_sought=int(too_few))
     if too_few:
         return None
-    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided)
+    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan)
     light = least_variation_light(points, transport, learning)
     radiance = mean_radiance(surfels, views)
     return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
@@ -189,13 +221,19 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
 
 @torch.no_grad()
 def transport_to(
-    points: SeenPoints, surfels: Surfels, rows: int, generator: torch.Generator, two_sided: bool = True
+    points: SeenPoints,
+    surfels: Surfels,
+    rows: int,
+    generator: torch.Generator,
+    two_sided: bool = True,
+    plan: EffectPlan = EVERYTHING,
 ) -> Transport:
     """Trace rays from points to the surfels, starting beyond the layer of surfels of the points' own surface.
 
-    ``two_sided``: whether rays also hit surfels from behind.
+    ``two_sided``: whether rays also hit surfels from behind. ``plan``: without visibility every direction reaches the
+    light, without indirect light no other surfel lights a point, and without both no ray is traced.
     """
-    tracer, count = SurfelTracer(surfels), len(points.centre)
+    tracer, count = SurfelTracer(surfels) if plan.traces else None, len(points.centre)
     beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
     direct = surfels.centre.new_zeros(count, 2 * rows * rows)
     indirect = surfels.centre.new_zeros(count, 3)
@@ -204,15 +242,20 @@ def transport_to(
         normal = points.normal[some]
         direction, weight = hemisphere_directions(normal, DIRECTIONS, generator)
         share = (direction * normal[:, None]).sum(-1).clamp(min=0) * weight / torch.pi
-        start = share.new_full((share.numel(),), beyond)
-        origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
-        back_from = start if two_sided else None
-        hits = tracer.trace_from(origin, direction.flatten(0, 1), features, start, back_from)
-        visibility, whole = visibility_of(hits)
-        arriving = (hits.radiance * whole[:, None]).view(*share.shape, 3)
-        indirect[some] = (share[..., None] * arriving).sum(1)
+        visibility = torch.ones_like(share)
+        if tracer is not None:
+            start = share.new_full((share.numel(),), beyond)
+            origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
+            back_from = start if two_sided else None
+            hits = tracer.trace_from(origin, direction.flatten(0, 1), features, start, back_from)
+            seen, whole = visibility_of(hits)
+            if plan.visibility:
+                visibility = seen.view(share.shape)
+            if plan.indirect:
+                arriving = (hits.radiance * whole[:, None]).view(*share.shape, 3)
+                indirect[some] = (share[..., None] * arriving).sum(1)
         texel, part = bilinear_texels(direction, rows, 2 * rows)
-        received = (share * visibility.view(share.shape))[..., None] * part
+        received = (share * visibility)[..., None] * part
         direct[some] = direct[some].scatter_add(1, texel.flatten(1), received.flatten(1))
     return Transport(rows, direct, indirect)
 

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypeVar
 
 from ..learning.geometry import GeometryLearning
 from ..plain_values import require
+from .length import POSITIONS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +27,16 @@ class GeometryBudget:
     densify_interval: int
     """Steps between two rounds of density control."""
     rate: float
-    """Factor of the learning rate of positions; its square root is that of rotations. Short runs need larger steps."""
+    """Factor of the learning rate of positions; its square root is that of rotations. Presets have that of the length
+    rule (``length.POSITIONS``)."""
+
+    @classmethod
+    def by_rule(cls, steps: int, initial_surfels: int, maximum_surfels: int, densify_interval: int) -> "GeometryBudget":
+        """A budget whose factor of rates follows from its steps by the length rule."""
+        return cls(
+            steps=steps, initial_surfels=initial_surfels, maximum_surfels=maximum_surfels,
+            densify_interval=densify_interval, rate=POSITIONS.factor(steps),
+        )  # fmt: skip
 
     @classmethod
     def of(cls, budget: Any) -> "GeometryBudget":
@@ -42,11 +52,11 @@ class GeometryBudget:
 
 
 GEOMETRY_PRESETS: Mapping[str, GeometryBudget] = {
-    "smoke": GeometryBudget(steps=60, initial_surfels=400, maximum_surfels=600, densify_interval=20, rate=12.0),
-    "tiny": GeometryBudget(steps=2000, initial_surfels=6000, maximum_surfels=6000, densify_interval=100, rate=12.0),
-    "small": GeometryBudget(steps=5000, initial_surfels=20_000, maximum_surfels=50_000, densify_interval=200, rate=5.0),
-    "paper": GeometryBudget(
-        steps=40_000, initial_surfels=100_000, maximum_surfels=2_000_000, densify_interval=500, rate=1.0
+    "smoke": GeometryBudget.by_rule(steps=60, initial_surfels=400, maximum_surfels=600, densify_interval=20),
+    "tiny": GeometryBudget.by_rule(steps=2000, initial_surfels=6000, maximum_surfels=6000, densify_interval=100),
+    "small": GeometryBudget.by_rule(steps=5000, initial_surfels=20_000, maximum_surfels=50_000, densify_interval=200),
+    "paper": GeometryBudget.by_rule(
+        steps=40_000, initial_surfels=100_000, maximum_surfels=2_000_000, densify_interval=500
     ),
 }
 """Budgets of stage 1 by preset. In the paper, density control runs from 5 % to 62.5 % of the 40,000 steps."""

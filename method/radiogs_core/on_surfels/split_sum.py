@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.shade.brdf import FRESNEL_NORMAL
-from ..transport.splitsum import PrefilteredLight, brdf_table, split_sum_radiance
+from ..transport.splitsum import Masking, PrefilteredLight, brdf_table, split_sum_radiance
 
 Frame = Literal["oriented", "as_shipped"]
 """Frame in which a light map is looked up: "oriented" is its own frame, Z up; "as_shipped" is a lookup for Y up along
@@ -77,7 +77,9 @@ class SplitSumLight:
             self.along(normal), albedo, roughness, self.along(outgoing), self.filtered
         )
         if metallic is not None:
-            specular = specular * metallic_factor(albedo, roughness, metallic, (normal * outgoing).sum(-1))
+            specular = specular * metallic_factor(
+                albedo, roughness, metallic, (normal * outgoing).sum(-1), self.filtered.masking
+            )
         return Reflected(diffuse, specular)
 
 
@@ -93,21 +95,24 @@ def metallic_factor(
     roughness: Float[Tensor, " points"],
     metallic: Float[Tensor, " points"],
     cosine: Float[Tensor, " points"],
+    masking: Masking = "schlick",
 ) -> Float[Tensor, "points 3"]:
     """(F0 A + B) / (0.04 A + B): the factor from a dielectric specular lobe to that of ``normal_reflectance``.
 
     1 where the lobe is zero, which is at an exactly grazing view. ``cosine``: n.wo.
     """
-    scale, bias = brdf_integrals(cosine, roughness).unbind(-1)
+    scale, bias = brdf_integrals(cosine, roughness, masking).unbind(-1)
     dielectric = FRESNEL_NORMAL * scale + bias
     some = dielectric > 0
     lobe = normal_reflectance(albedo, metallic) * scale[:, None] + bias[:, None]
     return torch.where(some[:, None], lobe / torch.where(some, dielectric, 1.0)[:, None], 1.0)
 
 
-def brdf_integrals(cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"]) -> Float[Tensor, "points 2"]:
+def brdf_integrals(
+    cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"], masking: Masking = "schlick"
+) -> Float[Tensor, "points 2"]:
     """A and B of ``splitsum.brdf_table``, bilinear in ``cosine`` (n.wo) and ``roughness``, with gradient to both."""
-    table = brdf_table().to(roughness)
+    table = brdf_table(masking).to(roughness)
     last = len(table) - 1
     (row, below), (column, beyond) = (_cell(value, last) for value in (cosine, roughness))
     upper, lower = (

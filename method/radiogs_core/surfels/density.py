@@ -13,7 +13,7 @@ in half-images at the surfel's centre, and the number of surfels has a maximum.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 import torch
@@ -65,6 +65,59 @@ class DensityControl(Protocol):
 
 
 @dataclass(frozen=True)
+class OpacityResets:
+    """Resets of all opacities at regular steps while density control acts; by default there are none.
+
+    3DGS, 2DGS and the released code of RadioGS lower all opacities so that surfels which no image needs stay faint and
+    are pruned. The released code also raises them, so that rays of the split sum do not pass through surfaces.
+    """
+
+    lower_every: float = 0.0
+    """Share of the stage between two resets to ``lower_to`` at most; 0: none (3DGS: 3,000 steps)."""
+    lower_to: float = 0.01
+    """Largest opacity after a reset that lowers opacities (3DGS)."""
+    raise_every: float = 0.0
+    """Share of the stage between two resets to ``raise_to`` at least; 0: none (released code: 1,000 of 40,000 steps).
+    A step that lowers opacities raises none."""
+    raise_to: float = 0.9
+    """Smallest opacity after a reset that raises opacities (released code)."""
+    recovery: int = 400
+    """Fewest steps between two resets that lower opacities. At 3DGS's rate, 0.05 in logits, an opacity needs 140 steps
+    from 0.01 to 0.9. In a stage so short that ``lower_every`` is less, both intervals are longer by the same factor."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "lower_every", "raise_every")
+        require(self, "above 0 and below 1", "lower_to", "raise_to")
+        require(self, "one or above", "recovery")
+
+    def lowers(self, iteration: int, iterations: int) -> bool:
+        """Whether opacities are lowered after ``iteration`` of ``iterations`` steps."""
+        return _at_multiple(iteration, self._longer(iterations) * self.lower_every * iterations)
+
+    def raises(self, iteration: int, iterations: int) -> bool:
+        """Whether opacities are raised after ``iteration`` of ``iterations`` steps."""
+        raised = _at_multiple(iteration, self._longer(iterations) * self.raise_every * iterations)
+        return raised and not self.lowers(iteration, iterations)
+
+    def _longer(self, iterations: int) -> float:
+        interval = self.lower_every * iterations
+        return max(1.0, self.recovery / interval) if interval > 0 else 1.0
+
+    def applied(self, surfels: Surfels, iteration: int, iterations: int) -> Surfels:
+        """The surfels with the opacities after this step."""
+        low, high = (torch.logit(surfels.opacity_logit.new_tensor(each)) for each in (self.lower_to, self.raise_to))
+        if self.lowers(iteration, iterations):
+            return replace(surfels, opacity_logit=surfels.opacity_logit.clamp(max=low))
+        if self.raises(iteration, iterations):
+            return replace(surfels, opacity_logit=surfels.opacity_logit.clamp(min=high))
+        return surfels
+
+
+def _at_multiple(iteration: int, interval: float) -> bool:
+    return interval > 0 and iteration > 0 and iteration % max(1, round(interval)) == 0
+
+
+@dataclass(frozen=True)
 class AdaptiveDensity:
     """When and where ``AdaptiveDensityControl`` acts. Scales are in scene extents (see ``Scene.extent``)."""
 
@@ -86,6 +139,10 @@ class AdaptiveDensity:
     """Shares of the stage after which surfels that hardly show in any training view are pruned."""
     least_contribution: float = 0.1
     """Sum of blending weights over the pixels of the view that shows most of a surfel below which it hardly shows."""
+    prune_unseen: bool = True
+    """Whether surfels that no view has seen since the last round are pruned (3DGS: no)."""
+    resets: OpacityResets = field(default_factory=OpacityResets)
+    """Resets of all opacities."""
 
     def __post_init__(self) -> None:
         require(self, "between 0 and 1", "start", "end", "opacity_floor", "hidden_at")
@@ -175,21 +232,38 @@ class AdaptiveDensityControl:
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to ``act`` after this step."""
-        return self._grows(iteration, iterations) or self._hides(iteration, iterations)
+        due = (self._grows, self._hides, self._resets)
+        return any(each(iteration, iterations) for each in due)
+
+    def _acts(self, iteration: int, iterations: int) -> bool:
+        return self.rules.start <= iteration / iterations < self.rules.end
 
     def _grows(self, iteration: int, iterations: int) -> bool:
-        return iteration % self.interval == 0 and self.rules.start <= iteration / iterations < self.rules.end
+        return iteration % self.interval == 0 and self._acts(iteration, iterations)
 
     def _hides(self, iteration: int, iterations: int) -> bool:
         return iteration in {round(share * iterations) for share in self.rules.hidden_at}
 
+    def _resets(self, iteration: int, iterations: int) -> bool:
+        resets = self.rules.resets
+        changes = resets.lowers(iteration, iterations) or resets.raises(iteration, iterations)
+        return changes and self._acts(iteration, iterations)
+
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        """Run a round, prune surfels that contribute little to every view, or both, as the schedule says.
+        """Run a round, prune surfels that contribute little to every view, reset opacities, or all, as scheduled.
 
         A round clones, splits and prunes, and resets the statistics.
         """
+        changed, origin = self._with_round(surfels, iteration, iterations, generator)
+        if self._resets(iteration, iterations):
+            changed = self.rules.resets.applied(changed, iteration, iterations)
+        return changed, origin
+
+    def _with_round(
+        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
+    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
         grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
         shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
         if hides:
@@ -211,7 +285,7 @@ class AdaptiveDensityControl:
         if self.stretch is not None:
             stretch = self.stretch(surfels.centre)
             largest, prunable = largest / stretch, stretch <= 1
-        seen = shows & (self.gradient.total > 0)
+        seen = shows & (self.gradient.total > 0) if rules.prune_unseen else shows
         too_large = prunable & (largest > rules.largest_scale * extent)
         keep = seen & (surfels.opacity >= rules.opacity_floor) & ~too_large
         strength = self.gradient.mean()

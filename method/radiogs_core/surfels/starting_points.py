@@ -37,10 +37,13 @@ DRAWN_AT_ONCE = 1 << 20
 class SurfelStart:
     """How surfels are initialised."""
 
-    points: Literal["hull", "swept"] = "swept"
+    points: Literal["hull", "swept", "box"] = "swept"
     """``"swept"``: points on the surfaces that swept depth maps agree on, with the surfaces' normals
     (``swept_points``); points of the hull if the maps agree on no surface. ``"hull"``: random points of the
-    silhouettes' hull (2DGS)."""
+    silhouettes' hull. ``"box"``: random points of a cube around the world's origin, grey (2DGS for scenes without
+    sparse points)."""
+    box: float = 1.3
+    """Half of the cube's side, world units (3DGS's scripts for synthetic scenes)."""
     sweep: DepthSweep = field(default_factory=DepthSweep)
     """How depth maps are swept."""
     candidates: int = 128
@@ -49,7 +52,7 @@ class SurfelStart:
     """Share of the candidates inside the hull, those of the most consistent colour, that surfels are chosen from, in
     (0, 1]."""
     opacity: float = 0.1
-    """Initial peak opacity of surfels that start in the hull, as in 3DGS."""
+    """Initial peak opacity of surfels that start in the hull or the box, as in 3DGS."""
     albedo: float = 0.5
     """Initial linear diffuse albedo of all channels."""
     roughness: float = 0.6
@@ -57,6 +60,7 @@ class SurfelStart:
 
     def __post_init__(self) -> None:
         require(self, "one or above", "candidates")
+        require(self, "above zero", "box")
         require(self, "above 0 and at most 1", "consistent_share")
         require(self, "above 0 and below 1", "opacity", "albedo")
         require_roughness(self)
@@ -65,17 +69,21 @@ class SurfelStart:
 def initial_surfels(
     scene: Scene, views: Sequence[View], count: int, start: SurfelStart, linear: bool, generator: torch.Generator
 ) -> Surfels:
-    """At most ``count`` surfels at ``swept_points`` or ``initial_points``, as wide as the distance to their neighbours.
+    """At most ``count`` surfels at ``SurfelStart.points``, as wide as the distance to their neighbours.
 
     Surfels at swept points have the surface's normal; others face the nearest camera. Their radiance is the mean colour
-    that the views show there, converted to ``linear`` RGB or kept as display sRGB. Raises DataError as
-    ``initial_points`` does.
+    that the views show there (grey in the box), converted to ``linear`` RGB or kept as display sRGB. Raises DataError
+    as ``initial_points`` does.
     """
     found = _swept_surfels(scene, views, count, start, generator) if start.points == "swept" else None
     if found is not None:
         surfels, colour, opacity = *found, start.sweep.opacity
     else:
-        points, colour = initial_points(scene, views, count, generator, start)
+        points, colour = (
+            points_in_box(count, start.box, generator)
+            if start.points == "box"
+            else initial_points(scene, views, count, generator, start)
+        )
         surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, views), generator)
         opacity = start.opacity
     surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if linear else colour)
@@ -91,6 +99,14 @@ def _swept_surfels(
         return None
     spacing = SPREAD * neighbour_spacing(points)
     return surfels_facing(points, spacing, normals), colour
+
+
+def points_in_box(
+    count: int, half_side: float, generator: torch.Generator
+) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+    """``count`` random points of the cube of this half side around the world's origin, and grey, display sRGB."""
+    points = half_side * (2 * torch.rand(count, 3, generator=generator) - 1)
+    return points, torch.full((count, 3), 0.5)
 
 
 def view_radius(scene: Scene) -> float:

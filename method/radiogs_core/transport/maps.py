@@ -92,15 +92,11 @@ def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[
 
 @torch.no_grad()
 def split_sum_maps(
-    camera: Camera, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], straight: bool = True
+    camera: Camera, surfels: Surfels, light: PrefilteredLight, straight: bool = True
 ) -> dict[str, Float[Tensor, "height width _"]]:
     """The maps of ``shaded_maps``, shaded by the split sum: without occlusion and without indirect light."""
     diffuse, specular = split_sum_radiance(
-        surfels.frame[..., 2],
-        surfels.albedo,
-        surfels.roughness,
-        towards(camera, surfels),
-        PrefilteredLight(environment),
+        surfels.frame[..., 2], surfels.albedo, surfels.roughness, towards(camera, surfels), light
     )
     direct = diffuse + specular
     return _maps(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct), straight)

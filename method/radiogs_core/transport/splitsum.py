@@ -1,13 +1,14 @@
 """Split-sum shading: prefiltered light times a pre-integrated BRDF (paper, initialisation and relighting)."""
 
 from functools import cache, cached_property
+from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
-from ..kernels.shade.brdf import smith_visibility
+from ..kernels.shade.brdf import correlated_visibility, smith_visibility
 from ..kernels.shade.splitsum import look_up, split_sum
 from ..scene.light import texel_solid_angles
 from .light_filters import LEVELS, filtered, turned_spectrum
@@ -15,19 +16,26 @@ from .light_filters import LEVELS, filtered, turned_spectrum
 LARGEST_HEIGHT = 32
 """Largest number of rows of a light before it is filtered."""
 
+Masking = Literal["schlick", "height-correlated"]
+"""Smith's masking and shadowing in the pre-integrated BRDF. "schlick": Schlick's approximation with k = (r + 1)^2 / 8,
+as in shading by rays. "height-correlated": the exact term, as in the table that GS-IR, GI-GS and the released code of
+RadioGS ship. At grazing views of smooth surfaces the latter reflects several times as much."""
+
 
 class PrefilteredLight:
     """A light map, filtered for diffuse and glossy reflection (see ``light_filters``); differentiable in its texels.
 
     Args:
         radiance: Linear RGB, lat-long (see ``light``).
+        masking: Masking of the pre-integrated BRDF by which the light is reflected.
     """
 
     sharp: Float[Tensor, "rows columns 3"]
     """The light, averaged by solid angle to at most LARGEST_HEIGHT rows. It is used at roughness 0: its texels are
     about as wide as the lobe of the first of LEVELS."""
 
-    def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
+    def __init__(self, radiance: Float[Tensor, "height width 3"], masking: Masking = "schlick") -> None:
+        self.masking: Masking = masking
         height = min(radiance.shape[0], LARGEST_HEIGHT)
         if radiance.shape[:2] == (height, 2 * height):
             self.sharp = radiance
@@ -68,7 +76,7 @@ def split_sum_radiance(
     light: PrefilteredLight,
 ) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch 3"]]:
     """Diffuse and specular radiance, linear RGB, towards unit ``outgoing``, without occlusion; zero from behind."""
-    table = brdf_table().to(normal)
+    table = brdf_table(light.masking).to(normal)
     diffuse, glossy = light.both
     both = split_sum(normal, albedo, roughness, outgoing, diffuse, glossy, light.sharp, table, LEVELS[0])
     return both[:, 0], both[:, 1]
@@ -79,7 +87,7 @@ def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tenso
 
 
 @cache
-def brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
+def brdf_table(masking: Masking = "schlick", size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
     """A and B with F0 A + B = integral of f_s (n.wi), on a grid of n.wo by roughness in [0, 1]; float32.
 
     Half-vectors are stratified in the GGX distribution (density D (n.h)); with wi = reflected wo the integrand is
@@ -96,7 +104,8 @@ def brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness
     view_half = view_x * half_x + cosine * half_z
     light_z = 2 * view_half * half_z - cosine
     valid = (view_half > 0) & (light_z > 0)
-    lobe = 4 * smith_visibility(*torch.broadcast_tensors(cosine, light_z.clamp(min=0), roughness))
+    visibility = smith_visibility if masking == "schlick" else correlated_visibility
+    lobe = 4 * visibility(*torch.broadcast_tensors(cosine, light_z.clamp(min=0), roughness))
     value = torch.where(valid, lobe * view_half * light_z / half_z, 0.0)
     bright = torch.exp2((-5.55473 * view_half - 6.98316) * view_half)
     return torch.stack([(value * (1 - bright)).mean((2, 3)), (value * bright).mean((2, 3))], -1).float()

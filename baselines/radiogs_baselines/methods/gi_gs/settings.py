@@ -12,6 +12,7 @@ from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, Sur
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
+from radiogs_core.transport.splitsum import Masking
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +174,8 @@ class Variant(SurfelVariant):
     """Whether training, and images under the recovered light, include screen-space occlusion."""
     sum: Sum = "display"
     """Colour space in which direct and indirect light are added (see ``Sum``)."""
+    masking: Masking = "height-correlated"
+    """Masking in the pre-integrated BRDF (see ``splitsum.Masking``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     metallic: bool = False

@@ -42,14 +42,14 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
     def as_trained(self) -> Prepared:
         """Rendering under the recovered light, shaded as in training."""
         own = self._shader(self.run.variant.occlusion, self.run.variant.indirect)
-        light = SplitSumLight(PrefilteredLight(self.model.environment.detach())).ready()
+        light = SplitSumLight(PrefilteredLight(self.model.environment.detach(), self.run.variant.masking)).ready()
         return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), SHOWN_WITH_INCIDENT)
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
         """Rendering under ``light``, without occlusion and with the frame's bounce under that light."""
-        new = SplitSumLight(PrefilteredLight(light.radiance), self.run.variant.frame).ready()
+        new = SplitSumLight(PrefilteredLight(light.radiance, self.run.variant.masking), self.run.variant.frame).ready()
         shader = self._shader(occlusion=False, indirect=self.run.variant.relight_indirect)
         return Shown(Renderer(self.model, self.model.surfels.albedo.detach() * albedo_scale, new, shader))
 

@@ -63,7 +63,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         model, weights = self.model, self.variant.materials.weights
         seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
         buffer, target = gbuffer(view.camera, seen), view.over(0.0)
-        image = self.shader.shade(buffer, seen.alpha, SplitSumLight(PrefilteredLight(model.environment)))["image"]
+        light = SplitSumLight(PrefilteredLight(model.environment, self.variant.masking))
+        image = self.shader.shade(buffer, seen.alpha, light)["image"]
         solid = torch.isfinite(buffer.depth)
         return {
             "shaded": weights.shaded * image_loss(image, target),

@@ -9,7 +9,7 @@ from torch.nn.functional import normalize
 
 from radiogs_core.scene.light import bilinear_texels, texel_directions
 from radiogs_core.transport.light_filters import GRID_HEIGHT, GRID_WIDTH
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.splitsum import Masking, PrefilteredLight
 
 from .settings import TexelAreas
 
@@ -33,9 +33,12 @@ class ApproximatelyFilteredLight(PrefilteredLight):
         return self.diffuse, super().both[1]
 
 
-def filtered_light(radiance: Float[Tensor, "height width 3"], areas: TexelAreas) -> PrefilteredLight:
+def filtered_light(
+    radiance: Float[Tensor, "height width 3"], areas: TexelAreas, masking: Masking = "height-correlated"
+) -> PrefilteredLight:
     """Pre-filter linear ``radiance`` with exact or approximate texel areas; differentiable with respect to it."""
-    return PrefilteredLight(radiance) if areas == "exact" else ApproximatelyFilteredLight(radiance)
+    kind = PrefilteredLight if areas == "exact" else ApproximatelyFilteredLight
+    return kind(radiance, masking)
 
 
 def approximate_areas(face: int = FACE) -> Float[Tensor, "face face"]:

@@ -10,6 +10,7 @@ from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, Sur
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
+from radiogs_core.transport.splitsum import Masking
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +155,8 @@ class Variant(SurfelVariant):
     """Whether a metalness is learnt, which interpolates F0 between 0.04 and the albedo."""
     texel_areas: TexelAreas = "exact"
     """Solid angles of texels in the diffuse pre-filter (see ``TexelAreas``)."""
+    masking: Masking = "height-correlated"
+    """Masking in the pre-integrated BRDF (see ``splitsum.Masking``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     lr_scale: float = 1.0

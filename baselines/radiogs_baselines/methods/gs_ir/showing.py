@@ -74,7 +74,9 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         return Shown(_Relit(self.model, albedo, new, self.run.variant.straight))
 
     def _filtered(self, radiance: Tensor, frame: Frame) -> SplitSumLight:
-        return SplitSumLight(filtered_light(radiance, self.run.variant.texel_areas), frame).ready()
+        return SplitSumLight(
+            filtered_light(radiance, self.run.variant.texel_areas, self.run.variant.masking), frame
+        ).ready()
 
 
 class _AsTrained:

@@ -74,7 +74,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """Weighted losses of a step on ``view``, by name."""
         weights, model, target = self.variant.materials.weights, self.model, view.over(0.0)
-        light = SplitSumLight(filtered_light(model.environment, self.variant.texel_areas))
+        light = SplitSumLight(filtered_light(model.environment, self.variant.texel_areas, self.variant.masking))
         shown = View.of(view.camera, model, model.surfels.albedo, self.depth_unit)
         shaded = shown.shaded(model, light, self.budget.occlusion_samples)
         maps = [shown.seen.images[name] for name in MATERIALS if name in shown.seen.images]

@@ -42,6 +42,19 @@ def smith_visibility(
     return 0.25 / ((view_cosine * (1 - k) + k) * (light_cosine * (1 - k) + k))
 
 
+def correlated_visibility(
+    view_cosine: Float[Tensor, "*batch"], light_cosine: Float[Tensor, "*batch"], roughness: Float[Tensor, "*batch"]
+) -> Float[Tensor, "*batch"]:
+    """G / (4 (n.wi) (n.wo)) with the exact, height-correlated Smith term of GGX (Heitz 2014, Eq. 99)."""
+    alpha_squared = roughness.square().square()
+
+    def slope(cosine: Tensor) -> Tensor:
+        return (alpha_squared + (1 - alpha_squared) * cosine.square()).sqrt()
+
+    total = light_cosine * slope(view_cosine) + view_cosine * slope(light_cosine)
+    return 0.5 / total.clamp(min=torch.finfo(total.dtype).tiny)
+
+
 def specular(
     normal: Float[Tensor, "*batch 3"],
     wo: Float[Tensor, "*batch 3"],
