@@ -36,7 +36,7 @@ class Recipe:
         return {**self.values, **self.by_scene.get((layout, ""), {}), **self.by_scene.get((layout, scene), {})}
 
 
-UNSAID: tuple[str, ...] = ("fixed-offset", "one-sided-rays", "premultiplied-encoding", "start-light", "spread-views")
+UNSAID: tuple[str, ...] = ("fixed-offset", "one-sided-rays", "start-light", "spread-views")
 """Deviations about whose subject the paper says nothing, so that ``printed`` has them too."""
 
 PRINTED: Values = {
