@@ -123,7 +123,9 @@ CONSTANTS: tuple[Constant, ...] = (
              1_000 / 40_000, "the published code then holds opacities for 200 steps; here it does not"),
     Constant(DENSITY, "surfels that hardly show are pruned at", "geometry.density.hidden_at", ()),
     Constant(DENSITY, "surfels that no view has seen are pruned", "geometry.density.prune_unseen", False),
-    Constant(START, "points", "geometry.start.points", None, "box", "2DGS: random in a cube; here facing the cameras"),
+    Constant(START, "points", "geometry.start.points", None, "box",
+             "2DGS: random in a cube. With 6,000 of them, as at preset tiny, stage 1 reaches 27.2 dB of new views on"
+             " corner, and 34.0 with points of the silhouettes' hull, which printed has; here facing the cameras"),
     Constant(START, "opacity", "geometry.start.opacity", None, 0.1),
     Constant(START, "background of stage 1", "geometry.backgrounds", None, (1.0,)),
     Constant(START, "roughness, stage 1", "geometry.start.roughness", None, 0.1),

@@ -2,7 +2,8 @@
 
 A recipe is a set of values for fields of ``Variant``; the length of a run is that of its preset. ``printed`` has the
 paper's values. Where the paper says nothing it has those of 2DGS, which the paper follows, and else those of the
-published code. Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity loss, which
+published code; the starting points alone are of this project, because random points of a cube need the paper's number
+of surfels (``constants``). Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity loss, which
 is unbounded below, is the cross-entropy between coverage and the mask. ``released`` has the values of the published
 scripts, which differ between scenes. ``recommended`` is the default of ``Variant``. ``constants`` lists every value
 with its source, and what no recipe reproduces.
@@ -55,7 +56,7 @@ PRINTED: Values = {
     "geometry.density.hidden_at": (),
     "geometry.density.prune_unseen": False,
     "geometry.density.resets.lower_every": 3_000 / 40_000,
-    "geometry.start.points": "box",
+    "geometry.start.points": "hull",
     "geometry.start.roughness": 0.1,
     "split_sum.image": 1.0,
     "split_sum.geometry_gradient": True,
@@ -78,6 +79,7 @@ RELEASED: Values = {
     **PRINTED,
     "deviations": tuple(DEVIATIONS),
     "geometry.weights.mask": 0.02,
+    "geometry.start.points": "box",
     "geometry.schedule.normal_smoothness_until": 18_000 / 40_000,
     "geometry.rates.radiance": 0.0075,
     "geometry.rates.radiance_rest": 0.0075 / 20,

@@ -67,6 +67,7 @@ def add_to(commands: "Commands") -> None:
         "--method", type=names, metavar="A,B",
         help="Run these methods (see `methods`, or TOML files) in the suite's table (default: the rows').",
     )  # fmt: skip
+    parser.add_argument("--rows", type=names, metavar="A,B", help="Run these rows of the suite (default: all).")
     add_recipe(parser)
     add_effects(parser, default=None)
     add_set(parser)
@@ -174,11 +175,13 @@ def describe(suite: "Suite") -> list[str]:
 
 def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite, list[str]]":
     """The suite with the methods and fields that the options set, and remarks on rows that are not changed."""
-    from ..suites.suite import of_methods, with_field, with_recipe, with_settings
+    from ..suites.suite import of_methods, with_field, with_recipe, with_rows, with_settings
 
     remarks: list[str] = []
     if options.method:
         suite = of_methods(suite, options.method)
+    if options.rows:
+        suite = with_rows(suite, options.rows)
     if options.recipe:
         suite, remarks = with_recipe(suite, options.recipe)
     if options.effects not in (None, "all"):

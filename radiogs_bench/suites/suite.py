@@ -164,6 +164,20 @@ def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
     return replace(suite, recipe=name), [*kept, *lacking]
 
 
+def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
+    """The suite with some of its rows, in its order. Raises UsageError for a key that is none of them.
+
+    Differences are taken against the suite's reference row if it remains, else against the first row.
+    """
+    own = [row.key for row in suite.rows]
+    for key in keys:
+        if key not in own:
+            raise unknown("row", key, own, of=f"suite '{suite.name}'")
+    rows = tuple(row for row in suite.rows if row.key in keys)
+    reference = suite.reference if suite.reference in keys or suite.reference is None else rows[0].key
+    return replace(suite, rows=rows, reference=reference)
+
+
 def recipe_of_row(suite: Suite, row: Row) -> str:
     """The recipe that a row runs by: its own, else that of the suite if its method offers any; empty for none."""
     if row.recipe or not suite.recipe:
