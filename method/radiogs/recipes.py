@@ -3,10 +3,10 @@
 A recipe is a set of values for fields of ``Variant``; the length of a run is that of its preset. ``printed`` has the
 paper's values. Where the paper says nothing it has those of 2DGS, which the paper follows, and else those of the
 published code; the starting points alone are of this project, because random points of a cube need the paper's number
-of surfels (``constants``). Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity loss, which
-is unbounded below, is the cross-entropy between coverage and the mask. ``released`` has the values of the published
-scripts, which differ between scenes. ``recommended`` is the default of ``Variant``. ``constants`` lists every value
-with its source, and what no recipe reproduces.
+of surfels (``constants``). Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity
+loss, which is unbounded below, is the cross-entropy between coverage and the mask. ``released`` has the values of the
+published scripts, which differ between scenes. ``recommended`` is the default of ``Variant``. ``constants`` lists every
+value with its source, and what no recipe reproduces.
 """
 
 from collections.abc import Mapping
