@@ -11,8 +11,9 @@ PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
 """Numbers that siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column.
 """
 
-SETUP = r"\sisetup{group-minimum-digits=9}"
-"""Precedes a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
+SETUP = r"\sisetup{group-minimum-digits=9,retain-explicit-plus=true}"
+"""Precedes a tabular: digits are not grouped, and a gain keeps its plus, so that a number is printed as it was given.
+"""
 
 
 MOST_ACROSS = 6
