@@ -48,13 +48,18 @@ def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
     table = suite_table(summary)
     for part in parts_of(table, title_of(summary), console().width):
         show(part)
-    say(explanation(table))
-    for sentence in (*table.legend_in_words, *reasons(table), *table.footnotes):
+    for sentence in below(table):
         say(sentence)
     say_remarks(table)
     say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
+
+
+def below(table: Table) -> list[str]:
+    """The sentences below a table: its findings, how to read it, why values are missing, and footnotes."""
+    found = [each.plain for each in table.findings]
+    return [*found, explanation(table), *table.legend_in_words, *reasons(table), *table.footnotes]
 
 
 def say_remarks(table: Table) -> None:

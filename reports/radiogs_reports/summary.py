@@ -351,6 +351,12 @@ def reference_of(summary: Summary) -> str:
     return reference
 
 
+def is_doubted(summary: Summary, row: str, column: str) -> bool:
+    """Whether a footnote concerns a value, or the reference row's value in its column."""
+    rows = {row, summary["reference"]}
+    return any(each["column"] == column and not rows.isdisjoint(each["rows"]) for each in summary.get("doubts", []))
+
+
 def row_texts(summary: Summary) -> dict[str, str]:
     """Plain-text labels by row key, in the table's order."""
     return {row["key"]: row["text"] for row in summary["rows"]}

@@ -37,6 +37,12 @@ def signed(value: float, decimals: int) -> str:
     return text if float(text) else text[1:]
 
 
+def signed_number(value: float, decimals: int) -> str:
+    """A difference with its sign; with two significant digits where its decimals would all be 0."""
+    text = f"{value:+.{decimals}f}"
+    return text if float(text) else f"{value:+.2g}" if value else text[1:]
+
+
 def plus_minus(text: str, half_width: float | None, decimals: int, sign: str = " ± ") -> str:
     """A printed mean followed by the half-width of its interval, if it has one."""
     return text if half_width is None else f"{text}{sign}{half_width:.{decimals}f}"

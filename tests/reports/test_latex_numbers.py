@@ -2,7 +2,10 @@
 
 import pytest
 
+from made_up_run import summary
+from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.numbers import MOST_ACROSS, MOST_LINES, Entry, Group, Line, layout, parts, tabulars
+from radiogs_reports.write.suite import suite_latex
 
 
 @pytest.mark.parametrize(
@@ -18,6 +21,15 @@ from radiogs_reports.write.numbers import MOST_ACROSS, MOST_LINES, Entry, Group,
 )
 def test_a_column_has_room_for_the_most_digits_on_both_sides(numbers: list[str], table_format: str) -> None:
     assert layout(map(Entry, numbers)) == rf"S[table-format={table_format}]@{{\,}}l"
+
+
+def test_siunitx_prints_the_plus_of_a_gain() -> None:
+    made = summary()
+    difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert difference is not None
+    difference["mean"] = 0.58
+    text = suite_latex(suite_table(made))
+    assert text.index("retain-explicit-plus=true") < text.index(r"\scriptsize +0.58 &")
 
 
 def test_text_that_siunitx_cannot_align_is_braced() -> None:

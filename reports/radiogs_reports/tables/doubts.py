@@ -1,6 +1,6 @@
 """Marks beside uncertain values, and the footnotes with the reasons."""
 
-from ..summary import Doubt, Interval, Summary, Verdict
+from ..summary import Doubt, Interval, Summary, Verdict, is_doubted
 
 MARKS = "†‡§¶"
 """In the order of the footnotes; the fifth footnote has the first mark twice, and so on."""
@@ -14,9 +14,7 @@ def marks(summary: Summary, row: str, column: str) -> str:
 
 def shown_verdict(summary: Summary, row: str, column: str, difference: Interval | None) -> Verdict | None:
     """The verdict that a table shows; None where a footnote concerns the value or the reference row's value."""
-    reference = summary["reference"]
-    marked = any(marks(summary, each, column) for each in (row, reference) if each is not None)
-    return None if difference is None or marked else difference["verdict"]
+    return None if difference is None or is_doubted(summary, row, column) else difference["verdict"]
 
 
 def footnotes(summary: Summary) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ..analysis.findings import Sentence
 from ..summary import Interval, Verdict, half_width
 from ..wording import ARROWS, signed
 
@@ -169,6 +170,8 @@ class Table:
     """The data that published values are averaged over."""
     apart_title: str = ""
     """The heading of published values by other conventions; empty if there are none."""
+    findings: Sequence[Sentence] = ()
+    """The differences that are resolved, those that are not, and the paper's beside them; they stand above it."""
     legend: Sequence[str] = ()
     """How the table is read, where colours show what is resolved."""
     legend_in_words: Sequence[str] = ()

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from ..analysis.findings import paper_sentences
 from ..summary import PaperColumn, PaperTable, Summary
 from ..wording import count_of, number
 from .doubts import shown_verdict
@@ -26,6 +27,7 @@ def paper_table(stored: PaperTable, summary: Summary) -> Table:
         reference=next((row for row in rows if row.key == stored["reference"]), None),
         published_data=stored["data"],
         apart_title=_apart_title(stored, summary),
+        findings=paper_sentences(stored, summary),
     )
     made = replace(
         made,

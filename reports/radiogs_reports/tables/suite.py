@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..analysis.findings import suite_sentences
 from ..summary import CellSummary, ColumnSummary, RowSummary, Summary
 from ..wording import number
 from .caption import unfinished
@@ -29,6 +30,7 @@ def suite_table(summary: Summary) -> Table:
         published_data=summary["published_data"],
         footnotes=footnotes(summary),
         remarks=remarks(summary),
+        findings=suite_sentences(summary),
     )
     return replace(
         made,
@@ -72,7 +74,6 @@ def _cell(summary: Summary, row: str, column: ColumnSummary) -> Cell:
         rank=rank_in_words(stored.get("rank")),
         difference=difference_of(difference, decimals, shown_verdict(summary, row, column["key"], difference)),
         published=printed if is_beside else None,
-        apart=None if is_beside else printed,
     )
 
 

@@ -1,7 +1,9 @@
 """Parts of every LaTeX report: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
 
+import re
 from collections.abc import Mapping, Sequence
 
+from ..analysis.findings import Sentence
 from ..summary import Verdict
 from ..tables.model import Row
 from ..wording import SYMBOL
@@ -105,6 +107,48 @@ def as_formula(text: str) -> str:
 def row_label(row: Row) -> str:
     """A row's label in LaTeX; its plain text, escaped, if it has no other."""
     return row.latex or escape(row.text)
+
+
+MINUS = "\u2212"
+
+HYPHEN = re.compile(r"(?<![\w.])-(?=\d)")
+"""The sign of a number, which a line must not break behind."""
+
+LONGEST = 1_000
+"""Most characters of findings in a caption; longer ones are short there, and whole below the table."""
+
+
+def found_in_caption(findings: Sequence[Sentence]) -> list[str]:
+    """The findings of a table as sentences of its caption, in short if they are long."""
+    whole = not _is_long(findings)
+    texts = [(each, each.text if whole else each.short) for each in findings]
+    return [_finding(each, text) for each, text in texts if text]
+
+
+def found_below(findings: Sequence[Sentence]) -> list[str]:
+    """The findings of a table that the caption has only in short; none if it has all of them whole."""
+    return [_finding(each, each.text) for each in findings if each.text != each.short] if _is_long(findings) else []
+
+
+def _is_long(findings: Sequence[Sentence]) -> bool:
+    return sum(len(each.plain) for each in findings) > LONGEST
+
+
+def _finding(sentence: Sentence, text: str) -> str:
+    label = f"{sentence.latex or as_formula(sentence.row)}, " if sentence.row else ""
+    return f"{label}{as_formula(HYPHEN.sub(MINUS, text))}"
+
+
+def text_below(label: str, sentences: Sequence[str]) -> list[str]:
+    """Sentences (LaTeX) to the table of a label, as text that a page can break; nothing without any."""
+    if not sentences:
+        return []
+    return [
+        r"{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
+        rf"To Table~\ref{{{label}}}:",
+        *(rf"\par {each}" for each in sentences),
+        r"\par}",
+    ]
 
 
 def colour_of(verdict: Verdict | None) -> str:

@@ -8,6 +8,11 @@ def table_line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(" ".join(cell.splitlines()).replace("|", "\\|") for cell in cells) + " |"
 
 
+def listed(sentences: Sequence[str]) -> list[str]:
+    """A list of sentences and the line below it; empty without any."""
+    return [*(f"- {each}" for each in sentences), ""] if sentences else []
+
+
 def table_head(cells: Sequence[str]) -> list[str]:
     """The heading line and the rule below it."""
     return [table_line(cells), table_line(["---"] * len(cells))]

@@ -8,8 +8,8 @@ import pandas as pd
 from ..summary import PaperTable
 from ..tables.model import Cell, Column, Row, Table
 from ..tables.paper import apart_table
-from .latex import ARROWS, as_formula, colour_of, escape, note_mark
-from .markdown import table_head, table_line
+from .latex import ARROWS, as_formula, colour_of, escape, found_below, note_mark, text_below
+from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
@@ -26,7 +26,7 @@ def paper_latex(table: Table) -> str:
         groups.append(Group(_apart(table), f"{as_formula(table.apart_title)}:"))
     caption, label = as_formula(table.caption), f"measured:{table.name}"
     lines = environment(table, label, caption, "ll", lambda part: _heads(table.columns[part]), groups)
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, *text_below(label, found_below(table.findings)), ""])
 
 
 def _heads(columns: Sequence[Column]) -> list[str]:
@@ -101,7 +101,8 @@ def paper_markdown(table: Table) -> str:
 
     Published values by other conventions are a table of their own below.
     """
-    lines = [f"# {table.title}", "", *table_head(["", "", *(column.heading for column in table.columns)])]
+    lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings])]
+    lines += table_head(["", "", *(column.heading for column in table.columns)])
     for row in table.rows:
         lines.append(table_line([row.measured_label, "measured", *(_measured(table, cell) for cell in row.cells)]))
         if row.has_published:

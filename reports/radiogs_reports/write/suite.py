@@ -5,8 +5,8 @@ import pandas as pd
 from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import Cell, Row, Table
-from .latex import ARROWS, END, PREAMBLE, colour_of, escape, note_mark, row_label
-from .markdown import table_head, table_line
+from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, note_mark, row_label, text_below
+from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
@@ -21,24 +21,13 @@ def suite_latex(table: Table) -> str:
 
     Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
     it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; footnotes of
-    values and remarks on methods follow the table as text.
+    values, remarks on methods, and findings that are too long for the caption follow the table as text.
     """
     groups = [_group(table, row) for row in table.rows]
-    lines = environment(table, f"tab:{table.name}", _caption(table), "l", lambda part: _heads(table, part), groups)
-    return "\n".join([*lines, *_beside(table), ""])
-
-
-def _beside(table: Table) -> list[str]:
-    """Footnotes and remarks as text: a page and more of them for seven methods, which a table could not break."""
-    found = [*table.footnotes, *table.remarks]
-    if not found:
-        return []
-    return [
-        r"{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
-        rf"To Table~\ref{{tab:{table.name}}}:",
-        *(rf"\par {escape(each)}" for each in found),
-        r"\par}",
-    ]
+    label = f"tab:{table.name}"
+    lines = environment(table, label, _caption(table), "l", lambda part: _heads(table, part), groups)
+    below = [*found_below(table.findings), *map(escape, (*table.footnotes, *table.remarks))]
+    return "\n".join([*lines, *text_below(label, below), ""])
 
 
 def _heads(table: Table, part: slice) -> list[str]:
@@ -74,7 +63,8 @@ def _caption(table: Table) -> str:
 
 
 def suite_markdown(table: Table, note: str) -> str:
-    """Measured values with their paired differences, then the published values in columns of their own.
+    """The findings, then a table: measured values with their paired differences, and the published values in columns of
+    their own.
 
     ``note``: the conditions of the run (``tables.caption.run_note``).
     """
@@ -84,7 +74,7 @@ def suite_markdown(table: Table, note: str) -> str:
         *(column.heading for column in table.columns),
         *(f"paper: {table.columns[place].heading}" for place in published),
     ]
-    lines = [f"# {table.title}", "", *table_head(heads)]
+    lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings]), *table_head(heads)]
     for row in table.rows:
         beside = [row.cells[place].published for place in published]
         printed = ["" if each is None else each.text for each in beside]

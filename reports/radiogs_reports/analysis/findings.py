@@ -1,0 +1,276 @@
+"""The findings of a table: the differences to the reference row that are resolved, those that are not and could have
+been, and the paper's differences beside them; as records and as sentences.
+
+A published difference is a row's published value minus the published one of the reference row, so it has the sign of
+the measured difference. Its own sign holds where the measured one is resolved in the same direction.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple, get_args
+
+from ..summary import CellSummary, ColumnSummary, Interval, PaperTable, PaperValue, RowSummary, Summary, is_doubted
+from ..wording import count_of, number, signed_number
+
+Outcome = Literal["holds", "does not hold", "not resolved"]
+
+
+class Finding(NamedTuple):
+    """A row's difference to the reference row in a column, and the paper's beside it."""
+
+    row: str
+    """Key of the row."""
+    column: str
+    """Key of the column."""
+    difference: Interval
+    """The measured difference, row minus reference row, in the unit of the column."""
+    resolved: bool
+    """Whether the table shows it as resolved, by Holm's correction; False where a footnote concerns either value."""
+    smallest: float | None
+    """The smallest true difference of this row that four of five such runs resolve; None for one scene and seed."""
+    published: float | None
+    """The paper's difference; None where it prints no value for either of the two rows."""
+    verdict: Outcome | None
+    """Whether the sign of the paper's difference holds; None without one, where it is zero, and if doubted."""
+    doubted: bool = False
+    """Whether a footnote concerns either value; sentences leave such differences out."""
+
+    @property
+    def too_small(self) -> bool:
+        """Whether this run was too small to resolve a difference of the paper's size, and resolved none."""
+        if self.verdict != "not resolved" or self.published is None or self.smallest is None:
+            return False
+        return abs(self.published) < self.smallest
+
+
+class Sentence(NamedTuple):
+    """A sentence on the findings."""
+
+    text: str
+    """The sentence, without the label of its row."""
+    short: str
+    """Without measured values, which stand in the table; empty where that leaves nothing."""
+    row: str = ""
+    """Label of the row that it is about, in plain text; empty if it is about the table."""
+    latex: str = ""
+    """That label in LaTeX; empty where it is ``row``, escaped."""
+
+    @property
+    def plain(self) -> str:
+        """The whole sentence in plain text."""
+        return f"{self.row}, {self.text}" if self.row else self.text
+
+
+def findings(summary: Summary) -> list[Finding]:
+    """Every measured difference of the suite's table, row by row; empty without a reference row."""
+    return _findings(_of_suite(summary))
+
+
+def sentences(summary: Summary) -> list[str]:
+    """The findings of the suite's table in plain text."""
+    return [each.plain for each in suite_sentences(summary)]
+
+
+def suite_sentences(summary: Summary) -> list[Sentence]:
+    """The findings of the suite's table: the counts, how to read what follows, then each row's; empty without any."""
+    return _sentences(_of_suite(summary), summary["scenes"])
+
+
+def paper_sentences(table: PaperTable, summary: Summary) -> list[Sentence]:
+    """``suite_sentences`` of a table of the paper, with its own reference row."""
+    return _sentences(_of_paper(table, summary), summary["scenes"])
+
+
+class _Compared(NamedTuple):
+    """A table whose rows may be compared with one of them. Values are by row, then column."""
+
+    reference: str | None
+    rows: Sequence[RowSummary]
+    columns: Sequence[ColumnSummary]
+    cells: Mapping[str, Mapping[str, CellSummary | PaperValue]]
+    published: Mapping[str, Mapping[str, float]]
+    published_data: str
+    doubted: set[tuple[str, str]]
+    """Rows and columns of the values that a footnote concerns, their own or the reference row's."""
+
+
+def _of_suite(summary: Summary) -> _Compared:
+    rows, columns, reference = summary["rows"], summary["columns"], summary["reference"]
+    return _Compared(
+        reference, rows, columns, summary["cells"], summary["published"], summary["published_data"],
+        _doubted(summary, rows, columns),
+    )  # fmt: skip
+
+
+def _doubted(summary: Summary, rows: Sequence[RowSummary], columns: Sequence[ColumnSummary]) -> set[tuple[str, str]]:
+    places = ((row["key"], column["key"]) for row in rows for column in columns)
+    return {(row, column) for row, column in places if is_doubted(summary, row, column)}
+
+
+def _of_paper(table: PaperTable, summary: Summary) -> _Compared:
+    columns = list(_metrics(table))
+    rows = [RowSummary(key=each["key"], latex="", text=each["text"], seconds=None) for each in table["rows"]]
+    published = {
+        row: {key: float(value["published"]) for key, value in cells.items() if value["published"] is not None}
+        for row, cells in table["cells"].items()
+    }
+    return _Compared(
+        table["reference"], rows, columns, table["cells"], published, table["data"], _doubted(summary, rows, columns)
+    )
+
+
+def _metrics(table: PaperTable) -> Iterator[ColumnSummary]:
+    """The columns but for settings, in which neither more nor less is better."""
+    for each in table["columns"]:
+        if each["direction"] != "none":
+            column = ColumnSummary(
+                key=each["key"], label=f"{each['group']} {each['label']}".strip(), unit=each["unit"],
+                direction=each["direction"], decimals=each["decimals"],
+            )  # fmt: skip
+            if "published_by" in each:
+                column["published_by"] = each["published_by"]
+            yield column
+
+
+def _findings(table: _Compared) -> list[Finding]:
+    if table.reference is None:
+        return []
+    return [
+        _finding(table, row["key"], table.reference, column, difference)
+        for row in table.rows
+        for column in table.columns
+        if (difference := table.cells[row["key"]][column["key"]]["difference"]) is not None
+    ]
+
+
+def _finding(table: _Compared, row: str, reference: str, column: ColumnSummary, difference: Interval) -> Finding:
+    key = column["key"]
+    theirs, base = (table.published.get(each, {}).get(key) for each in (row, reference))
+    doubted = (row, key) in table.doubted
+    published, outcome = None, None
+    if theirs is not None and base is not None:
+        published = theirs - base
+        outcome = None if doubted else _outcome(_gain(theirs, base, column), difference)
+    resolved = difference["verdict"] is not None and not doubted
+    return Finding(row, key, difference, resolved, difference["smallest"], published, outcome, doubted)
+
+
+def _gain(value: float, reference: float, column: ColumnSummary) -> float:
+    """A published difference with the sign that makes positive ones better."""
+    if column["direction"] == "zero":
+        return abs(reference) - abs(value)
+    return value - reference if column["direction"] == "up" else reference - value
+
+
+def _outcome(gain: float, difference: Interval) -> Outcome | None:
+    if gain == 0:
+        return None
+    if difference["verdict"] is None:
+        return "not resolved"
+    return "holds" if (gain > 0) == (difference["verdict"] == "better") else "does not hold"
+
+
+def _sentences(table: _Compared, scenes: Sequence[str]) -> list[Sentence]:
+    found = _findings(table)
+    counted = [each for each in found if not each.doubted]
+    made = [*_counts(counted), *_how_to_read(table, counted, scenes)]
+    for row in table.rows:
+        made += _of_row(table, row, [each for each in counted if each.row == row["key"]])
+    return [*made, *_left_out(table, [each for each in found if each.doubted])]
+
+
+def _counts(counted: Sequence[Finding]) -> Iterator[Sentence]:
+    if not counted:
+        return
+    if all(each.difference["units"] == 1 for each in counted):
+        text = "One scene and one seed: no difference can be resolved."
+        yield Sentence(text, text)
+        return
+    resolved = sum(each.resolved for each in counted)
+    verdicts = [each.verdict for each in counted if each.verdict is not None]
+    holds, turned, open_ = (verdicts.count(each) for each in get_args(Outcome))
+    signs = (
+        f"; the paper's sign holds in {holds}, does not hold in {turned}, and is not resolved in {open_} of the"
+        f" {count_of(len(verdicts), 'difference')} that the paper reports"
+    )
+    text = (
+        f"{resolved} of {count_of(len(counted), 'difference')} {'is' if resolved == 1 else 'are'} resolved"
+        f"{signs if verdicts else ''}."
+    )
+    yield Sentence(text, text)
+
+
+def _how_to_read(table: _Compared, counted: Sequence[Finding], scenes: Sequence[str]) -> Iterator[Sentence]:
+    if any(each.smallest is not None for each in counted):
+        yield Sentence(HOW_TO_READ, "")
+    reported = {each.column for each in counted if each.published is not None}
+    if reported:
+        measured = ", ".join(scenes) if len(scenes) <= MOST_NAMED else count_of(len(scenes), "scene")
+        text = f"Paper: its difference, on {table.published_data} (here on {measured}){_conventions(table, reported)}."
+        yield Sentence(text, text)
+
+
+HOW_TO_READ = (
+    "In square brackets: 95 % intervals; could show: the smallest true difference that four of five such runs resolve."
+)
+
+MOST_NAMED = 4
+"""Most scenes that are named."""
+
+
+def _conventions(table: _Compared, reported: set[str]) -> str:
+    """The protocol of published values where its conventions are others than the run's, and the columns."""
+    columns = [each for each in table.columns if each["key"] in reported]
+    apart = [each for each in columns if "published_by" in each]
+    if not apart:
+        return ""
+    protocols = ", ".join(sorted({each["published_by"] for each in apart}))
+    where = "" if len(apart) == len(columns) else f" in {', '.join(each['label'] for each in apart)}"
+    return f", by other conventions (protocol {protocols}){where}"
+
+
+def _of_row(table: _Compared, row: RowSummary, found: Sequence[Finding]) -> Iterator[Sentence]:
+    """A sentence on the resolved differences of a row, and one on the others."""
+    columns = {each["key"]: each for each in table.columns}
+    own = [(columns[each.column], each) for each in found]
+    told = [each for each in own if each[1].resolved]
+    if told:
+        text, short = ("; ".join(_entry(*each, measured) for each in told) for measured in (True, False))
+        yield Sentence(f"resolved: {text}.", f"resolved: {short}.", row["text"], row["latex"])
+    others = [each for each in own if not each[1].resolved]
+    if others:
+        text = f"not resolved: {'; '.join(_entry(*each, measured=True) for each in others)}."
+        labels = [column["label"] for column, each in others if each.too_small]
+        small = f"too small for this run at the paper's size: {', '.join(labels)}." if labels else ""
+        yield Sentence(f"{text} {small[:1].upper()}{small[1:]}".rstrip(), small, row["text"], row["latex"])
+
+
+def _entry(column: ColumnSummary, found: Finding, measured: bool) -> str:
+    """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``, or without the ``measured`` values."""
+    decimals, remarks = column["decimals"], []
+    if not found.resolved and found.smallest is not None:
+        remarks.append(f"could show {number(found.smallest, decimals)}")
+    if found.published is not None:
+        remarks.append(f"paper {signed_number(found.published, decimals)}")
+    if found.resolved and found.verdict is not None:
+        remarks.append(f"sign {found.verdict}")
+    behind = f" ({', '.join(remarks)})" if remarks else ""
+    return f"{column['label']}{_measured(column, found.difference) if measured else ''}{behind}"
+
+
+def _measured(column: ColumnSummary, difference: Interval) -> str:
+    """A difference with its unit and its interval, if it has one."""
+    ends = [
+        signed_number(each, column["decimals"]) for each in (difference["low"], difference["high"]) if each is not None
+    ]
+    interval = f"[{', '.join(ends)}]" if ends else ""
+    parts = [signed_number(difference["mean"], column["decimals"]), column["unit"], interval]
+    return "".join(f" {part}" for part in parts if part)
+
+
+def _left_out(table: _Compared, doubted: Sequence[Finding]) -> Iterator[Sentence]:
+    labels = {each["key"]: each["label"] for each in table.columns}
+    counts = {key: sum(each.column == key for each in doubted) for key in labels}
+    named = [f"{count_of(count, 'difference')} of {labels[key]}" for key, count in counts.items() if count]
+    if named:
+        text = f"Left out, because a footnote of this run concerns them: {', '.join(named)}."
+        yield Sentence(text, text)
