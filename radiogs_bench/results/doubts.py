@@ -183,30 +183,45 @@ Scenes = dict[str, None]
 
 
 def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
-    """One remark on the whole table for each set of ``labels`` among the facts of cells, with the rows that have it.
+    """Remarks on the whole table from the ``labels`` among the facts of cells, with the rows that have them.
 
-    A label that differs between scenes, or that some lack, has the scenes of each value behind it.
+    Labels that all rows of a method share make one remark; those that only some have make one for each set of them. A
+    label that differs between scenes, or that some lack, has the scenes of each value behind it.
     """
     texts = {row["key"]: row["text"] for row in sweep["rows"]}
-    rows: dict[str, list[str]] = {}
+    of_methods: dict[str, dict[str, dict[str, str]]] = {}
     for row in texts:
         own = [(ref["scene"], result) for ref, result in cells if ref["row"] == row and result is not None]
-        sentence = _sentence([(scene, result["facts"].get("labels")) for scene, result in own])
-        if sentence:
-            rows.setdefault(sentence, []).append(row)
+        if own:
+            found = _labels_of([(scene, result["facts"].get("labels")) for scene, result in own])
+            of_methods.setdefault(own[0][1]["cell"]["method"], {})[row] = found
+    remarks: dict[str, list[str]] = {}
+    for by_row in of_methods.values():
+        shared = _shared(list(by_row.values()))
+        for row, found in by_row.items():
+            for part in (shared, {name: text for name, text in found.items() if name not in shared}):
+                if part:
+                    sentence = "; ".join(f"{name}: {text}" for name, text in part.items()) + "."
+                    remarks.setdefault(sentence, []).append(row)
     return [
-        Doubt(column="", rows=own, text=f"{', '.join(texts[key] for key in own)}: {text}") for text, own in rows.items()
+        Doubt(column="", rows=own, text=f"{', '.join(texts[key] for key in own)}: {text}")
+        for text, own in remarks.items()
     ]
 
 
-def _sentence(found: Sequence[tuple[str, object]]) -> str:
-    """All labels of a row's cells, by scene; empty without any."""
+def _shared(found: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """The labels that all rows have alike."""
+    return {name: text for name, text in found[0].items() if all(each.get(name) == text for each in found)}
+
+
+def _labels_of(found: Sequence[tuple[str, object]]) -> dict[str, str]:
+    """The labels of a row's cells by name, with the scenes of each value."""
     values: dict[str, dict[str, Scenes]] = {}
     for scene, labels_of_cell in found:
         for name, value in labels_of_cell.items() if isinstance(labels_of_cell, Mapping) else ():
             values.setdefault(name, {}).setdefault(str(value), {})[scene] = None
     every = {scene for scene, _ in found}
-    return "; ".join(f"{name}: {_values(by_value, every)}" for name, by_value in values.items()) + "." * bool(values)
+    return {name: _values(by_value, every) for name, by_value in values.items()}
 
 
 def _values(by_value: Mapping[str, Scenes], every: set[str]) -> str:
