@@ -37,6 +37,8 @@ def fake_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., i
     fake_method.begun.clear()
 
     def start(*further: str) -> int:
-        return main(["run", "--seeds", "2", "--preset", "smoke", "--out", str(tmp_path), *further])
+        return main(
+            ["run", "--scenes", "corner", "--seeds", "2", "--preset", "smoke", "--out", str(tmp_path), *further]
+        )
 
     return start

@@ -1,6 +1,8 @@
 """Suites are sound data, and a wrong name is answered with the right one."""
 
+import json
 from dataclasses import replace
+from importlib.resources import files
 
 import pytest
 import torch
@@ -16,7 +18,7 @@ from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field
+from radiogs_bench.suites.suite import NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field, with_rows
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap
@@ -283,3 +285,20 @@ def test_cells_of_several_methods_stand_in_one_request(chain: Chain) -> None:
     assert cells["chain"].budget == chain.presets["smoke"]
     with pytest.raises(UsageError, match="unknown preset 'paper' of chain"):
         asked(1, suite, "paper").cells()
+
+
+def test_the_ablations_run_on_the_eight_scenes_with_the_most_indirect_light() -> None:
+    packaged = files("radiogs_datasets") / "tiny"
+    share = {
+        each.name: json.loads((each / "metadata.json").read_text())["indirect_share"] for each in packaged.iterdir()
+    }
+    assert SUITES["ablations"].scenes == tuple(sorted(share, key=share.__getitem__, reverse=True)[:8])
+
+
+def test_some_rows_of_a_suite_keep_its_order_and_its_reference_row_if_it_is_among_them() -> None:
+    both = with_rows(SUITES["ablations"], ["no-rad", "ours"])
+    assert [row.key for row in both.rows] == ["ours", "no-rad"]
+    assert both.reference == "ours"
+    assert with_rows(SUITES["ablations"], ["no-rad", "nvs-init"]).reference == "no-rad"
+    with pytest.raises(UsageError, match="unknown row 'no-red' of suite 'ablations'\nDid you mean 'no-rad'"):
+        with_rows(SUITES["ablations"], ["no-red"])
