@@ -68,7 +68,7 @@ PRINTED: Values = {
     "materials.weights.albedo_smoothness": 0.2,
     "materials.weights.light_smoothness": 0.0,
     "materials.rates.radiance": 0.0025,
-    "materials.rates.length_power": 0.5,
+    "materials.rates.length_power": 0.83,
     "materials.start.light": "constant",
     "finetuning.degree_0": 0.0025,
     "finetuning.unit": "one",
