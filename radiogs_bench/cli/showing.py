@@ -5,7 +5,7 @@ A suite's table is cut into as many tables below each other as the width needs, 
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from ..durations import duration
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Request, Sweep, label, preset_text, state_of
+from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
@@ -39,15 +39,29 @@ from .reporter import console, say, show
 PAGE = "report.html"
 
 
-def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
-    """Rebuild the summary and the reports of a run, print the table; the last line says what to open.
+@dataclass(frozen=True)
+class Shown:
+    """How much of a run its reports show."""
 
-    ``alone``: as in ``write``.
-    """
-    summary, written = write(store, sweep, alone)
+    alone: bool = False
+    """Whether the page has to be a single file."""
+    scenes: Sequence[str] = ()
+    """The scenes that are reported on; all, if it is empty."""
+    pictures: bool = True
+    """Whether there are figures, images and surfels, which take nearly all of the time."""
+    width: int | None = None
+    """Characters of a line of the printed table; None: as many as the terminal has."""
+
+
+EVERYTHING = Shown()
+
+
+def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> None:
+    """Rebuild the summary and the reports of a run, print the table; the last line says what to open."""
+    summary, written = write(store, sweep, shown)
     table = suite_table(summary)
-    for part in parts_of(table, title_of(summary), console().width):
-        show(part)
+    for part in parts_of(table, title_of(summary), console(shown.width).width):
+        show(part, shown.width)
     say(explanation(table))
     for sentence in (*table.legend_in_words, *reasons(table), *table.footnotes):
         say(sentence)
@@ -64,17 +78,21 @@ def say_remarks(table: Table) -> None:
         say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
 
-def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, list[Path]]:
+def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summary, list[Path]]:
     """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files.
 
-    ``alone``: the page has to be a single file.
+    Raises UsageError for a scene that the run does not have.
     """
     table = published(sweep["published"]) if sweep["published"] else None
-    summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
+    part = of_scenes(sweep, shown.scenes or sweep["scenes"])
+    summary = summarise(store, part, table.figures if table else {}, table.data if table else "none for this suite")
+    if left := [name for name in sweep["scenes"] if name not in part["scenes"]]:
+        summary["left_out"] = left
     with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder):
-            written = write_reports(store.folder, alone, partial(progress.advance, "figures, tables, page"))
+            told = partial(progress.advance, "figures, tables, page")
+            written = write_reports(store.folder, shown.alone, told, shown.pictures)
     return summary, [store.folder / "summary.json", *written]
 
 

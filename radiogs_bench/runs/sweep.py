@@ -212,6 +212,15 @@ class Request:
         return made
 
 
+def of_scenes(sweep: Sweep, scenes: Sequence[str]) -> Sweep:
+    """The manifest of some of its scenes, in its own order. Raises UsageError for a scene that it does not have."""
+    for name in scenes:
+        if name not in sweep["scenes"]:
+            raise UsageError(f"the run has no scene '{name}'", "", f"Its scenes: {', '.join(sweep['scenes'])}.")
+    kept = [name for name in sweep["scenes"] if name in scenes]
+    return {**sweep, "scenes": kept, "cells": [ref for ref in sweep["cells"] if ref["scene"] in kept]}
+
+
 def relighting_of(methods: Iterable[Method]) -> dict[str, dict[str, Any]]:
     """The relighting modes of the methods that offer any, as plain values by the methods' names."""
     return {used.name: used.relighting_modes.plain() for used in methods if isinstance(used, RelitInModes)}

@@ -305,6 +305,9 @@ class Summary(TypedDict):
     """Ways of relighting by method; absent where no method offers several, and in earlier summaries."""
     command: NotRequired[list[str]]
     """The words of the command line after the program's name; absent where there was none."""
+    left_out: NotRequired[list[str]]
+    """Scenes of the run that the summary leaves out, such as those whose cells are still to come; absent without any.
+    """
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
     seal: NotRequired[str]

@@ -67,23 +67,34 @@ class Figure(NamedTuple):
 STYLES = ("page", "tables", "comparison", "printing")
 
 
-def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False) -> list[Path]:
+def write_page(
+    summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False, pictures: bool = True
+) -> list[Path]:
     """Write ``report.html`` into ``out`` and return its path, then those of the pictures that are files beside it.
 
-    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``.
+    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``. Without
+    ``pictures`` it has neither images nor surfels, and says so.
     """
     path = fresh(out / "report.html")
     embedded = [Figure(data_address(drawn.png.read_bytes(), "png"), drawn.caption, drawn.images) for drawn in figures]
-    runs = summary["runs"]
-    pictures = album(runs, out, alone, BUDGET)
-    path.write_text(page(summary, pictures, embedded, packed_surfels(runs, out)), encoding="utf-8")
-    return [path, *pictures.files.values()]
+    runs = summary["runs"] if pictures else []
+    made = album(runs, out, alone, BUDGET)
+    note = run_note(summary) if pictures else f"{run_note(summary)} {WITHOUT_PICTURES}"
+    path.write_text(page(summary, made, embedded, packed_surfels(runs, out), note), encoding="utf-8")
+    return [path, *made.files.values()]
+
+
+WITHOUT_PICTURES = "Figures, images and surfels are left out: `radiogs-bench report` on this folder adds them."
 
 
 def page(
-    summary: Summary, pictures: Album, figures: Sequence[Figure] = (), surfels: Mapping[str, Packed] | None = None
+    summary: Summary,
+    pictures: Album,
+    figures: Sequence[Figure] = (),
+    surfels: Mapping[str, Packed] | None = None,
+    note: str = "",
 ) -> str:
-    """The page as text. ``surfels``: of cells by key, for its 3-D view."""
+    """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
     means = means_table(summary)
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order, settling = order_report(summary), settling_report(summary)
@@ -109,7 +120,7 @@ def page(
             settling=settling,
             settling_table=None if settling is None else grid_table(settling.grid),
             figures=figures,
-            note=run_note(summary),
+            note=note or run_note(summary),
             scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
             finished=sum(run["state"] == "finished" for run in summary["runs"]),
             selectable=selectable(summary),

@@ -31,6 +31,8 @@ def published_note(summary: Summary) -> str:
 
 
 def unfinished(summary: Summary) -> str:
-    """The number of finished cells, as a sentence; empty if all are finished."""
-    finished = sum(run["state"] == "finished" for run in summary["runs"])
-    return "" if finished == len(summary["runs"]) else f" {finished} of {len(summary['runs'])} cells are finished."
+    """The number of finished cells and of scenes that are left out, as sentences; empty if everything is there."""
+    finished, count = sum(run["state"] == "finished" for run in summary["runs"]), len(summary["runs"])
+    cells = "" if finished == count else f" {finished} of {count} cells are finished."
+    left = len(summary.get("left_out", []))
+    return cells + (f" {left} of the run's {len(summary['scenes']) + left} scenes are left out." if left else "")
