@@ -20,11 +20,13 @@ from radiogs_reports.run_folder import write_reports
 from radiogs_reports.statistics import Level
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.caption import published_note
+from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.wording import count_of
 
 from ..durations import duration
+from ..results.longer_run import records_of
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
@@ -67,8 +69,21 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> Non
         say(sentence)
     say_remarks(table)
     say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
+    show_records(summary, shown.width)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
+
+
+def show_records(summary: Summary, width: int | None) -> None:
+    """Print the record of the suite's longer runs, and a sentence for each row: in which columns this run agrees."""
+    for report in longer_reports(summary):
+        say(f"\n{HEADING}")
+        for name, text in report.facts.items():
+            say(f"{name}: {text}")
+        for part in parts_of(report.table, f"Record: {report.title}", console(width).width):
+            show(part, width)
+        for sentence in (*report.table.legend_in_words, *report.rows_in_words):
+            say(sentence)
 
 
 def say_remarks(table: Table) -> None:
@@ -88,6 +103,8 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
     summary = summarise(store, part, table.figures if table else {}, table.data if table else "none for this suite")
     if left := [name for name in sweep["scenes"] if name not in part["scenes"]]:
         summary["left_out"] = left
+    if longer := records_of(summary["suite"]):
+        summary["longer_runs"] = longer
     with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder):

@@ -40,6 +40,7 @@ from .write.analyses import (
     settling_csv,
 )
 from .write.document import report_document
+from .write.longer_run import below_a_run
 from .write.markdown import without_markup
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
@@ -113,7 +114,7 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
     own = {
         f"{suite}_table.tex": suite_latex(table),
         f"{suite}.tex": suite_document(table),
-        f"{suite}.md": suite_markdown(table, run_note(summary)),
+        f"{suite}.md": suite_markdown(table, run_note(summary)) + below_a_run(summary),
         f"{suite}.csv": suite_csv(summary),
     }
     tables = _tables(summary)
