@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import ExplainedError
 
 from ..errors import UNEXPECTED, Interrupted, exit_code, explain
-from . import bench, datasets, export, methods, model, probe, rehearse, run, score, status, stored, view
+from . import bench, datasets, export, methods, model, probe, record, rehearse, run, score, status, stored, view
 from .options import ExplainingParser, add_verbose
 from .reporter import complain
 
@@ -84,8 +84,9 @@ def build_parser() -> ExplainingParser:
     parser.add_argument("--version", action="version", version=f"radiogs-bench {version('radiogs-bench')}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for declare in (
-        run.add_to, status.add_to, rehearse.add_to, stored.add_to, export.add_to, stored.add_gate, methods.add_to,
-        model.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to, bench.add_to, _add_completion,
+        run.add_to, status.add_to, rehearse.add_to, stored.add_to, export.add_to, stored.add_gate, record.add_to,
+        methods.add_to, model.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to, bench.add_to,
+        _add_completion,
     ):  # fmt: skip
         declare(commands)
     return parser

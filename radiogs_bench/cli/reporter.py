@@ -54,13 +54,13 @@ def wrapped(line: str, width: int) -> str:
     return "\n".join([*lines, *([before + command] if before else [])])
 
 
-def show(table: "Table") -> None:
-    """Print a table, as wide as the terminal if there is one."""
-    console().print(table)
+def show(table: "Table", width: int | None = None) -> None:
+    """Print a table, as wide as ``console``."""
+    console(width).print(table)
 
 
-def console() -> "Console":
-    """The console that tables are printed on."""
+def console(width: int | None = None) -> "Console":
+    """The console that tables are printed on: of ``width`` characters, else as wide as the terminal if there is one."""
     from rich.console import Console  # not before something is shown: help and errors must answer at once
 
-    return Console(width=None if sys.stdout.isatty() else LOG_WIDTH)
+    return Console(width=width or (None if sys.stdout.isatty() else LOG_WIDTH))

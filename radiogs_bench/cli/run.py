@@ -267,6 +267,7 @@ def run_and_report(
     from ..runs.stages import Bench
     from ..runs.sweep import steps_to_take
     from .events import EventProgress, emit
+    from .growing import growing
 
     manifest = write_manifest(request, store)
     cells = request.own_cells()
@@ -274,7 +275,7 @@ def run_and_report(
     shown = EventProgress(store, [ref for ref, _ in cells]) if options.json else progress_for_stderr()
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
-    with bars as progress, Interruption() as interruption:
+    with growing(request, store, bars, options.json) as progress, Interruption() as interruption:
         bench = Bench(
             store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )

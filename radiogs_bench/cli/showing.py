@@ -5,7 +5,7 @@ A suite's table is cut into as many tables below each other as the width needs, 
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -20,15 +20,17 @@ from radiogs_reports.run_folder import write_reports
 from radiogs_reports.statistics import Level
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.caption import published_note
+from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.wording import count_of
 
 from ..durations import duration
+from ..results.longer_run import records_of
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Request, Sweep, label, preset_text, state_of
+from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
@@ -39,19 +41,34 @@ from .reporter import console, say, show
 PAGE = "report.html"
 
 
-def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
-    """Rebuild the summary and the reports of a run, print the table; the last line says what to open.
+@dataclass(frozen=True)
+class Shown:
+    """How much of a run its reports show."""
 
-    ``alone``: as in ``write``.
-    """
-    summary, written = write(store, sweep, alone)
+    alone: bool = False
+    """Whether the page has to be a single file."""
+    scenes: Sequence[str] = ()
+    """The scenes that are reported on; all, if it is empty."""
+    pictures: bool = True
+    """Whether there are figures, images and surfels, which take nearly all of the time."""
+    width: int | None = None
+    """Characters of a line of the printed table; None: as many as the terminal has."""
+
+
+EVERYTHING = Shown()
+
+
+def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> None:
+    """Rebuild the summary and the reports of a run, print the table; the last line says what to open."""
+    summary, written = write(store, sweep, shown)
     table = suite_table(summary)
-    for part in parts_of(table, title_of(summary), console().width):
-        show(part)
+    for part in parts_of(table, title_of(summary), console(shown.width).width):
+        show(part, shown.width)
     for sentence in below(table):
         say(sentence)
     say_remarks(table)
     say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
+    show_records(summary, shown.width)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
 
@@ -62,6 +79,18 @@ def below(table: Table) -> list[str]:
     return [*found, explanation(table), *table.legend_in_words, *reasons(table), *table.footnotes]
 
 
+def show_records(summary: Summary, width: int | None) -> None:
+    """Print the record of the suite's longer runs, and a sentence for each row: in which columns this run agrees."""
+    for report in longer_reports(summary):
+        say(f"\n{HEADING}")
+        for name, text in report.facts.items():
+            say(f"{name}: {text}")
+        for part in parts_of(report.table, f"Record: {report.title}", console(width).width):
+            show(part, width)
+        for sentence in (*report.table.legend_in_words, *report.rows_in_words):
+            say(sentence)
+
+
 def say_remarks(table: Table) -> None:
     """Print the number of remarks; the remarks themselves would fill a screen, and the page has them."""
     count = len(table.remarks)
@@ -69,17 +98,23 @@ def say_remarks(table: Table) -> None:
         say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
 
-def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, list[Path]]:
+def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summary, list[Path]]:
     """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files.
 
-    ``alone``: the page has to be a single file.
+    Raises UsageError for a scene that the run does not have.
     """
     table = published(sweep["published"]) if sweep["published"] else None
-    summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
+    part = of_scenes(sweep, shown.scenes or sweep["scenes"])
+    summary = summarise(store, part, table.figures if table else {}, table.data if table else "none for this suite")
+    if left := [name for name in sweep["scenes"] if name not in part["scenes"]]:
+        summary["left_out"] = left
+    if longer := records_of(summary["suite"]):
+        summary["longer_runs"] = longer
     with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder):
-            written = write_reports(store.folder, alone, partial(progress.advance, "figures, tables, page"))
+            told = partial(progress.advance, "figures, tables, page")
+            written = write_reports(store.folder, shown.alone, told, shown.pictures)
     return summary, [store.folder / "summary.json", *written]
 
 

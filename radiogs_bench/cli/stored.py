@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import DataError
 
 from ..errors import exit_code
-from .options import add_verbose, declare
+from .options import add_verbose, declare, names, positive
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -26,6 +26,18 @@ def add_to(commands: "Commands") -> None:
         help="Write report.html as a single file. It has fewer views, then smaller ones, where pictures take more than"
         " 20 MiB.",
     )
+    reporting.add_argument(
+        "--scenes",
+        type=names,
+        default=[],
+        metavar="A,B",
+        help="Report on these of its scenes alone (default: all).",
+    )
+    reporting.add_argument(
+        "--no-pictures", dest="pictures", action="store_false",
+        help="Leave out figures, images and surfels: tables and page are there within seconds.",
+    )  # fmt: skip
+    reporting.add_argument("--width", type=positive, help=argparse.SUPPRESS)
 
 
 def _declare(
@@ -69,9 +81,10 @@ def report(options: argparse.Namespace) -> int:
     """Rebuild tables and figures from the stored results."""
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from .showing import write_and_show
+    from .showing import Shown, write_and_show
 
-    write_and_show(Store(options.out), read_sweep(options.out), options.self_contained)
+    shown = Shown(options.self_contained, options.scenes, options.pictures, options.width)
+    write_and_show(Store(options.out), read_sweep(options.out), shown)
     return 0
 
 

@@ -15,7 +15,7 @@ from radiogs_core.errors import DataError
 from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
 from ..runs.rows_from_files import measured
-from ..runs.sweep import Sweep, label
+from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
@@ -41,15 +41,7 @@ def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
     Rows that were scored from files are left out: this code did not make them.
     """
     sweep = measured(sweep)
-    cells = {label(ref): store.result(ref["key"]) for ref in sweep["cells"]}
-    unfinished = [name for name, result in cells.items() if result is None]
-    if unfinished:
-        raise DataError(
-            f"{len(unfinished)} of {len(cells)} cells are not finished: {', '.join(unfinished[:5])}",
-            "A baseline with missing cells would not check them.",
-            "Finish the run first.",
-        )
-    finished = {name: result for name, result in cells.items() if result is not None}
+    finished = finished_results(store, sweep, "A baseline with missing cells would not check them.")
     made = {
         "schema": BASELINE_SCHEMA,
         **{name: sweep[name] for name in SETTINGS},  # type: ignore[literal-required]

@@ -18,6 +18,7 @@ from ..methods import method as find_method
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
+from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
 from ..suites.suite import Row, Suite, recipe_of_row, with_numbers
@@ -218,6 +219,15 @@ class Request:
         return made
 
 
+def of_scenes(sweep: Sweep, scenes: Sequence[str]) -> Sweep:
+    """The manifest of some of its scenes, in its own order. Raises UsageError for a scene that it does not have."""
+    for name in scenes:
+        if name not in sweep["scenes"]:
+            raise UsageError(f"the run has no scene '{name}'", "", f"Its scenes: {', '.join(sweep['scenes'])}.")
+    kept = [name for name in sweep["scenes"] if name in scenes]
+    return {**sweep, "scenes": kept, "cells": [ref for ref in sweep["cells"] if ref["scene"] in kept]}
+
+
 def relighting_of(methods: Iterable[Method]) -> dict[str, dict[str, Any]]:
     """The relighting modes of the methods that offer any, as plain values by the methods' names."""
     return {used.name: used.relighting_modes.plain() for used in methods if isinstance(used, RelitInModes)}
@@ -277,6 +287,19 @@ def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
     """Exclusive right to read the manifest and to write another one, which the function that is given does."""
     with store.patient_claim("sweep"):
         yield lambda sweep: write_sealed(_path(store.folder), sweep)
+
+
+def finished_results(store: Store, sweep: Sweep, why: str) -> dict[str, Result]:
+    """The results of all cells by their labels. Raises DataError where one is missing; ``why`` none may be."""
+    found = {label(ref): store.result(ref["key"]) for ref in sweep["cells"]}
+    missing = [name for name, result in found.items() if result is None]
+    if missing:
+        raise DataError(
+            f"{len(missing)} of {len(found)} cells are not finished: {', '.join(missing[:5])}",
+            why,
+            "Finish the run first.",
+        )
+    return {name: result for name, result in found.items() if result is not None}
 
 
 def has_sweep(folder: Path) -> bool:

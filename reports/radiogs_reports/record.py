@@ -29,10 +29,10 @@ DRAWN_WITH = ("matplotlib", "numpy", "pandas", "jinja2", "pillow")
 """Packages that decide a report's bytes."""
 
 
-def made_from(summary: Summary, out: Path, alone: bool = False) -> str:
+def made_from(summary: Summary, out: Path, alone: bool = False, pictures: bool = True) -> str:
     """Digest of everything that decides the reports in ``out``: the summary, its arrays, the code and its packages.
 
-    ``alone``: whether the page has to be a single file.
+    ``alone``: whether the page has to be a single file. ``pictures``: whether there are figures and images.
     """
     arrays = sorted({each["arrays"] for each in (*summary["sheet"], *summary["runs"]) if each["arrays"] is not None})
     parts = [
@@ -40,6 +40,7 @@ def made_from(summary: Summary, out: Path, alone: bool = False) -> str:
         *(f"{name} {digest_of(out / name)}" for name in arrays),
         own_code(),
         *(["alone"] if alone else []),
+        *([] if pictures else ["without pictures"]),
         *(f"{package} {version(package)}" for package in DRAWN_WITH),
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

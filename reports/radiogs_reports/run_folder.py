@@ -40,6 +40,7 @@ from .write.analyses import (
     settling_csv,
 )
 from .write.document import report_document
+from .write.longer_run import below_a_run
 from .write.markdown import without_markup
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
@@ -52,10 +53,13 @@ def unheard(done: int, total: int) -> None:
     """Progress callback that does nothing."""
 
 
-def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard) -> list[Path]:
+def write_reports(
+    out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard, pictures: bool = True
+) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
-    ``alone``: the page has to be a single file, with fewer pictures if they are many.
+    ``alone``: the page has to be a single file, with fewer pictures if they are many. Without ``pictures`` there are
+    neither figures nor images nor surfels, which take nearly all of the time.
 
     The same stored results give the same bytes; reports that are there and would be the same are not made again.
     Tables and figures that only an earlier run had are deleted. ``advance`` is told how many of the ``PARTS`` are done.
@@ -64,22 +68,22 @@ def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], 
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER, PICTURES)
-    source = made_from(summary, out, alone)
+    source = made_from(summary, out, alone, pictures)
     there = unchanged(out, source)
     if there is not None:
         return there
     advance(0, PARTS)
-    figures = write_figures(summary, out)
+    figures = write_figures(summary, out) if pictures else []
     advance(1, PARTS)
     written = []
     for name, text in texts(summary, figures).items():
         written.append(fresh(out / name))
         written[-1].write_text(text, encoding="utf-8")
     advance(2, PARTS)
-    if summary["sheet"]:
+    if summary["sheet"] and pictures:
         written.append(write_contact_sheet(summary, out))
     advance(3, PARTS)
-    written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], alone)
+    written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], alone, pictures)
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
     keep_record(out, written, source)
     advance(PARTS, PARTS)
@@ -110,7 +114,7 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
     own = {
         f"{suite}_table.tex": suite_latex(table),
         f"{suite}.tex": suite_document(table),
-        f"{suite}.md": suite_markdown(table, run_note(summary)),
+        f"{suite}.md": suite_markdown(table, run_note(summary)) + below_a_run(summary),
         f"{suite}.csv": suite_csv(summary),
     }
     tables = _tables(summary)

@@ -266,6 +266,35 @@ class PaperTable(TypedDict):
     """By row, then column."""
 
 
+class RecordedCell(CellSummary):
+    """One value of a record. The verdict of its difference is the one that the run's own table showed."""
+
+    by_scene: list[float | None]
+    """Difference to the reference row on each scene of the record, over the seeds; None where the two share no seed.
+    Empty where there is no difference."""
+
+
+class LongerRun(TypedDict):
+    """A finished run in a record, which is committed with the project: the values of its table, to six digits."""
+
+    suite: str
+    title: str
+    recipe: str
+    """How the run's recipe differs from the preset's; empty where nothing was said of it."""
+    origin: dict[str, str]
+    """Dates, commits and command by heading (``tables.caption.origin``)."""
+    machine: str
+    preset: str
+    protocol: str
+    scenes: list[str]
+    seeds: list[int]
+    reference: str | None
+    columns: list[ColumnSummary]
+    rows: list[RowSummary]
+    cells: dict[str, dict[str, RecordedCell]]
+    """By row, then column."""
+
+
 class Summary(TypedDict):
     """The whole run."""
 
@@ -305,6 +334,11 @@ class Summary(TypedDict):
     """Ways of relighting by method; absent where no method offers several, and in earlier summaries."""
     command: NotRequired[list[str]]
     """The words of the command line after the program's name; absent where there was none."""
+    longer_runs: NotRequired[list[LongerRun]]
+    """Record of longer runs of the suite, to be shown beside this one; absent where the project has none."""
+    left_out: NotRequired[list[str]]
+    """Scenes of the run that the summary leaves out, such as those whose cells are still to come; absent without any.
+    """
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
     seal: NotRequired[str]

@@ -4,7 +4,6 @@ It is made of a template, styles, scripts, the plotting library, data and pictur
 """
 
 import base64
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,9 +21,9 @@ from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
-from ..tables.caption import run_note
+from ..tables.caption import origin, run_note
+from ..tables.longer_run import HEADING, longer_reports
 from ..tables.model import Table
-from ..wording import count_of
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
 from .pictures import BUDGET, FOLDER, KIND, Album, album, scale_bar
@@ -67,23 +66,34 @@ class Figure(NamedTuple):
 STYLES = ("page", "tables", "comparison", "printing")
 
 
-def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False) -> list[Path]:
+def write_page(
+    summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False, pictures: bool = True
+) -> list[Path]:
     """Write ``report.html`` into ``out`` and return its path, then those of the pictures that are files beside it.
 
-    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``.
+    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``. Without
+    ``pictures`` it has neither images nor surfels, and says so.
     """
     path = fresh(out / "report.html")
     embedded = [Figure(data_address(drawn.png.read_bytes(), "png"), drawn.caption, drawn.images) for drawn in figures]
-    runs = summary["runs"]
-    pictures = album(runs, out, alone, BUDGET)
-    path.write_text(page(summary, pictures, embedded, packed_surfels(runs, out)), encoding="utf-8")
-    return [path, *pictures.files.values()]
+    runs = summary["runs"] if pictures else []
+    made = album(runs, out, alone, BUDGET)
+    note = run_note(summary) if pictures else f"{run_note(summary)} {WITHOUT_PICTURES}"
+    path.write_text(page(summary, made, embedded, packed_surfels(runs, out), note), encoding="utf-8")
+    return [path, *made.files.values()]
+
+
+WITHOUT_PICTURES = "Figures, images and surfels are left out: `radiogs-bench report` on this folder adds them."
 
 
 def page(
-    summary: Summary, pictures: Album, figures: Sequence[Figure] = (), surfels: Mapping[str, Packed] | None = None
+    summary: Summary,
+    pictures: Album,
+    figures: Sequence[Figure] = (),
+    surfels: Mapping[str, Packed] | None = None,
+    note: str = "",
 ) -> str:
-    """The page as text. ``surfels``: of cells by key, for its 3-D view."""
+    """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
     means = means_table(summary)
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order, settling = order_report(summary), settling_report(summary)
@@ -108,8 +118,10 @@ def page(
             order_table=None if order is None else grid_table(order.grid),
             settling=settling,
             settling_table=None if settling is None else grid_table(settling.grid),
+            records=[(each, grid_table(each.by_scene)) for each in longer_reports(summary)],
+            record_heading=HEADING,
             figures=figures,
-            note=run_note(summary),
+            note=note or run_note(summary),
             scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
             finished=sum(run["state"] == "finished" for run in summary["runs"]),
             selectable=selectable(summary),
@@ -169,39 +181,6 @@ def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]
         ("row", "Rows", [(row["key"], row["text"]) for row in summary["rows"]]),
     ]
     return [group for group in groups if len(group[2]) > 1]
-
-
-SHORT = 10
-"""Characters of a commit's hash that are shown."""
-
-
-def origin(summary: Summary) -> dict[str, str]:
-    """Dates, commits and command of the run, by heading; without those that are not known."""
-    sessions = [session for run in summary["runs"] for each in run["sessions"].values() for session in each]
-    days = sorted({session["date"][:10] for session in sessions if session.get("date")})
-    commits = sorted({_commit(session["git"]) for session in sessions if session.get("git")})
-    more = f" and {count_of(len(commits) - 2, 'other')}" if commits[2:] else ""
-    found = {
-        "Date": " to ".join(dict.fromkeys((*days[:1], *days[-1:]))),
-        "Commit": ", ".join(commits[:2]) + more,
-        "Command": command(summary),
-    }
-    return {heading: text for heading, text in found.items() if text}
-
-
-def _commit(git: dict[str, Any]) -> str:
-    return str(git["commit"])[:SHORT] + (" with changes" if git.get("dirty") else "")
-
-
-def command(summary: Summary) -> str:
-    """The command that asked for the run; where it was not kept, one for a suite and scenes of these names."""
-    if summary.get("command"):
-        return shlex.join(["radiogs-bench", *summary["command"]])
-    words = [
-        "radiogs-bench", "run", summary["suite"], "--scenes", ",".join(summary["scenes"]),
-        "--seeds", str(len(summary["seeds"])), "--preset", summary["preset"], "--protocol", summary["protocol"],
-    ]  # fmt: skip
-    return shlex.join(words)
 
 
 def downloads(summary: Summary) -> list[tuple[str, str]]:

@@ -1,4 +1,7 @@
-"""The conditions of a run in plain text: its scenes, seeds and protocol, and the source of published values."""
+"""The conditions of a run in plain text: its scenes, seeds and protocol, and the sources of its values."""
+
+import shlex
+from typing import Any
 
 from ..summary import Summary
 from ..wording import count_of
@@ -31,6 +34,49 @@ def published_note(summary: Summary) -> str:
 
 
 def unfinished(summary: Summary) -> str:
-    """The number of finished cells, as a sentence; empty if all are finished."""
-    finished = sum(run["state"] == "finished" for run in summary["runs"])
-    return "" if finished == len(summary["runs"]) else f" {finished} of {len(summary['runs'])} cells are finished."
+    """The number of finished cells and of scenes that are left out, as sentences; empty if everything is there."""
+    finished, count = sum(run["state"] == "finished" for run in summary["runs"]), len(summary["runs"])
+    cells = "" if finished == count else f" {finished} of {count} cells are finished."
+    left = len(summary.get("left_out", []))
+    return cells + (f" {left} of the run's {len(summary['scenes']) + left} scenes are left out." if left else "")
+
+
+ORIGIN = ("Date", "Commit", "Version", "Command")
+"""The headings of ``origin``, in their order."""
+
+SHORT = 10
+"""Characters of a commit's hash that are shown."""
+
+
+def origin(summary: Summary) -> dict[str, str]:
+    """Dates, commits and command of the run, by heading; without those that are not known.
+
+    Where no commit is known, because the package was installed, its versions stand in their place.
+    """
+    sessions = [session for run in summary["runs"] for each in run["sessions"].values() for session in each]
+    days = sorted({session["date"][:10] for session in sessions if session.get("date")})
+    commits = sorted({_commit(session["git"]) for session in sessions if session.get("git")})
+    more = f" and {count_of(len(commits) - 2, 'other')}" if commits[2:] else ""
+    versions = sorted({found for session in sessions if (found := session.get("versions", {}).get("radiogs-bench"))})
+    texts = (
+        " to ".join(dict.fromkeys((*days[:1], *days[-1:]))),
+        ", ".join(commits[:2]) + more,
+        "" if commits else ", ".join(versions),
+        command(summary),
+    )
+    return {heading: text for heading, text in zip(ORIGIN, texts, strict=True) if text}
+
+
+def _commit(git: dict[str, Any]) -> str:
+    return str(git["commit"])[:SHORT] + (" with changes" if git.get("dirty") else "")
+
+
+def command(summary: Summary) -> str:
+    """The command that asked for the run; where it was not kept, one for a suite and scenes of these names."""
+    if summary.get("command"):
+        return shlex.join(["radiogs-bench", *summary["command"]])
+    words = [
+        "radiogs-bench", "run", summary["suite"], "--scenes", ",".join(summary["scenes"]),
+        "--seeds", str(len(summary["seeds"])), "--preset", summary["preset"], "--protocol", summary["protocol"],
+    ]  # fmt: skip
+    return shlex.join(words)

@@ -68,19 +68,25 @@ def suite_markdown(table: Table, note: str) -> str:
 
     ``note``: the conditions of the run (``tables.caption.run_note``).
     """
+    lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings]), *means_markdown(table)]
+    below = [f"{_brackets(table)}{note}", *table.legend_in_words, *table.footnotes, *table.remarks]
+    return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
+
+
+def means_markdown(table: Table) -> list[str]:
+    """The lines of the table: measured values with their paired differences, then the published values."""
     published = table.published_columns
     heads = [
         "",
         *(column.heading for column in table.columns),
         *(f"paper: {table.columns[place].heading}" for place in published),
     ]
-    lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings]), *table_head(heads)]
+    lines = table_head(heads)
     for row in table.rows:
         beside = [row.cells[place].published for place in published]
         printed = ["" if each is None else each.text for each in beside]
         lines.append(table_line([row.text, *map(_measured, row.cells), *printed]))
-    below = [f"{_brackets(table)}{note}", *table.legend_in_words, *table.footnotes, *table.remarks]
-    return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
+    return lines
 
 
 def _brackets(table: Table) -> str:

@@ -1,0 +1,159 @@
+"""Records of longer runs: what finished runs measured, sealed, and shown beside every shorter run of the suite.
+
+The project's own lie in the package, ``radiogs_bench/records/SUITE.json``. A record holds the values of each run's
+table, their differences on each scene, and their origin. No statistics are computed here: they are the summary's.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import Any, cast
+
+from radiogs_core.errors import DataError, ExplainedError
+from radiogs_reports.analysis.samples import values_of
+from radiogs_reports.statistics import differences
+from radiogs_reports.summary import CellSummary, LongerRun, RecordedCell, RowSummary, Summary
+from radiogs_reports.tables.caption import origin
+from radiogs_reports.tables.doubts import shown_verdict
+
+from ..runs.rows_from_files import measured
+from ..runs.sweep import Sweep, finished_results
+from ..store.folder import Store
+from ..store.names import plain_name
+from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
+from .summary import summarise
+
+logger = logging.getLogger(__name__)
+
+RECORD_SCHEMA = "radiogs-bench/record/1"
+
+RECORDS = Path(__file__).parents[1] / "records"
+"""The project's own records, one for each suite that has any."""
+
+
+def longer_run(store: Store, sweep: Sweep) -> LongerRun:
+    """The record of a run. Raises DataError unless every cell is finished.
+
+    Rows that were scored from files are left out: this code did not make them.
+    """
+    own = measured(sweep)
+    finished_results(store, own, "A record with missing cells would pass for the whole run.")
+    made = summarise(store, own, {}, "")
+    if "command" in made:
+        made["command"] = _without_out(made["command"])
+    return recorded(made, _recipe(own))
+
+
+def recorded(made: Summary, recipe: str) -> LongerRun:
+    """The record of a summary. ``recipe``: how it was trained, in words; empty where nothing was said of it."""
+    run = LongerRun(
+        suite=made["suite"],
+        title=made["title"],
+        recipe=recipe,
+        origin=origin(made),
+        machine=made["machine"],
+        preset=made["preset"],
+        protocol=made["protocol"],
+        scenes=made["scenes"],
+        seeds=made["seeds"],
+        reference=made["reference"],
+        columns=made["columns"],
+        rows=[
+            RowSummary(key=row["key"], latex=row["latex"], text=row["text"], seconds=row["seconds"])
+            for row in made["rows"]
+        ],
+        cells={
+            row: {column: _cell(made, row, column, cell) for column, cell in cells.items()}
+            for row, cells in made["cells"].items()
+        },
+    )
+    return cast(LongerRun, _six_digits(run))
+
+
+def _cell(made: Summary, row: str, column: str, cell: CellSummary) -> RecordedCell:
+    difference = cell["difference"]
+    if difference is not None:
+        difference = {**difference, "verdict": shown_verdict(made, row, column, difference), "spread": {}}
+    return RecordedCell(
+        mean=cell["mean"],
+        count=cell["count"],
+        difference=difference,
+        reason=cell["reason"],
+        rank=cell.get("rank"),
+        by_scene=[] if difference is None else _by_scene(made, row, column),
+    )
+
+
+def _by_scene(made: Summary, row: str, column: str) -> list[float | None]:
+    """Differences to the reference row on each scene, each the mean over its seeds."""
+    reference = made["reference"]
+    assert reference is not None
+    found: dict[str, list[float]] = {scene: [] for scene in made["scenes"]}
+    for at, value in differences(values_of(made, row, column), values_of(made, reference, column)).items():
+        found[at.scene].append(value)
+    return [fmean(values) if values else None for values in found.values()]
+
+
+def _recipe(sweep: Sweep) -> str:
+    """The recipe that a manifest states, for the whole run or row by row; empty where it states none."""
+    stated: Mapping[str, Any] = {**sweep}
+    rows = {row["text"]: dict(row).get("recipe") for row in sweep["rows"]}
+    own = "; ".join(f"{row}: {text}" for row, text in rows.items() if text)
+    return str(stated.get("recipe") or own)
+
+
+def _without_out(words: Sequence[str]) -> list[str]:
+    """The words of a command without the folder of its results, which decides none of them."""
+    kept, left = [], iter(words)
+    for word in left:
+        if word == "--out":
+            next(left, None)
+        elif not word.startswith("--out="):
+            kept.append(word)
+    return kept
+
+
+def _six_digits(value: Any) -> Any:
+    """Plain content with every float to six digits."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, Mapping):
+        return {name: _six_digits(each) for name, each in value.items()}
+    return [_six_digits(each) for each in value] if isinstance(value, list) else value
+
+
+def write_record(path: Path, runs: Sequence[LongerRun]) -> None:
+    """Write a record of runs, sealed. Raises StoreError."""
+    write_sealed(path, {"schema": RECORD_SCHEMA, "runs": list(runs)})
+
+
+def read_record(path: Path) -> list[LongerRun]:
+    """The runs of a record. Raises DataError for any other file, and for one that was changed after it was made."""
+    remedy = f"Make one:  radiogs-bench record OUT --to {path}"
+    try:
+        stored = read_sealed(path, RECORD_SCHEMA, ("runs",))
+    except FileNotFoundError:
+        raise DataError(f"there is no record {path}", "", remedy) from None
+    except OtherSchema as other:
+        raise DataError(f"{path} is no record of this version ({RECORD_SCHEMA})", other.what, remedy) from other
+    except Broken as broken:
+        raise DataError(
+            f"cannot use the record {path}: {broken.reason}", "It was changed after it was made.", remedy
+        ) from broken
+    return cast(list[LongerRun], stored["runs"])
+
+
+def records_of(suite: str) -> list[LongerRun]:
+    """The project's own record of a suite's longer runs; empty where there is none.
+
+    One that cannot be used is not shown: a warning says why, and the run's own reports are made without it.
+    """
+    path = RECORDS / f"{plain_name(suite, 'the name of a suite')}.json"
+    if not path.exists():
+        return []
+    try:
+        return read_record(path)
+    except ExplainedError as error:
+        logger.warning("%s; it is not shown", error.what)
+        return []

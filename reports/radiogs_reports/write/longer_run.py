@@ -1,0 +1,45 @@
+"""Records of longer runs as Markdown: below the table of a run, and as a document of their own."""
+
+from collections.abc import Iterator, Sequence
+
+from ..summary import LongerRun, Summary
+from ..tables.longer_run import HEADING, LongerReport, longer_report, longer_reports
+from .analyses import grid_markdown
+from .markdown import without_markup
+from .suite import means_markdown
+
+
+def below_a_run(summary: Summary) -> str:
+    """The record of the suite below the table of a run, with a sentence for each row and column; empty without one."""
+    found = longer_reports(summary)
+    if not found:
+        return ""
+    lines = ["", f"## {HEADING}"]
+    for report in found:
+        lines += ["", *_facts(report), "", *means_markdown(report.table), "", *_legend(report)]
+        lines += [f"- {each.sentence}" for each in report.agreements]
+    return "\n".join([*lines, ""])
+
+
+def record_document(runs: Sequence[LongerRun]) -> str:
+    """A record as a document: of each run its origin, its table, and its differences scene by scene."""
+    lines = [
+        f"# {HEADING}",
+        "",
+        "Written by `radiogs-bench record` from the sealed record; the same record gives it anew.",
+    ]
+    for number, run in enumerate(runs):
+        report = longer_report(run, f"record-{number}")
+        lines += ["", f"## {report.title}", "", *_facts(report), "", *means_markdown(report.table), ""]
+        lines += [*_legend(report), *grid_markdown(report.by_scene)]
+    return without_markup("\n".join([*lines, ""]))
+
+
+def _facts(report: LongerReport) -> Iterator[str]:
+    for heading, text in report.facts.items():
+        yield f"- {heading}: `{text}`" if heading == "Command" else f"- {heading}: {text}"
+
+
+def _legend(report: LongerReport) -> Iterator[str]:
+    for sentence in report.table.legend_in_words:
+        yield from (sentence, "")

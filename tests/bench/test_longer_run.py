@@ -1,0 +1,121 @@
+"""Records of longer runs: made of finished runs, sealed, refused once changed, and shown beside a run of the suite."""
+
+import json
+import logging
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from statistics import fmean
+
+import pytest
+
+from bench.fake_method import FakeSweep, asked, write_sweep
+from radiogs_bench.cli import main
+from radiogs_bench.results import longer_run
+from radiogs_bench.results.longer_run import RECORDS, read_record, records_of
+from radiogs_bench.runs.sweep import Sweep
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError
+from radiogs_reports.tables.longer_run import HEADING
+from radiogs_reports.write.longer_run import record_document
+
+DOCUMENTS = Path(__file__).parents[2] / "docs" / "records"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of two rows and two seeds, whose manifest states a recipe."""
+    folder = tmp_path_factory.mktemp("run")
+    sweep, request = FakeSweep(folder), asked(2, replace(ABLATIONS, rows=ABLATIONS.rows[:2]))
+    cells = request.cells()
+    stated = {**request.manifest([place for place, _ in cells]), "recipe": "twice the steps"}
+    stated["command"] = ["run", "ablations", "--out", str(folder), "--seeds", "2"]
+    write_sweep(sweep.store, Sweep(**stated))  # type: ignore[typeddict-item]
+    sweep.run([cell for _, cell in cells])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the record of the run and its document."""
+    folder = tmp_path_factory.mktemp("records")
+    record, document = folder / "ablations.json", folder / "ablations.md"
+    assert main(["record", str(run), "--to", str(record), "--markdown", str(document)]) == 0
+    return folder
+
+
+@pytest.fixture
+def record(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The record of the run, as if it came with the package."""
+    records = shutil.copytree(made, tmp_path / "records")
+    monkeypatch.setattr(longer_run, "RECORDS", records)
+    return records / "ablations.json"
+
+
+def test_a_record_holds_the_table_of_its_run_and_the_differences_of_each_scene(run: Path, record: Path) -> None:
+    (kept,) = read_record(record)
+    assert kept["recipe"] == "twice the steps"
+    assert kept["origin"]["Command"] == "radiogs-bench run ablations --seeds 2"
+    store, refs = Store(run), json.loads((run / "sweep.json").read_text())["cells"]
+    results = {(ref["row"], ref["seed"]): store.result(ref["key"]) for ref in refs}
+    values = {place: result["metrics"]["nvs/psnr"]["value"] for place, result in results.items() if result is not None}
+    of_seeds = [values["no-rad", seed] - values["ours", seed] for seed in (0, 1)]  # type: ignore[operator]
+    cell = kept["cells"]["no-rad"]["nvs/psnr"]
+    assert cell["by_scene"] == [pytest.approx(fmean(of_seeds), rel=1e-5)]
+    assert cell["difference"] is not None
+    assert cell["difference"]["mean"] == cell["by_scene"][0]
+    assert kept["cells"]["ours"]["nvs/psnr"]["by_scene"] == []
+    assert record.stat().st_size < 20_000
+
+
+def test_a_record_is_shown_beside_a_run_and_marked(
+    run: Path, record: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for there in (True, False):
+        capsys.readouterr()
+        assert main(["report", str(run), "--no-pictures"]) == 0
+        shown = {name: (run / name).read_text() for name in ("ablations.md", "report.html")}
+        shown["terminal"] = capsys.readouterr().out
+        for name, text in shown.items():
+            assert (HEADING in text) == there, name
+            assert ("the same sign here as in the record" in text) == there, name
+            assert ("twice the steps" in text) == there, name
+        record.unlink(missing_ok=True)
+
+
+def test_a_changed_record_is_refused_and_the_run_is_shown_without_it(
+    record: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    record.write_text(record.read_text().replace('"twice the steps"', '"half the steps"'))
+    with pytest.raises(DataError, match="its content does not agree with its seal"):
+        read_record(record)
+    with caplog.at_level(logging.WARNING):
+        assert records_of("ablations") == []
+    assert "cannot use the record" in caplog.text
+
+
+def test_a_run_with_a_missing_cell_makes_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    request = asked(1)
+    write_sweep(Store(tmp_path), request.manifest([place for place, _ in request.cells()]))
+    assert main(["record", str(tmp_path), "--to", str(tmp_path / "record.json")]) == 3
+    assert "5 of 5 cells are not finished" in capsys.readouterr().err
+    assert not (tmp_path / "record.json").exists()
+
+
+def test_the_document_of_a_record_is_written_again_from_the_record_alone(record: Path) -> None:
+    document = record.with_suffix(".md")
+    first = document.read_text()
+    assert "| λ_rad = 0 | NVS PSNR ↑ (dB) |" in first
+    document.unlink()
+    assert main(["record", "--to", str(record), "--markdown", str(document)]) == 0
+    assert document.read_text() == first
+    assert main(["record", "--to", str(record)]) == 2
+
+
+def test_the_committed_documents_are_those_of_the_committed_records() -> None:
+    found = sorted(RECORDS.glob("*.json"))
+    if not found:
+        pytest.skip("no record is committed yet")
+    for path in found:
+        assert (DOCUMENTS / f"{path.stem}.md").read_text(encoding="utf-8") == record_document(read_record(path)), path

@@ -1,0 +1,73 @@
+"""Whether a run agrees with the record of a longer one, row by row and column by column."""
+
+from pathlib import Path
+
+import pytest
+
+from made_up_run import summary, written_page
+from radiogs_bench.results.longer_run import recorded
+from radiogs_reports.summary import Summary, Verdict
+from radiogs_reports.tables.longer_run import HERE_ALONE, NEITHER, OPEN, OPPOSITE, SAME, longer_reports
+from radiogs_reports.write.longer_run import record_document
+
+
+def compared(here: Verdict | None, there: Verdict | None) -> Summary:
+    """The made-up run beside a record of it, with these verdicts of row ``no-rad`` in column ``nvs/psnr``."""
+    found = []
+    for verdict in (there, here):
+        made = summary()
+        difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+        assert difference is not None
+        difference["verdict"] = verdict
+        found.append(made)
+    of_record, made = found
+    made["longer_runs"] = [recorded(of_record, "<b>twice</b> the steps")]
+    return made
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "outcome"),
+    [
+        ("worse", "worse", SAME),
+        ("better", "worse", OPPOSITE),
+        (None, "worse", OPEN),
+        ("worse", None, HERE_ALONE),
+        (None, None, NEITHER),
+    ],
+)
+def test_each_difference_has_a_sentence_that_says_whether_the_run_agrees(
+    here: Verdict | None, there: Verdict | None, outcome: str
+) -> None:
+    (report,) = longer_reports(compared(here, there))
+    quality, shape = report.agreements  # the third column was measured in neither, the reference row has no difference
+    marks = [f" ({verdict})" if verdict else "" for verdict in (here, there)]
+    assert quality.sentence == (
+        f"lambda_rad = 0, NVS PSNR: {outcome}. Here -1.23 ± 0.50 dB{marks[0]}, in the record -1.23 ± 0.50 dB{marks[1]}."
+    )
+    assert shape.outcome == SAME
+    (words,) = report.rows_in_words
+    assert words.startswith("lambda_rad = 0: ")
+    assert f"{outcome}: NVS PSNR" in words
+
+
+def test_a_value_in_doubt_agrees_with_nothing() -> None:
+    """Its verdict is not shown in the table of the run; no sentence may show it."""
+    made = compared("worse", "worse")
+    made["doubts"] = [{"column": "nvs/psnr", "rows": ["ours"], "text": "not determined"}]
+    (report,) = longer_reports(made)
+    assert report.agreements[0].outcome == OPEN
+    kept = recorded(made, "")["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert kept is not None
+    assert kept["verdict"] is None
+
+
+def test_the_page_shows_the_record_with_its_origin_and_every_scene(tmp_path: Path) -> None:
+    made = compared(None, "worse")
+    (report,) = longer_reports(made)
+    assert list(report.facts)[:3] == ["Date", "Commit", "Command"]
+    assert [item.text for item in report.by_scene.rows[0][2:]] == ["-1.00"]
+    page = written_page(made, tmp_path).read_text(encoding="utf-8")
+    assert report.agreements[0].sentence in page
+    assert "&lt;b&gt;twice&lt;/b&gt; the steps" in page
+    assert "<b>twice" not in page
+    assert "<b>twice" not in record_document(made["longer_runs"])
