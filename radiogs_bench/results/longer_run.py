@@ -10,10 +10,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, cast
 
+from radiogs_baselines.published import published
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.statistics import differences
-from radiogs_reports.summary import CellSummary, LongerRun, RecordedCell, RowSummary, Summary
+from radiogs_reports.summary import CellSummary, LongerRun, RecordedCell, RowSummary, Summary, is_doubted
 from radiogs_reports.tables.caption import origin
 from radiogs_reports.tables.doubts import shown_verdict
 
@@ -39,18 +40,19 @@ def longer_run(store: Store, sweep: Sweep) -> LongerRun:
     """
     own = measured(sweep)
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
-    made = summarise(store, own, {}, "")
+    table = published(own["published"]) if own["published"] else None
+    made = summarise(store, own, table.figures if table else {}, table.data if table else "")
     if "command" in made:
         made["command"] = _without_out(made["command"])
-    return recorded(made, _recipe(own))
+    return recorded(made)
 
 
-def recorded(made: Summary, recipe: str) -> LongerRun:
-    """The record of a summary. ``recipe``: how it was trained, in words; empty where nothing was said of it."""
+def recorded(made: Summary) -> LongerRun:
+    """The record of a summary."""
     run = LongerRun(
         suite=made["suite"],
         title=made["title"],
-        recipe=recipe,
+        recipe=made.get("recipe", ""),
         origin=origin(made),
         machine=made["machine"],
         preset=made["preset"],
@@ -67,6 +69,8 @@ def recorded(made: Summary, recipe: str) -> LongerRun:
             row: {column: _cell(made, row, column, cell) for column, cell in cells.items()}
             for row, cells in made["cells"].items()
         },
+        published={row: dict(values) for row, values in made["published"].items() if row in made["cells"]},
+        published_data=made["published_data"],
     )
     return cast(LongerRun, _six_digits(run))
 
@@ -81,6 +85,7 @@ def _cell(made: Summary, row: str, column: str, cell: CellSummary) -> RecordedCe
         difference=difference,
         reason=cell["reason"],
         rank=cell.get("rank"),
+        doubted=is_doubted(made, row, column),
         by_scene=[] if difference is None else _by_scene(made, row, column),
     )
 
@@ -93,14 +98,6 @@ def _by_scene(made: Summary, row: str, column: str) -> list[float | None]:
     for at, value in differences(values_of(made, row, column), values_of(made, reference, column)).items():
         found[at.scene].append(value)
     return [fmean(values) if values else None for values in found.values()]
-
-
-def _recipe(sweep: Sweep) -> str:
-    """The recipe that a manifest states, for the whole run or row by row; empty where it states none."""
-    stated: Mapping[str, Any] = {**sweep}
-    rows = {row["text"]: dict(row).get("recipe") for row in sweep["rows"]}
-    own = "; ".join(f"{row}: {text}" for row, text in rows.items() if text)
-    return str(stated.get("recipe") or own)
 
 
 def _without_out(words: Sequence[str]) -> list[str]:

@@ -82,6 +82,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
+    if recipe := sweep.get("recipe"):
+        made["recipe"] = recipe
     if found := settling(made):
         made["settling"] = found
     if "command" in sweep:

@@ -269,6 +269,8 @@ class PaperTable(TypedDict):
 class RecordedCell(CellSummary):
     """One value of a record. The verdict of its difference is the one that the run's own table showed."""
 
+    doubted: bool
+    """Whether a footnote of the run concerned the value or the reference row's."""
     by_scene: list[float | None]
     """Difference to the reference row on each scene of the record, over the seeds; None where the two share no seed.
     Empty where there is no difference."""
@@ -280,7 +282,7 @@ class LongerRun(TypedDict):
     suite: str
     title: str
     recipe: str
-    """How the run's recipe differs from the preset's; empty where nothing was said of it."""
+    """The recipe of its rows; empty where they ran by their methods' defaults."""
     origin: dict[str, str]
     """Dates, commits and command by heading (``tables.caption.origin``)."""
     machine: str
@@ -293,6 +295,10 @@ class LongerRun(TypedDict):
     rows: list[RowSummary]
     cells: dict[str, dict[str, RecordedCell]]
     """By row, then column."""
+    published: dict[str, dict[str, float]]
+    """Published values by row, then column."""
+    published_data: str
+    """The data that they are of."""
 
 
 class Summary(TypedDict):
@@ -306,6 +312,8 @@ class Summary(TypedDict):
     scenes: list[str]
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where none is known."""
+    recipe: NotRequired[str]
+    """The recipe of the rows; absent where they run by their methods' defaults."""
     seeds: list[int]
     reference: str | None
     """The row that differences are taken to; None where rows are not variants of one method."""

@@ -80,7 +80,6 @@ def test_a_record_is_shown_beside_a_run_and_marked(
         for name, text in shown.items():
             assert (HEADING in text) == there, name
             assert ("the same sign here as in the record" in text) == there, name
-            assert ("twice the steps" in text) == there, name
         record.unlink(missing_ok=True)
 
 

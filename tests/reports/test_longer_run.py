@@ -21,7 +21,7 @@ def compared(here: Verdict | None, there: Verdict | None) -> Summary:
         difference["verdict"] = verdict
         found.append(made)
     of_record, made = found
-    made["longer_runs"] = [recorded(of_record, "<b>twice</b> the steps")]
+    made["longer_runs"] = [recorded({**of_record, "recipe": "<b>twice</b> the steps"})]
     return made
 
 
@@ -56,7 +56,7 @@ def test_a_value_in_doubt_agrees_with_nothing() -> None:
     made["doubts"] = [{"column": "nvs/psnr", "rows": ["ours"], "text": "not determined"}]
     (report,) = longer_reports(made)
     assert report.agreements[0].outcome == OPEN
-    kept = recorded(made, "")["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    kept = recorded(made)["cells"]["no-rad"]["nvs/psnr"]["difference"]
     assert kept is not None
     assert kept["verdict"] is None
 

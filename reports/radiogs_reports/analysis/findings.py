@@ -8,7 +8,18 @@ the measured difference. Its own sign holds where the measured one is resolved i
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
 
-from ..summary import CellSummary, ColumnSummary, Interval, PaperTable, PaperValue, RowSummary, Summary, is_doubted
+from ..summary import (
+    CellSummary,
+    ColumnSummary,
+    Interval,
+    LongerRun,
+    PaperTable,
+    PaperValue,
+    RecordedCell,
+    RowSummary,
+    Summary,
+    is_doubted,
+)
 from ..wording import count_of, number, signed_number
 
 Outcome = Literal["holds", "does not hold", "not resolved"]
@@ -80,13 +91,18 @@ def paper_sentences(table: PaperTable, summary: Summary) -> list[Sentence]:
     return _sentences(_of_paper(table, summary), summary["scenes"])
 
 
+def record_sentences(run: LongerRun) -> list[Sentence]:
+    """``suite_sentences`` of a recorded run."""
+    return _sentences(_of_record(run), run["scenes"])
+
+
 class _Compared(NamedTuple):
     """A table whose rows may be compared with one of them. Values are by row, then column."""
 
     reference: str | None
     rows: Sequence[RowSummary]
     columns: Sequence[ColumnSummary]
-    cells: Mapping[str, Mapping[str, CellSummary | PaperValue]]
+    cells: Mapping[str, Mapping[str, CellSummary | PaperValue | RecordedCell]]
     published: Mapping[str, Mapping[str, float]]
     published_data: str
     doubted: set[tuple[str, str]]
@@ -99,6 +115,14 @@ def _of_suite(summary: Summary) -> _Compared:
         reference, rows, columns, summary["cells"], summary["published"], summary["published_data"],
         _doubted(summary, rows, columns),
     )  # fmt: skip
+
+
+def _of_record(run: LongerRun) -> _Compared:
+    places = ((row, column) for row, cells in run["cells"].items() for column in cells)
+    doubted = {(row, column) for row, column in places if run["cells"][row][column]["doubted"]}
+    return _Compared(
+        run["reference"], run["rows"], run["columns"], run["cells"], run["published"], run["published_data"], doubted
+    )
 
 
 def _doubted(summary: Summary, rows: Sequence[RowSummary], columns: Sequence[ColumnSummary]) -> set[tuple[str, str]]:

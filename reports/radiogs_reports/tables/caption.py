@@ -8,13 +8,19 @@ from ..wording import count_of
 
 
 def run_note(summary: Summary) -> str:
-    """Scenes, seeds, preset, protocol, source of published values, machine."""
+    """Scenes, seeds, preset, recipe, protocol, source of published values, machine."""
     return (
         f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
-        f" {count_of(len(summary['seeds']), 'seed')}; preset {summary['preset']}; metric protocol"
+        f" {count_of(len(summary['seeds']), 'seed')}; {preset_and_recipe(summary)}; metric protocol"
         f" {summary['protocol']}.{unfinished(summary)} {published_note(summary)}"
         f" Machine: {summary['machine']}."
     )
+
+
+def preset_and_recipe(summary: Summary) -> str:
+    """The preset, and the recipe where one was named."""
+    recipe = f"; recipe {summary['recipe']}" if "recipe" in summary else ""
+    return f"preset {summary['preset']}{recipe}"
 
 
 def published_note(summary: Summary) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from ..analysis.findings import record_sentences
 from ..analysis.grid import Grid, Item, name_item
 from ..summary import ColumnSummary, LongerRun, Summary
 from ..wording import count_of, heading, signed
@@ -110,6 +111,7 @@ def recorded_table(run: LongerRun, name: str) -> Table:
         rows,
         caption=f"{HEADING}: {run['title']}. Mean over {scenes} and {seeds}; preset {run['preset']}.",
         reference=next((row for row in rows if row.key == run["reference"]), None),
+        findings=record_sentences(run),
     )
     return replace(
         made,

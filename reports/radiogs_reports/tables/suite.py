@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..analysis.findings import suite_sentences
 from ..summary import CellSummary, ColumnSummary, RowSummary, Summary
 from ..wording import number
-from .caption import unfinished
+from .caption import preset_and_recipe, unfinished
 from .doubts import footnotes, marks, remarks, shown_verdict
 from .legend import legend
 from .model import Cell, Column, Row, Table, difference_of, missing_cell, rank_in_words
@@ -93,5 +93,5 @@ def _caption(summary: Summary) -> str:
     seeds = len(summary["seeds"])
     return (
         f"{summary['title']}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {', '.join(summary['scenes'])};"
-        f" preset {summary['preset']}; metric protocol {summary['protocol']}.{unfinished(summary)}"
+        f" {preset_and_recipe(summary)}; metric protocol {summary['protocol']}.{unfinished(summary)}"
     )

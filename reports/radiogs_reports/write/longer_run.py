@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from ..summary import LongerRun, Summary
 from ..tables.longer_run import HEADING, LongerReport, longer_report, longer_reports
 from .analyses import grid_markdown
-from .markdown import without_markup
+from .markdown import listed, without_markup
 from .suite import means_markdown
 
 
@@ -16,7 +16,7 @@ def below_a_run(summary: Summary) -> str:
         return ""
     lines = ["", f"## {HEADING}"]
     for report in found:
-        lines += ["", *_facts(report), "", *means_markdown(report.table), "", *_legend(report)]
+        lines += ["", *_shown(report), *_legend(report)]
         lines += [f"- {each.sentence}" for each in report.agreements]
     return "\n".join([*lines, ""])
 
@@ -30,9 +30,15 @@ def record_document(runs: Sequence[LongerRun]) -> str:
     ]
     for number, run in enumerate(runs):
         report = longer_report(run, f"record-{number}")
-        lines += ["", f"## {report.title}", "", *_facts(report), "", *means_markdown(report.table), ""]
-        lines += [*_legend(report), *grid_markdown(report.by_scene)]
+        lines += ["", f"## {report.title}", "", *_shown(report), *_legend(report)]
+        lines += grid_markdown(report.by_scene)
     return without_markup("\n".join([*lines, ""]))
+
+
+def _shown(report: LongerReport) -> list[str]:
+    """Origin, findings and table of a longer run."""
+    found = listed([each.plain for each in report.table.findings])
+    return [*_facts(report), "", *found, *means_markdown(report.table), ""]
 
 
 def _facts(report: LongerReport) -> Iterator[str]:
