@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from radiogs_baselines.published import published
+from radiogs_baselines.published import values_beside
 from radiogs_core.errors import UsageError
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.run_folder import write_reports
@@ -104,9 +104,8 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
 
     Raises UsageError for a scene that the run does not have.
     """
-    table = published(sweep["published"]) if sweep["published"] else None
     part = of_scenes(sweep, shown.scenes or sweep["scenes"])
-    summary = summarise(store, part, table.figures if table else {}, table.data if table else "none for this suite")
+    summary = summarise(store, part, *values_beside(sweep["published"], sweep["columns"]))
     if left := [name for name in sweep["scenes"] if name not in part["scenes"]]:
         summary["left_out"] = left
     if longer := records_of(summary["suite"]):

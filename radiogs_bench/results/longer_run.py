@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, cast
 
-from radiogs_baselines.published import published
+from radiogs_baselines.published import values_beside
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.statistics import differences
@@ -40,8 +40,7 @@ def longer_run(store: Store, sweep: Sweep) -> LongerRun:
     """
     own = measured(sweep)
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
-    table = published(own["published"]) if own["published"] else None
-    made = summarise(store, own, table.figures if table else {}, table.data if table else "")
+    made = summarise(store, own, *values_beside(own["published"], own["columns"]))
     if "command" in made:
         made["command"] = _without_out(made["command"])
     return recorded(made)

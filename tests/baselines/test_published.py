@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_baselines.published import published, published_tables
+from radiogs_baselines.published import published, published_tables, values_beside
 from radiogs_core.errors import UsageError
 
 TABLES = published_tables()
@@ -169,3 +169,12 @@ def test_conditions_are_what_the_data_say(key: str) -> None:
     assert 0 < least <= most
     of_one_scene = {column.scene for column in table.columns.values()} - {None}
     assert of_one_scene <= set(table.conditions.scenes)
+
+
+def test_columns_that_the_ablation_lacks_have_the_values_of_the_table_of_indirect_light() -> None:
+    figures, data = values_beside("ablation", ["nvs/psnr", "indirect/psnr", "roughness/mse"])
+    assert figures["ours"]["nvs/psnr"] == 37.86
+    assert figures["ours"]["indirect/psnr"] - figures["no-rad"]["indirect/psnr"] == pytest.approx(2.7878)
+    assert "indirect/psnr" not in figures["nvs-init"]
+    assert data.endswith("(in indirect/psnr: TensoIR_Ind, mean of armadillo, ficus, hotdog, lego)")
+    assert values_beside(None, ["nvs/psnr"]) == ({}, "none for this suite")

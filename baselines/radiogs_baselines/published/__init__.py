@@ -1,6 +1,7 @@
 """Published values as data, one TOML file for each table; no other file repeats them."""
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Literal
@@ -60,6 +61,8 @@ class PublishedTable:
     """Reasons why a row lacks a column, by row and column."""
     remarks: dict[str, str] = field(default_factory=dict)
     """Sentences, by row, on tables of the paper that contradict each other."""
+    further: str = ""
+    """Key of a table that has values of the same rows in columns which this one lacks; empty for none."""
 
 
 def published_tables() -> tuple[str, ...]:
@@ -83,3 +86,23 @@ def published(table: str) -> PublishedTable:
     printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in rows}
     figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in printed.items()}
     return PublishedTable(conditions=conditions, columns=columns, figures=figures, printed=printed, **content)
+
+
+def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, dict[str, float]], str]:
+    """Published values by row and column that stand beside a run with these columns, and the data that they are of.
+
+    Columns that the table lacks are taken from its ``further`` table, whose data may be others. Without a ``key`` there
+    are none. Raises UsageError for an unknown key.
+    """
+    if key is None:
+        return {}, "none for this suite"
+    table = published(key)
+    figures, data = {row: dict(values) for row, values in table.figures.items()}, table.data
+    if table.further:
+        other = published(table.further)
+        lacking = [column for column in columns if column in other.columns and column not in table.columns]
+        for row in figures.keys() & other.figures.keys():
+            figures[row] |= {column: other.figures[row][column] for column in lacking if column in other.figures[row]}
+        if lacking:
+            data = f"{data} (in {', '.join(lacking)}: {other.data})"
+    return figures, data
