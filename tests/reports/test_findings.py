@@ -117,6 +117,16 @@ def test_a_published_difference_is_too_small_if_the_row_itself_could_not_have_sh
     assert not any(each.too_small for each in findings(made)), "it has shown one"
 
 
+@pytest.mark.parametrize(("high", "smallest", "excluded"), [(-2.1, 2.0, True), (-2.0, 2.0, False), (-2.1, 2.1, False)])
+def test_the_papers_size_is_excluded_where_the_interval_ends_before_it_and_the_run_could_have_shown_it(
+    high: float, smallest: float, excluded: bool
+) -> None:
+    made = summary()
+    difference(made, "no-rad", "nvs/psnr").update(verdict=None, low=-2.3, high=high, smallest=smallest)
+    assert [each.excluded for each in findings(made)] == [excluded, False]
+    assert any("The interval excludes the paper's size: NVS PSNR." in each for each in sentences(made)) == excluded
+
+
 def test_one_scene_and_seed_resolves_nothing() -> None:
     made = summary()
     for column in ("nvs/psnr", "normal/mae"):

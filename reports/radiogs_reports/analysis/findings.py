@@ -52,6 +52,14 @@ class Finding(NamedTuple):
             return False
         return abs(self.published) < self.smallest
 
+    @property
+    def excluded(self) -> bool:
+        """Whether the interval of a difference that is not resolved excludes the paper's difference."""
+        low, high = self.difference["low"], self.difference["high"]
+        if self.verdict != "not resolved" or self.too_small or self.published is None or low is None or high is None:
+            return False
+        return not low <= self.published <= high
+
 
 class Sentence(NamedTuple):
     """A sentence on the findings."""
@@ -263,9 +271,19 @@ def _of_row(table: _Compared, row: RowSummary, found: Sequence[Finding]) -> Iter
     others = [each for each in own if not each[1].resolved]
     if others:
         text = f"not resolved: {'; '.join(_entry(*each, measured=True) for each in others)}."
-        labels = [column["label"] for column, each in others if each.too_small]
-        small = f"too small for this run at the paper's size: {', '.join(labels)}." if labels else ""
-        yield Sentence(f"{text} {small[:1].upper()}{small[1:]}".rstrip(), small, row["text"], row["latex"])
+        sizes = " ".join(_sizes(others))
+        short = f"{sizes[:1].lower()}{sizes[1:]}"
+        yield Sentence(f"{text} {sizes}".rstrip(), short, row["text"], row["latex"])
+
+
+def _sizes(others: Sequence[tuple[ColumnSummary, Finding]]) -> Iterator[str]:
+    """For which columns the run was too small for the paper's difference, and for which its interval excludes it."""
+    small = [column["label"] for column, each in others if each.too_small]
+    if small:
+        yield f"Too small for this run at the paper's size: {', '.join(small)}."
+    excluded = [column["label"] for column, each in others if each.excluded]
+    if excluded:
+        yield f"The interval excludes the paper's size: {', '.join(excluded)}."
 
 
 def _entry(column: ColumnSummary, found: Finding, measured: bool) -> str:
