@@ -199,7 +199,7 @@ def recipe_table() -> str:
 def _topic(topic: str) -> str:
     head = ["", "the paper", "its code", *RECIPES, "field", "remark"]
     rows = [
-        [each.name, *_sources(each), *(_text(value_in(each, recipe)) for recipe in RECIPES), f"`{each.field}`",
+        [each.name, *_sources(each), *(as_text(value_in(each, recipe)) for recipe in RECIPES), f"`{each.field}`",
          each.remark]
         for each in CONSTANTS if each.topic == topic and each.field
     ]  # fmt: skip
@@ -208,7 +208,10 @@ def _topic(topic: str) -> str:
 
 def _scenes() -> str:
     rows = [
-        [f"{layout}, {scene or 'all scenes'}", ", ".join(f"`{name}` {_text(value)}" for name, value in values.items())]
+        [
+            f"{layout}, {scene or 'all scenes'}",
+            ", ".join(f"`{name}` {as_text(value)}" for name, value in values.items()),
+        ]
         for (layout, scene), values in OF_SCRIPTS.items()
     ]
     return "\n".join(["## Values of `released` for single scenes", "", *_table(["scene", "values"], rows)])
@@ -222,7 +225,7 @@ def _not_reproduced() -> str:
 
 def _sources(constant: Constant) -> tuple[str, str]:
     code = constant.paper if constant.code is None else constant.code
-    return ("-" if constant.paper is None else _text(constant.paper)), _text(code)
+    return ("-" if constant.paper is None else as_text(constant.paper)), as_text(code)
 
 
 def _table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
@@ -230,9 +233,14 @@ def _table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
-def _text(value: Any) -> str:
+def as_text(value: Any) -> str:
+    """A value of a field in words, for tables and labels.
+
+    >>> [as_text(each) for each in (True, 40_000, 0.05, (1.0, 0.0), ())]
+    ['yes', '40,000', '0.05', '[1, 0]', 'none']
+    """
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return ", ".join(map(_text, value)) or "none"
+        return f"[{', '.join(map(as_text, value))}]" if value else "none"
     return f"{value:,}" if type(value) is int else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,11 +1,11 @@
 """Labels of a trained model: its recipe, its length beside the paper's, and all settings that differ from the paper."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from radiogs_core.learning.geometry import turning
 from radiogs_core.plain_values import leaf_names, value_at, with_values
 
+from .constants import as_text
 from .recipes import PUBLISHED, RECIPES
 from .settings import PRESETS, Budget, Variant
 
@@ -47,7 +47,7 @@ def nearest_recipe(variant: Variant, layout: str, scene: str) -> tuple[str, Vari
 def differences(variant: Variant, other: Variant) -> dict[str, tuple[str, str]]:
     """The fields in which two variants differ, with both values as text."""
     return {
-        name: (_text(value_at(variant, name)), _text(value_at(other, name)))
+        name: (as_text(value_at(variant, name)), as_text(value_at(other, name)))
         for name in leaf_names(variant)
         if value_at(variant, name) != value_at(other, name)
     }
@@ -72,9 +72,3 @@ def length_label(variant: Variant, budget: Budget) -> dict[str, str]:
         f" stage 2; N_g {budget.consistency_surfels:,} (paper: {WHOLE.consistency_surfels:,}), N_s"
         f" {budget.incident_samples} (paper: {WHOLE.incident_samples})"
     }
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_text, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -26,7 +26,7 @@ class Recipe:
     """Named settings of RadioGS."""
 
     title: str
-    """What the settings are, in tables."""
+    """Description of the settings, in tables."""
     values: Values
     """The values that differ from the defaults of ``Variant``."""
     by_scene: Mapping[tuple[str, str], Values] = field(default_factory=dict)

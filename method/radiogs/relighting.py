@@ -73,10 +73,11 @@ def fine_tuned(
 ) -> Surfels:
     """The surfels with radiance fitted to ``equation``, by the steps of the run's budget (stage 3)."""
     budget, cameras = run.budget, [view.camera for view in run.scene.train]
-    effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
+    effort = SolverBudget(
+        budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples, run.variant.finetuning
+    )
     rays = RaySettings.of(run.variant)
-    rates = run.variant.finetuning
-    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor, rates)
+    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor)
     while solver.iteration < solver.iterations:
         solver.step()
         after_step()

@@ -127,7 +127,7 @@ DEVIATIONS: Mapping[str, str] = {
     "start-light": "stage 2 begins under a constant radiance of 1.5, whatever the exposure",
     "spread-views": "new views are shaded along N_s directions over the hemisphere, none drawn from the light",
 }
-"""What the released code does and the recommended recipe does not, by name, in the order of the documentation."""
+"""Deviations of the released code from the recommended recipe, by name, in the order of the documentation."""
 
 FIRST_STAGE = frozenset({"display-radiance", "premultiplied-encoding"})
 """Deviations that stage 1 reads."""

@@ -292,7 +292,7 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
 
 
 def _changes(results: Sequence[Result], row: Row) -> list[str]:
-    """What a run has otherwise than the published row, in words.
+    """Differences of a run from the published row, in words.
 
     Another method than the row's; another recipe than the published one; the fields of the variant that the run has set
     beside those that the row sets.

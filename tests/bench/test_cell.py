@@ -12,7 +12,7 @@ import pytest
 from bench.chain_method import Chain, Steps, Turned
 from bench.fake_method import FAKE, SCENE, fake_cell
 from radiogs.method import RADIOGS
-from radiogs.settings import INVERSE_ONLY, PRESETS, PROFILES, Budget, Variant
+from radiogs.settings import DEVIATIONS, INVERSE_ONLY, PRESETS, Budget, Variant
 from radiogs_bench.runs.cell import Cell, Work, cell_of, evaluation_code
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
@@ -28,17 +28,20 @@ OTHER_VALUES: Mapping[str, Any] = {
     "incident": "detached",
     "relighting": "surfels",
     "met_light": "unoccluded",
-    "deviations": PROFILES["released"],
+    "deviations": tuple(DEVIATIONS),
+    "ray_offset": 0.1,
+    "masking": "height-correlated",
     "effects": "auto",
     "given": ("light",),
     "geometry": replace(Variant().geometry, weights=replace(Variant().geometry.weights, normal=0.1)),
     "split_sum": replace(Variant().split_sum, consistency=0.1),
     "materials": replace(Variant().materials, weights=replace(Variant().materials.weights, mask=0.1)),
+    "finetuning": replace(Variant().finetuning, degree_0=0.1),
 }
 """Another value of every field of the variant than the full method has."""
 
-FROM_STAGE_1 = ("initialise", "view_share", "deviations", "geometry", "split_sum")
-SHOWING_ALONE = ("relighting", "met_light")
+FROM_STAGE_1 = ("initialise", "view_share", "deviations", "geometry", "split_sum", "masking")
+SHOWING_ALONE = ("relighting", "met_light", "finetuning")
 
 
 def radiogs_cell(variant: Variant | None = None, budget: Budget | None = None, **work: Any) -> Cell:
@@ -71,9 +74,7 @@ def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_aft
 
 def test_deviations_that_stage_1_does_not_make_leave_it_shared() -> None:
     later = next(
-        name
-        for name in PROFILES["released"]
-        if name not in Variant(deviations=(name,)).of_initialisation()["deviations"]
+        name for name in DEVIATIONS if name not in Variant(deviations=(name,)).of_initialisation()["deviations"]
     )
     assert changed(radiogs_cell(Variant(deviations=(later,))), radiogs_cell()) == [False, True, True]
 
@@ -213,7 +214,7 @@ def test_every_field_of_the_variant_is_in_the_content() -> None:
     assert fake_cell().content()["variant"].keys() == {field.name for field in dataclasses.fields(Variant)}
 
 
-@pytest.mark.parametrize("variant", [Variant(deviations=PROFILES["released"]), Variant(effects=("visibility",))])
+@pytest.mark.parametrize("variant", [Variant(deviations=tuple(DEVIATIONS)), Variant(effects=("visibility",))])
 def test_the_content_is_what_a_stored_result_gives_back(variant: Variant) -> None:
     """Else nothing that is looked for by its content is ever found in a store."""
     content = fake_cell(variant=variant).content()

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import pytest
 
 from radiogs.method import RADIOGS
-from radiogs.settings import PROFILES, Variant
+from radiogs.settings import DEVIATIONS, Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import from_plain, to_plain, with_values
 
@@ -134,7 +134,7 @@ def test_a_field_without_a_default_is_asked_for() -> None:
 
 @pytest.mark.parametrize(
     "variant",
-    [Variant(), Variant(effects="auto"), Variant(effects=("visibility",)), Variant(deviations=PROFILES["released"])],
+    [Variant(), Variant(effects="auto"), Variant(effects=("visibility",)), Variant(deviations=tuple(DEVIATIONS))],
 )
 def test_a_variant_comes_back_from_what_is_stored_of_it(variant: Variant) -> None:
     assert from_plain(RADIOGS.variant, json.loads(json.dumps(to_plain(variant))), "v") == variant

@@ -7,7 +7,7 @@ illumination.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import torch
@@ -63,7 +63,7 @@ class RenderingEquation:
 
 @dataclass(frozen=True)
 class SolverBudget:
-    """Size of a ``RadianceSolver`` run."""
+    """Size of a ``RadianceSolver`` run, and its steps."""
 
     iterations: int
     """Optimisation steps."""
@@ -71,6 +71,8 @@ class SolverBudget:
     """Surfels drawn in each step."""
     samples: int
     """Rays traced from each drawn surfel."""
+    rates: SolverRates = field(default_factory=SolverRates)
+    """Learning rates."""
 
 
 class RadianceSolver:
@@ -88,7 +90,6 @@ class RadianceSolver:
         seed: Seed of all random draws.
         tracer: Makes the tracer of the surfels.
         floor: See ``hemisphere_directions``.
-        rates: Learning rates.
     """
 
     name = "radiance"
@@ -102,11 +103,10 @@ class RadianceSolver:
         seed: int,
         tracer: Callable[[Surfels], SurfelTracer] = SurfelTracer,
         floor: bool = False,
-        rates: SolverRates = SolverRates(),
     ) -> None:
         device = surfels.centre.device
         self.fixed = surfels.take(torch.arange(len(surfels), device=device))
-        self.equation, self.budget, self.rates = equation, budget, rates
+        self.equation, self.budget = equation, budget
         self.cameras = [camera.to(device, surfels.centre.dtype) for camera in cameras]
         self.iteration, self.iterations = 0, budget.iterations
         self.generator = torch.Generator(device).manual_seed(seed)
@@ -116,7 +116,7 @@ class RadianceSolver:
         self.sh = {"sh": self.fixed.sh[:, :1].clone(), "sh_rest": self.fixed.sh[:, 1:].clone()}
         for value in self.sh.values():
             value.requires_grad_()
-        self.unit = self._mean_radiance() if rates.unit == "mean radiance" else 1.0
+        self.unit = self._mean_radiance() if budget.rates.unit == "mean radiance" else 1.0
         self.adam = torch.optim.Adam([{"params": [value], "lr": 0.0} for value in self.sh.values()], fused=True)
 
     @property
@@ -172,7 +172,7 @@ class RadianceSolver:
         return max(float(self.reflected(index, along).mean()), float(own.mean()))
 
     def _set_rates(self) -> None:
-        rates, progress = self.rates, torch.tensor(self.iteration / self.iterations)
+        rates, progress = self.budget.rates, torch.tensor(self.iteration / self.iterations)
         decay = float(rates.last_share + (1 - rates.last_share) * (1 + torch.cos(torch.pi * progress)) / 2)
         for group, share in zip(self.adam.param_groups, (1.0, rates.rest_share), strict=True):
             group["lr"] = rates.degree_0 * self.unit * share * decay

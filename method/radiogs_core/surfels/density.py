@@ -12,6 +12,7 @@ Two changes make the rules independent of the image's size and of the run's leng
 in half-images at the surfel's centre, and the number of surfels has a maximum.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
@@ -113,8 +114,20 @@ class OpacityResets:
         return surfels
 
 
+ROUNDING = 1e-6
+"""Difference, in steps, by which equal multiples of two intervals may differ in floating point."""
+
+
 def _at_multiple(iteration: int, interval: float) -> bool:
-    return interval > 0 and iteration > 0 and iteration % max(1, round(interval)) == 0
+    """Whether a step is the nearest one to a multiple of ``interval``, a half rounded down.
+
+    Multiples are rounded, not the interval: else a shorter interval drifts past the longer one that it divides.
+    """
+    if interval <= 0 or iteration <= 0:
+        return False
+    interval = max(1.0, interval)
+    multiple = round(iteration / interval) * interval
+    return iteration == math.ceil(multiple - 0.5 - ROUNDING)
 
 
 @dataclass(frozen=True)

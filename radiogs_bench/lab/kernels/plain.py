@@ -10,7 +10,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.transport.light_filters import LEVELS
-from radiogs_core.transport.splitsum import PrefilteredLight, brdf_table
+from radiogs_core.transport.splitsum import Masking, PrefilteredLight, brdf_table
 
 PIXELS_AT_ONCE = 1024
 """Pixels that are processed together, against all surfels."""
@@ -114,7 +114,7 @@ def split_sum_plainly(
     cosine = (normal * outgoing).sum(-1)
     front = (cosine > 0)[:, None]
     mirrored = 2 * cosine[:, None] * normal - outgoing
-    scale, bias = brdf_integral(cosine.clamp(0, 1), roughness)
+    scale, bias = brdf_integral(cosine.clamp(0, 1), roughness, light.masking)
     reflectance = (FRESNEL_NORMAL * scale + bias)[:, None]
     return (
         torch.where(front, albedo * light.irradiance(normal), 0.0),
@@ -134,10 +134,10 @@ def glossy(
 
 
 def brdf_integral(
-    cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"]
+    cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"], masking: Masking = "schlick"
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
     """A and B with F0 A + B = integral of f_s (n.wi) over the hemisphere; cosine n.wo in [0, 1]."""
-    table = brdf_table().to(cosine)
+    table = brdf_table(masking).to(cosine)
     size = table.shape[0]
     row, column = cosine * (size - 1), roughness * (size - 1)
     top, left = (place.detach().floor().clamp(0, size - 2) for place in (row, column))

@@ -207,9 +207,12 @@ SHOWN: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
 TRAINED: Mapping[str, list[dict[str, Any]]] = {
     "gs-ir": [
         {"occlusion": False}, {"indirect": False}, {"tau": None}, {"nearest": 0.01}, {"metallic": True},
-        {"texel_areas": "approximate"}, {"lr_scale": 0.1},
+        {"texel_areas": "approximate"}, {"masking": "schlick"}, {"lr_scale": 0.1},
     ],
-    "gi-gs": [{"indirect": False}, {"readme_bug": True}, {"start": 4}, {"metallic": True}, {"far": 9.0}],
+    "gi-gs": [
+        {"indirect": False}, {"readme_bug": True}, {"start": 4}, {"metallic": True}, {"far": 9.0},
+        {"masking": "schlick"},
+    ],
     "irgs": [{"indirect": "none"}, {"lr_scale": 0.1}, {"ray_start": 0.01}, {"two_sided": False}],
     "r3dg": [{"local_light": "gated"}, {"hidden_below": 0.5}, {"visibility": "retraced"}, {"floor": True}],
     "svg-ir": [{"hop": None}, {"attributes": "constant"}, {"ray_start": 0.01}, {"opaque": 0.1}],

@@ -9,6 +9,7 @@ import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering, rates_of
+from radiogs.learning import MaterialLearning, MaterialRates
 from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
 from radiogs.oracle import (
@@ -57,7 +58,9 @@ def initialised() -> dict[str, Any]:
 
 
 def inverse(initialised: dict[str, Any], *given: Part) -> InverseRendering:
-    return inverse_rendering(Run(KNOWN, Variant(given=given), BUDGET, 0, CPU), initialised)
+    """Stage 2, in which a light that was searched for is learnt too; by default it is held."""
+    materials = MaterialLearning(rates=MaterialRates(light=0.0005))
+    return inverse_rendering(Run(KNOWN, Variant(given=given, materials=materials), BUDGET, 0, CPU), initialised)
 
 
 def learnt(*positions: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
@@ -83,13 +86,13 @@ def test_given_parts_are_frozen_and_the_others_are_learnt(initialised: dict[str,
 
 
 def test_surfels_on_given_surfaces_learn_scale_and_opacity_at_the_rates_of_stage_1() -> None:
-    learnt_rates, given_rates = rates_of(Variant(), 2.0), rates_of(Variant(given=("geometry",)), 2.0)
+    learnt_rates, given_rates = rates_of(Variant(), 2.0, 100), rates_of(Variant(given=("geometry",)), 2.0, 100)
     changed = {name for name in learnt_rates if learnt_rates[name] != given_rates[name]}
     assert changed == {"log_scale", "opacity_logit"}
     before = Variant().geometry.rates
     assert (given_rates["log_scale"], given_rates["opacity_logit"]) == (before.scale, before.opacity)
     assert not changed & set(FROZEN["geometry"])
-    assert learnt_rates["centre"] == pytest.approx(2 * rates_of(Variant(), 1.0)["centre"])
+    assert learnt_rates["centre"] == pytest.approx(2 * rates_of(Variant(), 1.0, 100)["centre"])
 
 
 def test_given_geometry_is_the_true_surface_with_the_nearest_learnt_radiance() -> None:

@@ -12,9 +12,10 @@ from torch.nn.functional import normalize
 from hard_cases.constructions import joined
 from known_ball import CPU, SCENE
 from radiogs.model import Model
-from radiogs.relighting import relight
+from radiogs.relighting import RelitBySurfels, relight
 from radiogs.settings import PRESETS, Relighting, Variant
 from radiogs_core.contract import Run
+from radiogs_core.learning.radiance_solver import SolverRates
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
@@ -195,6 +196,18 @@ def test_relit_images_do_not_depend_on_the_learnt_radiance_and_light() -> None:
     first, second = (maps(each, AMBER, SCALES[1]) for each in (model, Model(brighter, model.log_environment + 1)))
     for name, value in first.items():
         assert torch.equal(value, second[name]), name
+
+
+def test_fine_tuning_steps_at_the_rates_of_the_variant() -> None:
+    """A single step of Adam is as long as the rate."""
+    moved = []
+    for rate in (0.0, 0.01):
+        variant = Variant(relighting="surfels", finetuning=SolverRates(rate, unit="one"))
+        run = Run(SCENE, variant, replace(BUDGET, finetune_iterations=1), 0, CPU)
+        found = relight(model_of(BALL), AMBER, torch.ones(3), run)
+        assert isinstance(found, RelitBySurfels)
+        moved.append(float((found.surfels.sh - model_of(BALL).surfels.sh)[:, 0].abs().max()))
+    assert moved == [0.0, pytest.approx(0.01, rel=1e-3)]
 
 
 @pytest.mark.parametrize(("mode", "tolerance"), [("finetuned", 0.025), ("surfels", 0.05)])

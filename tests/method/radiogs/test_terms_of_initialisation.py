@@ -22,6 +22,7 @@ IMAGES = {"radiance", "shaded"}
 TERMS: Mapping[str, set[str]] = {
     "absolute": IMAGES,
     "similarity": IMAGES,
+    "radiance": {"radiance"},
     "normal": {"normal"},
     "distortion": {"distortion"},
     "mask": {"mask"},

@@ -15,7 +15,7 @@ from radiogs.settings import Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.plain_values import from_plain
+from radiogs_core.plain_values import from_plain, with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.starting_points import SurfelStart
 from rooms import room_scene
@@ -36,6 +36,12 @@ OTHER = {
     "geometry.density.least_contribution": 3.0,
     "geometry.schedule.decay_from": 0.1,
     "geometry.schedule.normal_late_from": 0.1,
+    "geometry.schedule.normal_smoothness_until": 0.5,
+    "geometry.density.prune_unseen": False,
+    "geometry.density.resets.lower_every": 0.5,
+    "geometry.density.resets.raise_every": 0.25,
+    "geometry.density.resets.raise_to": 0.8,
+    "geometry.density.resets.recovery": 9,
     "geometry.start.candidates": 64,
     "geometry.start.points": "swept",
     "geometry.schedule.moving_from": 0.5,
@@ -73,6 +79,11 @@ OTHER = {
     "materials.start.white": 0.4,
     "materials.start.brightest": 0.5,
     "materials.normal_from": 0.4,
+    "materials.weights.distortion": 1.0,
+    "materials.rates.light": 0.001,
+    "materials.rates.length_power": 0.5,
+    "finetuning.unit": "one",
+    "finetuning.last_share": 0.5,
 }
 """Test values of fields for which 1.5 times the default would have no effect in so short a run."""
 
@@ -108,11 +119,33 @@ def at(tree: Any, path: str) -> Any:
 
 
 CONSTANT = replace(BASE, materials=MaterialLearning(start=MaterialStart(light="constant")))
-OF_A_CONSTANT_START = ("materials.start.albedo", "materials.start.white", "materials.start.brightest")
-"""Fields that are read only without a search for the light."""
+OF_A_CONSTANT_START = (
+    "materials.start.albedo", "materials.start.white", "materials.start.brightest", "materials.rates.constant_light",
+    "materials.weights.light_prior", "materials.weights.light_smoothness",
+)  # fmt: skip
+"""Fields that matter only without a search for the light, or where the light is learnt."""
 
 ROOM = {points: room_scene(views=8, size=16, points=points) for points in (0, 100)}
 OF_NO_SPARSE_POINTS = "geometry.surroundings.nearest"
+
+BASES = {
+    "geometry.start.sweep.": {"geometry.start.points": "swept"},
+    "geometry.schedule.moving_from": {"geometry.start.points": "swept"},
+    "geometry.start.box": {"geometry.start.points": "box"},
+    "geometry.density.prune_unseen": {
+        "geometry.start.points": "box",
+        "geometry.start.box": 4.0,
+        "geometry.density.largest_scale": 10.0,
+        "geometry.density.hidden_at": (),
+    },
+    "geometry.density.resets.": {
+        "geometry.density.opacity_floor": 0.0,
+        "geometry.density.resets.lower_every": 0.25,
+        "geometry.density.resets.raise_every": 0.125,
+        "geometry.density.resets.recovery": 1,
+    },
+}
+"""Fields by the beginning of their names, with the values of others without which they have no effect."""
 
 LEAVES = dict(leaves(BASE))
 OF_STAGE_ONE = [path for path in LEAVES if path.startswith(("geometry.", "split_sum."))]
@@ -150,9 +183,10 @@ def differ(some: dict[str, torch.Tensor], others: dict[str, torch.Tensor]) -> bo
 @pytest.mark.parametrize("path", OF_STAGE_ONE)
 def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str, Any], path: str) -> None:
     value, scene, before, base = other(path, LEAVES[path]), SCENE, first, BASE
-    if path.startswith("geometry.start.sweep.") or path == "geometry.schedule.moving_from":
-        base = turned(BASE, "geometry.start.points", "swept")
-        before = initialised(base)
+    for beginning, needed in BASES.items():
+        if path.startswith(beginning):
+            base = with_values(BASE, needed)
+            before = initialised(base)
     variant = turned(base, path, value)
     if path.startswith("geometry.surroundings."):
         scene = ROOM[0 if path == OF_NO_SPARSE_POINTS else 100]

@@ -15,6 +15,7 @@ from radiogs_baselines.methods.gi_gs.model import Model
 from radiogs_baselines.methods.gi_gs.settings import PRESETS, Variant
 from radiogs_baselines.methods.gi_gs.showing import labels_of
 from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
 
 CAMERA = SCENE.test[0].camera
 
@@ -85,6 +86,16 @@ def test_the_as_shipped_frame_lights_another_side() -> None:
     assert float(oriented["direct"][up].mean()) > 2 * float(shipped["direct"][up].mean())
     own = trained(variant(frame="as_shipped")).prepare().render(CAMERA)
     assert torch.equal(own["image"], trained().prepare().render(CAMERA)["image"]), "the recovered light has its frame"
+
+
+@pytest.mark.parametrize("light", [None, grey(0.5)], ids=["recovered", "new"])
+def test_lobes_have_the_masking_of_the_variant_which_is_the_exact_one_by_default(light: EnvironmentMap | None) -> None:
+    default, exact, approximate = (
+        trained(variant(**chosen)).prepare(light).render(CAMERA)["direct"]
+        for chosen in ({}, {"masking": "height-correlated"}, {"masking": "schlick"})
+    )
+    assert torch.equal(default, exact)
+    assert float(exact.mean()) > 1.005 * float(approximate.mean())
 
 
 def test_rendered_frames_use_the_render_grid() -> None:

@@ -115,7 +115,7 @@ def test_relighting_has_neither_occlusion_nor_irradiance() -> None:
 
 
 def test_materials_are_blended_before_they_are_shaded() -> None:
-    """Roughness 0.2 and 0.8 in equal parts: the pixel has the lobe of about 0.5, not the mean of both lobes."""
+    """Roughness 0.1 and 0.6 in equal parts: the pixel has the lobe of about 0.35, not the mean of both lobes."""
     light = grey(1e-3)
     light.radiance[0] = 50.0
 
@@ -123,9 +123,9 @@ def test_materials_are_blended_before_they_are_shaded() -> None:
         dark = [middle(trained(model_of(together(*surfels))).prepare(light))]  # type: ignore[arg-type]
         return float(dark[0]["direct"][0])
 
-    smooth, rough = (sheet(0.0, albedo=1e-4, roughness=roughness, scale=50.0) for roughness in (0.2, 0.8))
-    veil = sheet(0.001, albedo=1e-4, roughness=0.2, scale=50.0, opacity=0.5)
-    middle_of_both = sheet(0.0, albedo=1e-4, roughness=(0.5 * 0.2 + 0.495 * 0.8) / 0.995, scale=50.0)
+    smooth, rough = (sheet(0.0, albedo=1e-4, roughness=roughness, scale=50.0) for roughness in (0.1, 0.6))
+    veil = sheet(0.001, albedo=1e-4, roughness=0.1, scale=50.0, opacity=0.5)
+    middle_of_both = sheet(0.0, albedo=1e-4, roughness=(0.5 * 0.1 + 0.495 * 0.6) / 0.995, scale=50.0)
     found = lobe(rough, veil)
     assert found == pytest.approx(lobe(middle_of_both), rel=1e-3)
     assert abs(found - (0.5 * lobe(smooth) + 0.495 * lobe(rough)) / 0.995) > 0.1 * found

@@ -161,11 +161,11 @@ def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     normal = (features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)).detach()
     outgoing = -rays / rays.norm(dim=-1, keepdim=True)
     albedo, roughness, metal = straight[:, 3:6], straight[:, 6], straight[:, 7, None]
-    light = PrefilteredLight(values["environment"])
+    light = PrefilteredLight(values["environment"], "height-correlated")
     cosine = (normal * outgoing).sum(-1)
     assert bool((cosine > 0).all())
     mirrored = 2 * cosine[:, None] * normal - outgoing
-    scale, bias = plain.brdf_integral(cosine, roughness)
+    scale, bias = plain.brdf_integral(cosine, roughness, light.masking)
     fresnel = 0.04 * (1 - metal) + metal * albedo
     specular = plain.glossy(light, mirrored, roughness) * (fresnel * scale[:, None] + bias[:, None])
     opened = torch.tensor([dense_openness(*each) for each in zip(position, normal, strict=True)], dtype=F64)[:, None]

@@ -18,6 +18,7 @@ from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
 from radiogs_baselines.methods.gs_ir.settings import PRESETS, Variant
 from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR, labels_of
 from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap
 
 CAMERA = SCENE.test[0].camera
 
@@ -91,6 +92,16 @@ def test_new_lights_are_filtered_with_the_texel_areas_of_the_variant() -> None:
     seen = exact["alpha"][..., 0] > 0.9
     ratio = (rough["direct"] - exact["direct"])[seen] / exact["albedo"][seen]
     assert 0.04 < float(ratio.min()) < float(ratio.max()) < 0.12
+
+
+@pytest.mark.parametrize("light", [None, grey(0.5)], ids=["recovered", "new"])
+def test_lobes_have_the_masking_of_the_variant_which_is_the_exact_one_by_default(light: EnvironmentMap | None) -> None:
+    default, exact, approximate = (
+        trained(variant(**chosen)).prepare(light).render(CAMERA)["direct"]
+        for chosen in ({}, {"masking": "height-correlated"}, {"masking": "schlick"})
+    )
+    assert torch.equal(default, exact)
+    assert float(exact.mean()) > 1.005 * float(approximate.mean())
 
 
 def test_exported_files_have_the_values_of_the_model(tmp_path: Path) -> None:

@@ -184,11 +184,12 @@ def test_irradiance_is_learnt_where_the_light_is_occluded() -> None:
     assert 0.5 < arriving() < 1.2
 
 
-@pytest.mark.parametrize("areas", ["exact", "approximate"])
-def test_training_filters_the_light_with_the_texel_areas_of_the_variant(areas: str) -> None:
-    """With approximate areas the same light makes the image brighter and changes the loss."""
-    shown = stage_of(variant(texel_areas=areas)).step()["shaded"]
-    assert (shown == stage_of().step()["shaded"]) == (areas == "exact")
+@pytest.mark.parametrize("changed", [{"texel_areas": "approximate"}, {"masking": "schlick"}])
+def test_training_filters_and_reflects_the_light_as_the_variant_says(changed: dict[str, str]) -> None:
+    """With approximate areas the same light makes the image brighter; with another masking, the lobe."""
+    same = {name: getattr(Variant(), name) for name in changed}
+    default, unchanged, other = (stage_of(variant(**each)).step()["shaded"] for each in ({}, same, changed))
+    assert default == unchanged != other
 
 
 def test_the_lengths_of_a_variant_are_multiplied_by_the_extent() -> None:

@@ -12,7 +12,7 @@ from radiogs.model import Model
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_core.contract import Run
-from radiogs_core.learning.radiance_solver import RATE, RATE_REST, RadianceSolver, RenderingEquation, SolverBudget
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget, SolverRates
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
@@ -112,14 +112,29 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
     assert len(done) == 2
 
 
-def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance() -> None:
-    ball = white_ball()
-    light = EnvironmentMap(torch.full((4, 8, 3), 2.0))
-    solver = RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, steps(12), 5)
-    solver.step()
+def rates_after(rates: SolverRates, iterations: int, done: int) -> tuple[tuple[float, float], float]:
+    """Rates of degree 0 and of the rest in the last of ``done`` steps, and the unit of rates, in a bright light."""
+    ball, light = white_ball(), EnvironmentMap(torch.full((4, 8, 3), 2.0))
+    effort = replace(steps(iterations), rates=rates)
+    solver = RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, effort, 5)
+    for _ in range(done):
+        solver.step()
     constant, rest = (group["lr"] for group in solver.adam.param_groups)
-    assert constant == pytest.approx(RATE * solver.unit)
-    assert rest == pytest.approx(RATE_REST * RATE * solver.unit)
+    return (constant, rest), solver.unit
+
+
+def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance() -> None:
+    rates = SolverRates(degree_0=0.4, rest_share=0.2)
+    found, unit = rates_after(rates, 12, 1)
+    assert unit > 1.2
+    assert found == pytest.approx((0.4 * unit, 0.2 * 0.4 * unit))
+
+
+def test_rates_in_the_unit_one_do_not_depend_on_the_light_and_stay_constant_if_all_of_them_is_left() -> None:
+    constant = SolverRates(degree_0=0.01, unit="one", last_share=1.0)
+    assert rates_after(constant, 4, 4) == ((pytest.approx(0.01), pytest.approx(0.05 * 0.01)), 1.0)
+    falling = SolverRates(degree_0=0.01, unit="one", last_share=0.1)
+    assert rates_after(falling, 4, 4)[0][0] < 0.5 * 0.01
 
 
 def test_rays_are_traced_in_pieces_and_reflect_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

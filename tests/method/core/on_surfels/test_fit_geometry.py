@@ -21,7 +21,7 @@ from radiogs_core.on_surfels.fit_geometry import (
     surfels_of,
 )
 from radiogs_core.plain_values import with_values
-from radiogs_core.surfels.density import AdaptiveDensity
+from radiogs_core.surfels.density import AdaptiveDensity, OpacityResets
 from radiogs_core.surfels.starting_points import SurfelStart
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
@@ -88,6 +88,22 @@ def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
     half = round(0.5 * until * stage.iterations) / (until * stage.iterations)
     between = rates.position ** (1 - half) * rates.position_end**half
     assert found == pytest.approx([rates.position, between, rates.position_end, rates.position_end])
+
+
+@pytest.mark.parametrize("lowered", [False, True])
+def test_a_reset_of_opacities_clears_their_moments_and_no_others(lowered: bool) -> None:
+    """Else the moments of before would pull opacities back up."""
+    every = OpacityResets(lower_every=0.25, recovery=1) if lowered else OpacityResets()
+    rules = AdaptiveDensity(start=0.0, end=1.0, hidden_at=(), resets=every)
+    budget = with_values(BUDGET, {"geometry.densify_interval": 10**6})
+    stage = fit_geometry(GeometryLearning(density=rules), budget.geometry).begin(RUN, {})
+    assert isinstance(stage, FitGeometry)
+    for _ in range(BUDGET.geometry.steps // 4):
+        stage.step()
+    assert (float(stage.surfels.opacity.detach().max()) < 0.0101) == lowered
+    moments = stage.state()["optimiser"]["moments"]
+    assert ("opacity_logit" not in moments) == lowered
+    assert {"rotation", "log_scale", "sh"} <= moments.keys()
 
 
 SHAPE = ("centre", "rotation", "log_scale")

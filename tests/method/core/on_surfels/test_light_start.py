@@ -9,6 +9,7 @@ from torch.nn.functional import normalize
 from known_ball import BALL, COLOUR, CPU, SCENE
 from radiogs_bench.scoring.metrics.conventions import Environment
 from radiogs_bench.scoring.metrics.environment import environment_error
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import (
@@ -23,6 +24,7 @@ from radiogs_core.on_surfels.light_start import (
 from radiogs_core.on_surfels.start_values import LightStart
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.plan import plan_of
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import surfels_over
@@ -133,6 +135,40 @@ def test_a_solid_whose_underside_no_camera_saw_hides_the_sky_all_the_same() -> N
     assert float(white[under].mean()) == pytest.approx(1 / (1 + (0.6 / 0.9) ** 2), abs=0.06)
     one_sided = transport_to(points, seen, ROWS, generator(), two_sided=False)
     assert float(one_sided.white(torch.ones(ROWS, 2 * ROWS, 3))[under, 0].min()) > 0.98
+
+
+@pytest.mark.parametrize("effects", [(), ("visibility",), ("indirect",), ("visibility", "indirect")])
+def test_the_search_simulates_the_visibility_and_indirect_light_that_it_is_told_to(effects: tuple[str, ...]) -> None:
+    """Under glowing surfels: the ball takes light away from below it, and sends some there."""
+    use_threads(1)
+    surfels, points, _ = ball_over_plate()
+    surfels.sh[:, 0] = radiance_to_sh(torch.full((1, 3), 0.5))
+    with recording() as counted:
+        transport = transport_to(points, surfels, ROWS, generator(), plan=plan_of(effects))
+    assert (counted.work["rays"] > 0) == bool(effects)
+    under = (points.centre[:, :2].norm(dim=-1) < 0.2) & (points.centre[:, 2] < 0.1)
+    direct = (transport.direct @ torch.ones(2 * ROWS * ROWS))[under]
+    arriving = transport.indirect[under]
+    if "visibility" in effects:
+        assert float(direct.max()) < 0.6
+    else:
+        torch.testing.assert_close(direct, torch.ones_like(direct), rtol=1e-3, atol=0.0)
+    assert float(arriving.min()) > 0.05 if "indirect" in effects else not bool(arriving.any())
+
+
+def test_a_search_without_visibility_finds_another_light_where_there_are_shadows() -> None:
+    use_threads(1)
+    surfels, points, paint = ball_over_plate()
+    traced, untraced = (
+        transport_to(points, surfels, ROWS, generator(), plan=plan_of(effects)) for effects in ("all", ())
+    )
+    truth, learning = sky_with_sun(), LightStart(steps=100)
+    shown = SeenPoints(points.centre, points.normal, paint * traced.white(truth))
+    errors = [
+        environment_error(least_variation_light(shown, each, learning), truth, Environment("factor a channel"))
+        for each in (traced, untraced)
+    ]
+    assert errors[1] > 1.2 * errors[0]
 
 
 def test_points_lie_on_the_seen_surface_and_show_its_radiance() -> None:

@@ -1,12 +1,18 @@
 """Density control clones, splits and prunes by the positional gradient, when it is due."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import pytest
 import torch
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.density import AdaptiveDensity, AdaptiveDensityControl, PositionalGradient
+from radiogs_core.surfels.density import (
+    AdaptiveDensity,
+    AdaptiveDensityControl,
+    OpacityResets,
+    PositionalGradient,
+)
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, surfels_at
 
 RULES = AdaptiveDensity()
@@ -65,7 +71,10 @@ def test_the_ceiling_admits_the_largest_gradients_only() -> None:
 
 
 def test_a_surfel_that_no_view_saw_is_pruned() -> None:
-    assert changed(four_surfels(), control([1e-9, 0, 0, 1e-9]))[1].tolist() == [0, 3]
+    unseen = [1e-9, 0, 0, 1e-9]
+    assert changed(four_surfels(), control(unseen))[1].tolist() == [0, 3]
+    kept = changed(four_surfels(), control(unseen, rules=replace(RULES, prune_unseen=False)))
+    assert kept[1].tolist() == [0, 1, 3]  # the third is faint
 
 
 @pytest.mark.parametrize(("iteration", "stay"), [(20, [0, 3, -1]), (25, [0, 2, 3]), (30, [0, 3, -1, -1, -1])])
@@ -108,6 +117,58 @@ def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, du
 def test_hardly_shown_surfels_are_looked_for_between_rounds_too() -> None:
     by = control([1, 1, 1, 1], rules=replace(RULES, hidden_at=(0.25,)))
     assert [iteration for iteration in range(21, 30) if by.due(iteration, 100)] == [25]
+
+
+PUBLISHED = OpacityResets(lower_every=3_000 / 40_000, raise_every=1_000 / 40_000)
+
+
+def resets(steps: Iterable[int], iterations: int, of: OpacityResets = PUBLISHED) -> tuple[list[int], list[int]]:
+    """The steps among these after which opacities are lowered, and those after which they are raised."""
+    among = list(steps)
+    return [each for each in among if of.lowers(each, iterations)], [
+        each for each in among if of.raises(each, iterations)
+    ]
+
+
+def test_opacities_are_reset_at_the_published_steps_of_a_stage_as_long_as_the_papers() -> None:
+    thousands = range(1_000, 40_001, 1_000)
+    steps = [thousand + beside for thousand in (0, *thousands) for beside in (-1, 0, 1, 500)]
+    lowered, raised = resets(steps, 40_000)
+    assert lowered == list(range(3_000, 40_001, 3_000))
+    assert raised == [each for each in thousands if each % 3_000]
+    assert resets(steps, 40_000, OpacityResets()) == ([], [])
+    assert resets(steps, 40_000, replace(PUBLISHED, lower_every=0.0)) == ([], list(thousands))
+
+
+def test_in_a_short_stage_opacities_have_time_to_recover_between_resets() -> None:
+    lowered, raised = resets(range(2_001), 2_000)
+    assert lowered == [400, 800, 1_200, 1_600, 2_000]
+    assert raised[:4] == [133, 267, 533, 667]  # thirds of 400, as those of 3,000 are 1,000
+    assert resets(range(500), 2_000, replace(PUBLISHED, recovery=1))[0][:3] == [150, 300, 450]
+
+
+@pytest.mark.parametrize("iterations", [2_000, 5_500, 7_777])
+def test_no_reset_raises_opacities_again_that_were_lowered_just_before(iterations: int) -> None:
+    """A third of an interval lies between them, whatever both are rounded to."""
+    lowered, raised = resets(range(2_500), iterations)
+    interval = max(400, 0.075 * iterations)
+    assert not [(low, high) for low in lowered for high in raised if abs(high - low) < interval / 3 - 1]
+
+
+def test_resets_act_between_start_and_end_and_on_the_opacities_of_a_round() -> None:
+    every = OpacityResets(lower_every=0.3, raise_every=0.1, recovery=1)
+    by = control([1, 1, 1, 1e-9], rules=replace(RULES, start=0.0, end=0.7, resets=every))
+    by.interval = 20
+    assert [each for each in range(1, 100) if by.due(each, 100)] == [10, 20, 30, 40, 50, 60]
+    surfels = four_surfels()
+    raised, origin = by.act(surfels, 10, 100, torch.Generator())
+    assert origin.tolist() == [0, 1, 2, 3]
+    torch.testing.assert_close(raised.opacity, torch.full((4,), 0.9))
+    lowered, _ = by.act(replace(surfels, opacity_logit=torch.tensor([1.0, -9.0, 1.0, 1.0])), 30, 100, torch.Generator())
+    torch.testing.assert_close(lowered.opacity, torch.tensor([0.01, 1.2339e-4, 0.01, 0.01]))
+    both, origin = by.act(surfels, 60, 100, torch.Generator().manual_seed(0))
+    assert origin.tolist() == [0, 3, -1, -1, -1]
+    torch.testing.assert_close(both.opacity, torch.full((5,), 0.01))
 
 
 def test_statistics_reset_after_a_round_and_resume_before_it() -> None:

@@ -4,12 +4,15 @@ import pytest
 import torch
 
 from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import View
 from radiogs_core.surfels import starting_points
+from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.starting_points import (
     Silhouette,
     SurfelStart,
     initial_points,
+    initial_surfels,
     neighbour_spacing,
     possible_points,
     view_radius,
@@ -34,6 +37,19 @@ def test_points_lie_near_the_surface_and_know_its_colour() -> None:
     drawn = torch.nn.functional.normalize(torch.randn(200, 3), dim=-1) * torch.rand(200, 1) ** (1 / 3)
     assert float((points.norm(dim=-1) - 1).abs().mean()) < float((drawn.norm(dim=-1) - 1).abs().mean())
     assert float((colour - (points * 0.4 + 0.5)).abs().mean()) < 0.15
+
+
+def test_surfels_start_grey_anywhere_in_a_box_around_the_origin_whatever_the_silhouettes_are() -> None:
+    scene = sphere_scene(views=8, size=16)
+    start = SurfelStart(points="box", box=2.0, opacity=0.2)
+    surfels = initial_surfels(scene, scene.train, 2_000, start, True, torch.Generator().manual_seed(0))
+    assert len(surfels) == 2_000
+    inside = surfels.centre.abs().max(-1).values
+    assert 1.99 < float(inside.max()) <= 2.0
+    assert float((inside < 1.0).double().mean()) == pytest.approx(1 / 8, abs=0.03)
+    linear_grey = srgb_decode(torch.tensor(0.5))
+    torch.testing.assert_close(surfel_radiance(surfels.sh, surfels.frame[..., 2]), linear_grey.expand(2_000, 3))
+    torch.testing.assert_close(surfels.opacity, torch.full((2_000,), 0.2))
 
 
 def test_contradicting_silhouettes_are_an_error_and_not_an_empty_model() -> None:

@@ -11,7 +11,7 @@ from radiogs.invert import InverseRendering
 from radiogs.method import inverse_rendering
 from radiogs.model import Model
 from radiogs.rays import RaySettings
-from radiogs.settings import PROFILES, RELEASED, Variant
+from radiogs.settings import DEVIATIONS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import reconstruction
@@ -46,7 +46,9 @@ def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() 
 def test_rays_start_at_a_fixed_distance_only_with_the_deviation(initialised: dict[str, Any]) -> None:
     surfels = stage_with(initialised).model.surfels
     assert RaySettings.of(Variant()).tracer(surfels).world_offset is None
-    assert RaySettings.of(Variant(deviations=("fixed-offset",))).tracer(surfels).world_offset == 0.05
+    for distance in (0.05, 0.1):
+        variant = Variant(deviations=("fixed-offset",), ray_offset=distance)
+        assert RaySettings.of(variant).tracer(surfels).world_offset == distance
 
 
 def test_the_light_learns_from_consistency_unless_it_is_detached(initialised: dict[str, Any]) -> None:
@@ -83,8 +85,8 @@ def test_display_radiance_makes_stage_one_learn_display_colours(initialised: dic
     assert Variant(deviations=("start-light",)).of_initialisation() == Variant().of_initialisation()
 
 
-def test_paper_has_no_deviation_and_released_all_and_unknown_ones_are_refused() -> None:
-    assert PROFILES["paper"] == ()
-    assert set(PROFILES["released"]) == set(RELEASED)
+def test_the_default_has_no_deviation_and_unknown_ones_are_refused() -> None:
+    assert Variant().deviations == ()
+    assert Variant(deviations=tuple(DEVIATIONS)).deviations == tuple(DEVIATIONS)
     with pytest.raises(UsageError, match="unknown deviation 'haste'"):
         Variant(deviations=("haste",))

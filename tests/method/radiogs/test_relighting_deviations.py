@@ -1,4 +1,4 @@
-"""Relighting follows the variant's profile for rays and image encoding, in each of its three modes."""
+"""Relighting follows the variant's deviations for rays and image encoding, in each of its three modes."""
 
 import math
 from dataclasses import replace
@@ -31,16 +31,18 @@ LOWEST = 0.1736
 """Sine of 10 degrees, the lowest height of the released code's directions over the hemisphere."""
 
 
-def relit(surfels: Surfels, light: Tensor, mode: Relighting, *deviations: str) -> RelitByRays | RelitBySurfels:
-    run = Run(SCENE, Variant(relighting=mode, deviations=deviations), BUDGET, 0, CPU)
+def relit(
+    surfels: Surfels, light: Tensor, mode: Relighting, *deviations: str, offset: float = 0.05
+) -> RelitByRays | RelitBySurfels:
+    run = Run(SCENE, Variant(relighting=mode, deviations=deviations, ray_offset=offset), BUDGET, 0, CPU)
     found = relight(Model(surfels, torch.zeros(8, 16, 3)), EnvironmentMap(light), torch.ones(3), run)
     assert isinstance(found, RelitByRays | RelitBySurfels)
     return found
 
 
-def by_rays(mode: Relighting, *deviations: str) -> RelitByRays:
+def by_rays(mode: Relighting, *deviations: str, offset: float = 0.05) -> RelitByRays:
     """The sheet, relit by the sky."""
-    found = relit(sheet(), sky(), mode, *deviations)
+    found = relit(sheet(), sky(), mode, *deviations, offset=offset)
     assert isinstance(found, RelitByRays)
     return found
 
@@ -62,10 +64,9 @@ def test_rays_hit_the_back_of_a_sheet_unless_they_are_one_sided(mode: Relighting
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
-def test_rays_start_beyond_the_sheet_only_by_a_fixed_offset(mode: Relighting, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("radiogs.rays.FIXED_OFFSET", 100.0)
-    assert float(by_rays(mode).incident.visibility.min()) < 0.1
-    assert float(by_rays(mode, "fixed-offset").incident.visibility.min()) == 1.0
+def test_rays_start_beyond_the_sheet_only_by_a_fixed_offset(mode: Relighting) -> None:
+    assert float(by_rays(mode, offset=100.0).incident.visibility.min()) < 0.1
+    assert float(by_rays(mode, "fixed-offset", offset=100.0).incident.visibility.min()) == 1.0
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
@@ -77,7 +78,7 @@ def test_directions_over_the_hemisphere_have_a_floor_only_with_the_deviation(mod
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)
-def test_images_shaded_by_rays_have_the_profiles_encoding(mode: Relighting) -> None:
+def test_images_shaded_by_rays_have_the_variants_encoding(mode: Relighting) -> None:
     for named, straight in (((), True), (("premultiplied-encoding",), False)):
         maps = by_rays(mode, *named).render(CAMERA)
         linear, alpha = maps["direct"] + maps["indirect"], maps["alpha"][..., 0]
@@ -86,7 +87,7 @@ def test_images_shaded_by_rays_have_the_profiles_encoding(mode: Relighting) -> N
         assert float((right - wrong).abs().max()) > 0.05
 
 
-def test_images_of_surfels_alone_have_the_profiles_encoding() -> None:
+def test_images_of_surfels_alone_have_the_variants_encoding() -> None:
     for named, straight in (((), True), (("premultiplied-encoding",), False)):
         found = relit(sheet(), sky(), "surfels", *named)
         assert isinstance(found, RelitBySurfels)
@@ -102,7 +103,7 @@ def fine_tuned_radiance(surfels: Surfels, light: Tensor, *deviations: str) -> Te
     return own_radiance(CAMERA, found.surfels).mean(-1)
 
 
-def test_rays_of_fine_tuning_hit_backs_as_in_the_profile() -> None:
+def test_rays_of_fine_tuning_hit_backs_as_in_the_variant() -> None:
     """With rays that hit backs, the floor below the sheet is half dark."""
     under = floors_middle(sheet())
     two_sided, one_sided = (
@@ -111,7 +112,7 @@ def test_rays_of_fine_tuning_hit_backs_as_in_the_profile() -> None:
     assert 0.1 < two_sided < 0.8 * one_sided
 
 
-def test_directions_of_fine_tuning_have_the_profiles_floor() -> None:
+def test_directions_of_fine_tuning_have_the_variants_floor() -> None:
     """In a white furnace, the released code's directions give too much radiance, and more with fewer directions."""
     floor = surfels_over([FLOOR], 0.2)
     floor = floor.take(torch.nonzero(floor.frame[:, 2, 2] > 0.9)[:, 0])

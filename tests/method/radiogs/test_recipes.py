@@ -1,0 +1,116 @@
+"""Recipes have the values of the paper and of the published code, and every value that they set is listed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from radiogs.constants import CONSTANTS, Constant, value_in
+from radiogs.invert import rates_of
+from radiogs.learning import MaterialRates
+from radiogs.recipes import OF_SCRIPTS, PRINTED, RECIPES, RELEASED, recipe_values
+from radiogs.settings import DEVIATIONS, Variant
+from radiogs_bench.suites.data_sets import STANFORD_ORB, SYNTHETIC4RELIGHT, TENSOIR
+from radiogs_core.errors import UsageError
+from radiogs_core.on_surfels.length import POSITIONS
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS
+from radiogs_core.plain_values import value_at, with_values
+from radiogs_datasets.registry import LAYOUTS
+
+LENGTH_POWER = "materials.rates.length_power"
+"""The one field that neither paper nor code has a value for: both have runs of one length."""
+
+
+def listed() -> list[Constant]:
+    """The constants that recipes reproduce, and for which the paper or its code has a value."""
+    return [each for each in CONSTANTS if each.field and each.field != LENGTH_POWER]
+
+
+@pytest.mark.parametrize("constant", listed(), ids=lambda each: each.field)
+def test_printed_has_the_papers_value_or_else_the_codes_and_released_the_codes(constant: Constant) -> None:
+    code = constant.paper if constant.code is None else constant.code
+    assert code is not None
+    assert value_in(constant, "printed") == (code if constant.paper is None else constant.paper)
+    if not constant.field.startswith("budget."):  # of presets, not of recipes
+        assert value_in(constant, "released") == code
+
+
+def test_every_value_of_a_recipe_is_a_listed_constant() -> None:
+    fields = [each.field for each in CONSTANTS if each.field]
+    assert len(set(fields)) == len(fields)
+    for values in (PRINTED, RELEASED, *OF_SCRIPTS.values()):
+        assert set(values) - {"deviations"} <= set(fields)
+    assert {f"deviations.{name}" for name in DEVIATIONS} <= set(fields)
+
+
+def test_what_no_recipe_reproduces_has_its_reason() -> None:
+    left_out = [each for each in CONSTANTS if not each.field]
+    assert left_out
+    assert all(each.remark and (each.paper or each.code) for each in left_out)
+
+
+def test_the_recommended_recipe_is_the_default_and_the_others_differ_from_it_and_from_each_other() -> None:
+    made = [with_values(Variant(), RECIPES[name].values) for name in ("recommended", "printed", "released")]
+    assert made[0] == Variant()
+    assert made[1] != made[0] != made[2] != made[1]
+
+
+SPOTS: list[tuple[str, str, Mapping[str, Any]]] = [
+    ("tensoir", "armadillo", {"ray_offset": 0.05, "materials.start.roughness": 0.6, "geometry.weights.radiance": 1.0}),
+    ("tensoir", "hotdog", {"ray_offset": 0.1, "geometry.weights.radiance": 0.0, "split_sum.consistency": 0.0}),
+    ("tensoir", "lego", {"materials.start.roughness": 0.8, "materials.weights.light_prior": 0.1}),
+    ("tensoir", "ficus", {"materials.weights.light_smoothness": 0.002, "materials.weights.mask": 0.02}),
+    ("synthetic4relight", "hotdog", {
+        "ray_offset": 0.1, "materials.weights.albedo_smoothness": 1.0, "materials.weights.roughness_smoothness": 0.5,
+        "materials.rates.geometry": 0.001, "geometry.weights.radiance": 0.0,
+    }),
+    ("synthetic4relight", "air_baloons", {"materials.rates.geometry": 0.0, "ray_offset": 0.1}),
+    ("synthetic4relight", "jugs", {"materials.start.roughness": 0.8, "geometry.weights.radiance": 1.0}),
+    ("synthetic4relight", "chair", {"ray_offset": 0.05, "materials.weights.light_prior": 0.1}),
+    ("stanford-orb", "pepsi_scene002", {"geometry.weights.mask": 0.05, "materials.weights.mask": 0.01}),
+    ("generated", "hotdog", {"ray_offset": 0.05, "materials.weights.mask": 0.02}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("layout", "scene", "values"), SPOTS, ids=lambda value: value if isinstance(value, str) else ""
+)
+def test_released_has_the_values_of_the_scenes_script(layout: str, scene: str, values: Mapping[str, Any]) -> None:
+    variant = with_values(Variant(), recipe_values("released", layout, scene))
+    assert {name: value_at(variant, name) for name in values} == values
+
+
+def test_the_scripts_are_of_scenes_that_there_are_and_make_variants() -> None:
+    scenes = {"tensoir": TENSOIR.scenes, "synthetic4relight": SYNTHETIC4RELIGHT.scenes,
+              "stanford-orb": STANFORD_ORB.scenes}  # fmt: skip
+    for layout, scene in OF_SCRIPTS:
+        assert layout in LAYOUTS
+        assert scene in ("", *scenes[layout])
+        with_values(Variant(), recipe_values("released", layout, scene))
+        for name in ("printed", "recommended"):
+            assert recipe_values(name, layout, scene) == RECIPES[name].values
+
+
+def test_an_unknown_recipe_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(UsageError, match="unknown recipe 'printd' of radiogs") as refused:
+        recipe_values("printd", "tensoir", "lego")
+    assert "'printed'" in f"{refused.value.why} {refused.value.remedy}"
+
+
+def test_the_length_rule_changes_nothing_at_the_papers_length_and_longer_steps_are_bounded() -> None:
+    assert POSITIONS.factor(40_000) == POSITIONS.factor(80_000) == 1.0
+    assert 1.0 < POSITIONS.factor(20_000) < 2.0
+    assert (GEOMETRY_PRESETS["paper"].rate, GEOMETRY_PRESETS["tiny"].rate) == (1.0, 12.0)
+    root = MaterialRates(length_power=0.5)
+    assert [root.factor(steps) for steps in (20_000, 5_000, 1)] == [1.0, 2.0, 12.0]
+    assert MaterialRates().factor(600) == 1.0
+
+
+def test_the_length_rule_scales_the_rates_of_materials_light_and_harmonics_in_stage_2_alone() -> None:
+    variant = with_values(Variant(), {LENGTH_POWER: 0.5})
+    for searched in (False, True):
+        whole, quarter = (rates_of(variant, 1.0, steps, searched) for steps in (20_000, 5_000))
+        longer = {name for name in whole if quarter[name] == 2 * whole[name] > 0}
+        materials = {"albedo_logit", "roughness_logit", "sh", "sh_rest"}
+        assert longer == materials | (set() if searched else {"log_environment"})
+        assert all(quarter[name] == whole[name] for name in whole.keys() - longer)
