@@ -61,10 +61,10 @@ def test_the_length_is_said_with_the_factors_of_rates_unless_it_is_the_papers() 
     printed = with_values(Variant(), PRINTED)
     small = labels_of(printed, PRESETS["small"], "generated", "corner")["length"]
     assert small.startswith("5,000 + 3,000 steps (paper: 40,000 + 20,000)")
-    # (40,000 / 5,000) ^ 0.83, its root, and (20,000 / 3,000) ^ 0.5
+    # (40,000 / 5,000) ^ 0.83, its root, and (20,000 / 3,000) ^ 0.83
     assert "positions times 5.62" in small
     assert "rotations times 2.37" in small
-    assert "harmonics times 2.58" in small
+    assert "harmonics times 4.83" in small
     assert "N_g 1,024 (paper: 4,096), N_s 64 (paper: 64)" in small
     tiny = labels_of(Variant(), PRESETS["tiny"], "generated", "corner")["length"]
     assert "positions times 12 and of rotations times 3.46" in tiny
