@@ -66,7 +66,10 @@ def parts(device: str, work: Path) -> list[Part]:
             "paper's size", "seconds and memory of every phase at 800 x 800, with a forecast",
             (*bench, "rehearse", "corner", "--as", "100x800x800", "--preset", "paper", *on, "--out", rehearsal),
         ),
-        Part("ablations", "the paper's ablation table", (*bench, "run", "ablations", "--scenes", "corner", *on, "--out", ablations)),
+        Part(
+            "ablations", "the paper's ablation table",
+            (*bench, "run", "ablations", "--scenes", "corner", *on, "--out", ablations),
+        ),
     ]  # fmt: skip
 
 
