@@ -27,7 +27,7 @@ from radiogs_reports.summary import (
 
 from ..methods import method
 from ..runs.rows_from_files import is_from_files
-from ..runs.sweep import CellRef, Sweep, TableRow, relighting_of, state_of
+from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, relighting_of, state_of
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
@@ -82,7 +82,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
-    if recipe := sweep.get("recipe"):
+    if recipe := recipe_of_rows(sweep["rows"]):
         made["recipe"] = recipe
     if found := settling(made):
         made["settling"] = found

@@ -84,8 +84,6 @@ class Sweep(TypedDict):
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     cells: list[CellRef]
-    recipe: NotRequired[str]
-    """The recipe of all rows, or of each row that has one; absent for runs by the methods' defaults."""
     command: NotRequired[list[str]]
     """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""
     seal: NotRequired[str]
@@ -212,8 +210,6 @@ class Request:
             "scenes": list(self.scenes),
             "cells": list(refs),
         }
-        if recipe := _recipe_of_rows(made["rows"]):
-            made["recipe"] = recipe
         if relighting := relighting_of(self.method(row.method) for row in suite.rows):
             made["relighting"] = relighting
         if kinds := self.kinds():
@@ -232,7 +228,7 @@ def of_scenes(sweep: Sweep, scenes: Sequence[str]) -> Sweep:
     return {**sweep, "scenes": kept, "cells": [ref for ref in sweep["cells"] if ref["scene"] in kept]}
 
 
-def _recipe_of_rows(rows: Sequence[TableRow]) -> str:
+def recipe_of_rows(rows: Sequence[TableRow]) -> str:
     """The recipe of all rows, or of each row that has one, in words; empty where none has."""
     recipes = [row.get("recipe", "") for row in rows]
     if len(set(recipes)) == 1:

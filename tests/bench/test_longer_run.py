@@ -13,7 +13,6 @@ from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.results import longer_run
 from radiogs_bench.results.longer_run import RECORDS, read_record, records_of
-from radiogs_bench.runs.sweep import Sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
@@ -29,9 +28,11 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(2, replace(ABLATIONS, rows=ABLATIONS.rows[:2]))
     cells = request.cells()
-    stated = {**request.manifest([place for place, _ in cells]), "recipe": "twice the steps"}
+    stated = request.manifest([place for place, _ in cells])
+    for row in stated["rows"]:
+        row["recipe"] = "twice the steps"
     stated["command"] = ["run", "ablations", "--out", str(folder), "--seeds", "2"]
-    write_sweep(sweep.store, Sweep(**stated))  # type: ignore[typeddict-item]
+    write_sweep(sweep.store, stated)
     sweep.run([cell for _, cell in cells])
     return folder
 
