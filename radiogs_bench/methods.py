@@ -113,6 +113,11 @@ def recipe_of(of: Method, variant: Mapping[str, Any], layout: str, scene: str, g
     return next((name for name, each in made if to_plain(each) == variant), None)
 
 
+def default_recipe(of: Method) -> str:
+    """The recipe with the values of a method's defaults; empty if it has none."""
+    return recipe_of(of, to_plain(of.variant()), "", "", {}) or ""
+
+
 def why_not_given(of: Method, parts: Sequence[str]) -> str:
     """Why a method cannot be given these parts of the truth, in words; empty if it can."""
     if not parts:

@@ -13,7 +13,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
-from ..methods import budget_of, mark, settings_of, variant_by_recipe, why_not_given, with_given
+from ..methods import budget_of, default_recipe, mark, settings_of, variant_by_recipe, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
@@ -53,7 +53,7 @@ class TableRow(TypedDict):
     given: NotRequired[list[str]]
     """The parts that are given, in such rows."""
     recipe: NotRequired[str]
-    """The recipe of the row's method; absent in rows of the method's defaults, and in folders of earlier versions."""
+    """The recipe of the row's method; absent where the method has none, and in folders of earlier versions."""
     refused: NotRequired[str]
     """Why the row has no cells: the method does not take these parts."""
     files: NotRequired[str]
@@ -178,7 +178,7 @@ class Request:
         line = TableRow(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
-        if recipe := recipe_of_row(self.suite, row):
+        if recipe := recipe_of_row(self.suite, row) or default_recipe(used):
             line["recipe"] = recipe
         refusal = self.refused().get(row.key)
         if refusal is not None:

@@ -104,5 +104,5 @@ def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, di
         for row in figures.keys() & other.figures.keys():
             figures[row] |= {column: other.figures[row][column] for column in lacking if column in other.figures[row]}
         if lacking:
-            data = f"{data} (in {', '.join(lacking)}: {other.data})"
+            data = f"{data}; in columns that this table of the paper lacks, {other.data}"
     return figures, data
