@@ -25,6 +25,7 @@ from radiogs_bench.suites.suite import Row, Suite, of_methods, with_recipe
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain, with_values
 
+ROOT = Path(__file__).parents[2]
 FakeRun = Callable[..., int]
 
 
@@ -152,7 +153,10 @@ def test_a_model_is_trained_by_a_recipe_and_opened_with_its_values(
 
 def test_the_recipes_of_a_method_are_printed_as_a_table(chain: Chain, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["methods", "radiogs", "--recipes"]) == 0
-    assert capsys.readouterr().out == recipe_table()
+    table = capsys.readouterr().out
+    assert table == recipe_table()
+    page = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    assert page[page.index("\n## ") + 1 :] == table, "write the command's output into the page"
     assert main(["methods", "chain", "--recipes"]) == 2
     assert "chain has no recipes" in capsys.readouterr().err
     assert main(["methods", "--recipes"]) == 2
