@@ -105,17 +105,28 @@ def require_recipe(of: Method, recipe: str) -> None:
         raise unknown("recipe", recipe, of.recipes, of=of.name)
 
 
-def recipe_of(of: Method, variant: Mapping[str, Any], layout: str, scene: str, given: Mapping[str, Any]) -> str | None:
-    """The recipe by which a stored variant, as plain values, was made with the given fields; None if by none."""
-    if not isinstance(of, OffersRecipes):
-        return None
-    made = ((name, variant_by_recipe(of, name, layout, scene, given)) for name in of.recipes)
-    return next((name for name, each in made if to_plain(each) == variant), None)
+def nearest_recipe(
+    of: Method, variant: Mapping[str, Any], layout: str, scene: str, given: Mapping[str, Any]
+) -> tuple[str, dict[str, Any]]:
+    """The recipe, with the given fields changed, from which a stored variant differs in the fewest fields.
+
+    ``variant``: plain values. Returns the recipe's name, empty for a method without recipes, whose full form stands for
+    one, and the fields that differ, by dotted names, with the variant's values.
+    """
+    values = flat(variant)
+
+    def differing(recipe: str) -> dict[str, Any]:
+        own = flat(to_plain(variant_by_recipe(of, recipe, layout, scene, given)))
+        return {name: value for name, value in values.items() if name in own and own[name] != value}
+
+    names: Sequence[str] = tuple(of.recipes) if isinstance(of, OffersRecipes) else ("",)
+    return min(((name, differing(name)) for name in names), key=lambda each: len(each[1]))
 
 
 def default_recipe(of: Method) -> str:
     """The recipe with the values of a method's defaults; empty if it has none."""
-    return recipe_of(of, to_plain(of.variant()), "", "", {}) or ""
+    name, changed = nearest_recipe(of, to_plain(of.variant()), "", "", {})
+    return "" if changed else name
 
 
 def why_not_given(of: Method, parts: Sequence[str]) -> str:

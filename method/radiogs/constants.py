@@ -224,8 +224,8 @@ def _not_reproduced() -> str:
 
 
 def _sources(constant: Constant) -> tuple[str, str]:
-    code = constant.paper if constant.code is None else constant.code
-    return ("-" if constant.paper is None else as_text(constant.paper)), as_text(code)
+    paper, code = ("-" if each is None else as_text(each) for each in (constant.paper, constant.code))
+    return paper, paper if constant.code is None else code
 
 
 def _table(head: list[str], rows: list[list[str]]) -> Iterator[str]:

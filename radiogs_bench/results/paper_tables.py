@@ -6,19 +6,20 @@ image size and budget: those of the row's method and variant, and of the sources
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.capabilities import OffersRecipes
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import flat, to_plain
+from radiogs_core.plain_values import to_plain
 from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference, smallest_of
 from radiogs_reports.statistics import Origin, Sample, differences, mean_of
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
-from ..methods import budget_of, mark, method, recipe_of, variant_by_recipe, variant_of
+from ..methods import budget_of, mark, method, nearest_recipe, variant_by_recipe
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, plain_preset
 from ..scoring.metrics.comparable import alike
@@ -99,19 +100,20 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
         except UsageError:
             continue
         made_from = {"method": used.name, "budget": to_plain(share), "experiment": TRAINING, "settings": {}}
+        variant_for = cache(partial(_as_published, row, used))
         found[row.key] = [
             result
             for result in results
             if all(result["cell"][name] == content for name, content in made_from.items())
-            and result["cell"]["variant"] == to_plain(_as_published(row, used, result))
+            and result["cell"]["variant"] == variant_for(_layout(result), result["scene"])
         ]
     return found
 
 
-def _as_published(row: Row, used: Method, result: Result) -> Any:
-    """The variant of a row on the scene of a result, by the recipe with the published values if the method has one."""
+def _as_published(row: Row, used: Method, layout: str, scene: str) -> dict[str, Any]:
+    """The variant of a row on a scene as plain values, by the recipe with the published values if there is one."""
     recipe = used.published_recipe if isinstance(used, OffersRecipes) else ""
-    return variant_by_recipe(used, recipe, _layout(result), result["scene"], row.variant)
+    return to_plain(variant_by_recipe(used, recipe, layout, scene, row.variant))
 
 
 def _layout(result: Result) -> str:
@@ -295,16 +297,14 @@ def _changes(results: Sequence[Result], row: Row) -> list[str]:
     """Differences of a run from the published row, in words.
 
     Another method than the row's; another recipe than the published one; the fields of the variant that the run has set
-    beside those that the row sets.
+    beside those of the recipe and of the row.
     """
     cell, used = results[0]["cell"], method(row.method)
     if cell["method"] != used.name:
         return [f"method {cell['method']}"]  # it need not be installed here, nor have the row's fields
-    recipe = recipe_of(used, cell["variant"], _layout(results[0]), results[0]["scene"], row.variant)
-    if recipe is not None and isinstance(used, OffersRecipes):
-        return [] if recipe == used.published_recipe else [f"recipe {recipe}"]
-    own = flat(to_plain(variant_of(used, row.variant)))
-    return [mark(name, value) for name, value in flat(cell["variant"]).items() if name in own and own[name] != value]
+    recipe, changed = nearest_recipe(used, cell["variant"], _layout(results[0]), results[0]["scene"], row.variant)
+    as_printed = not isinstance(used, OffersRecipes) or recipe == used.published_recipe
+    return [*([] if as_printed else [f"recipe {recipe}"]), *(mark(name, value) for name, value in changed.items())]
 
 
 def _budgets(results: Sequence[Result]) -> str:

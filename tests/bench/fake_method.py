@@ -154,13 +154,15 @@ def invert(run: Run, before: Mapping[str, Any]) -> FakeStage:
 
 
 class FakeMethod:
-    """RadioGS by name, variants, presets and what its stages read; walks instead of training."""
+    """RadioGS by name, variants, presets, recipes and what its stages read; walks instead of training."""
 
     name = RADIOGS.name
     title = RADIOGS.title
     variant = Variant
     presets: Mapping[str, Budget] = PRESETS
     sources = SOURCES
+    recipes, published_recipe = RADIOGS.recipes, RADIOGS.published_recipe
+    recipe_values, recipe_table = RADIOGS.recipe_values, RADIOGS.recipe_table
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
         reads = [stage.reads for stage in RADIOGS.stages(variant, budget)]

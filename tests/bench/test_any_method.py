@@ -213,8 +213,8 @@ def test_options_that_another_method_has_no_field_for_are_refused(
     train = ["train", "convex", "--method", "chain", "--preset", "smoke", "--out", str(tmp_path)]
     assert main([*train, "--effects", "auto"]) == 2
     assert "chain has no choice of effects" in capsys.readouterr().err
-    assert main([*train, "--profile", "released"]) == 2
-    assert "unknown profile 'released' of chain" in capsys.readouterr().err
+    assert main([*train, "--recipe", "released"]) == 2
+    assert "chain has no recipes, and none called 'released'" in capsys.readouterr().err
     assert main([*train, "--preset", "papr"]) == 2
     assert "unknown preset 'papr' of chain" in capsys.readouterr().err
     assert main([*train[:3], "chian", *train[4:]]) == 2

@@ -1,6 +1,7 @@
 """The paper's tables take from a store what belongs to their rows, and nothing else."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,11 @@ from radiogs_bench.suites.suite import Suite, with_settings
 from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
+PRINTED = replace(ABLATIONS, recipe="printed")
+"""The paper's ablations of its own values; by default they are those of the recommended recipe."""
 
-def request(suite: Suite = ABLATIONS, preset: str = "smoke", seeds: int = 2) -> Request:
+
+def request(suite: Suite = PRINTED, preset: str = "smoke", seeds: int = 2) -> Request:
     return asked(seeds, suite, preset)
 
 
@@ -62,7 +66,7 @@ def test_a_row_on_another_scene_or_budget_says_what_ran(sweep: FakeSweep) -> Non
     numbers = f"preset smoke, N_g {budget.consistency_surfels}, N_s {budget.incident_samples}; fake; 40 x 40; CPU"
     labels = {row["key"]: row["ran"] for row in run(sweep, request())["ablation"]["rows"]}
     assert labels["no-rad"] == f"λ_rad = 0: {numbers}"
-    labels = {row["key"]: row["ran"] for row in run(sweep, request(NG))["ng"]["rows"]}
+    labels = {row["key"]: row["ran"] for row in run(sweep, request(replace(NG, recipe="printed")))["ng"]["rows"]}
     quarter = budget.consistency_surfels // 4
     assert labels["ng-1024"].startswith(f"N_g = {quarter} (paper: 1024): preset smoke, N_g {quarter},")
     assert labels["ng-8192"].startswith(f"N_g = {2 * budget.consistency_surfels} (paper: 8192)")
@@ -79,12 +83,10 @@ def tensoir(names: Sequence[str] = NAMES, layout: str = "tensoir", width: int = 
     return [scene_of(name, layout, width) for name in names]
 
 
-def run_on(
-    folder: Path, scenes: Sequence[Scene], suite: Suite = ABLATIONS, **settings: Any
-) -> Mapping[str, PaperTable]:
+def run_on(folder: Path, scenes: Sequence[Scene], suite: Suite = PRINTED, **settings: Any) -> Mapping[str, PaperTable]:
     """Tables after a run with the paper's budget and protocol, but for the settings."""
     given = {"seeds": 1, "preset": "paper", "protocol": "radiogs", "device": "cpu"} | settings
-    asked = FakeRequest(ABLATIONS, {scene.name: scene for scene in scenes}, **given)
+    asked = FakeRequest(suite, {scene.name: scene for scene in scenes}, **given)
     return run(FakeSweep(folder, *scenes), asked)
 
 
@@ -109,11 +111,29 @@ def test_a_row_has_the_papers_label_only_under_all_of_its_conditions(
 
 
 def test_a_set_field_takes_the_papers_label_from_the_rows_that_it_changes(tmp_path: Path) -> None:
-    scenes, (suite, _) = tensoir(), with_settings(ABLATIONS, {"radiometric_weight": 0.1}, "paper")
+    scenes, (suite, _) = tensoir(), with_settings(PRINTED, {"radiometric_weight": 0.1}, "paper")
     asked = FakeRequest(suite, {scene.name: scene for scene in scenes}, 1, "paper", "radiogs", "cpu")
     ran = {row["key"]: row["ran"] for row in run(FakeSweep(tmp_path, *scenes), asked)["ablation"]["rows"]}
     assert ran.pop("no-rad") == "", "it sets the field itself"
-    assert all("radiometric_weight = 0.1; preset paper, N_g" in label for label in ran.values())
+    assert all(": radiometric_weight = 0.1; preset paper, N_g" in label for label in ran.values())
+
+
+@pytest.mark.parametrize("recipe", ["recommended", "released"])
+def test_only_rows_by_the_printed_recipe_have_the_papers_label_and_fill_its_other_tables(
+    tmp_path: Path, recipe: str
+) -> None:
+    """The values of ``released`` differ between the scenes."""
+    tables = run_on(tmp_path, tensoir(), replace(ABLATIONS, recipe=recipe))
+    ran = {row["key"]: row["ran"] for row in tables["ablation"]["rows"]}
+    assert ran["ours"].startswith(f"Ours: recipe {recipe}; preset paper, N_g 4,096")
+    assert ran["no-rad"].startswith(f"λ_rad = 0: recipe {recipe}; preset paper")
+    assert tables.keys() == {"ablation"}
+
+
+def test_a_row_of_the_default_with_a_set_field_says_both(tmp_path: Path) -> None:
+    scenes, (suite, _) = tensoir(), with_settings(ABLATIONS, {"materials.weights.mask": 0.5}, "paper")
+    ran = {row["key"]: row["ran"] for row in run_on(tmp_path, scenes, suite)["ablation"]["rows"]}
+    assert ran["ours"].startswith("Ours: recipe recommended; materials.weights.mask = 0.5; preset paper")
 
 
 def test_a_row_that_another_method_ran_says_so_and_needs_no_such_method_here(sweep: FakeSweep) -> None:

@@ -80,13 +80,30 @@ def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused()
 
 
 def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
-    """Rows of a suite and its published table have the same keys; either may have rows of other methods alone."""
+    """Rows of a suite and its published table have the same keys, but for rows of other methods and other recipes."""
     for each in SUITES.values():
         if each.published is not None:
             rows = published(each.published).figures
-            ours = {row.key for row in each.rows if row.method == DEFAULT}
+            printed = [row for row in each.rows if row.recipe != "recommended"]
+            ours = {row.key for row in printed if row.method == DEFAULT}
             assert ours <= {key for key in rows if key not in OTHER_METHODS}, each.name
-            assert {row.key for row in each.rows} - ours <= OTHER_METHODS, each.name
+            assert {row.key for row in printed} - ours <= OTHER_METHODS, each.name
+
+
+def test_beside_other_methods_radiogs_stands_as_printed_and_once_more_as_recommended() -> None:
+    """Suites of RadioGS alone compare variants of its default."""
+    checked = []
+    for each in SUITES.values():
+        ours = [row for row in each.rows if row.method == DEFAULT]
+        if not ours or len(ours) == len(each.rows):
+            assert not each.recipe, each.name
+            continue
+        printed, again = ([row for row in ours if row.recipe == recipe] for recipe in ("", "recommended"))
+        assert each.recipe == "printed", each.name
+        assert len(printed) + len(again) == len(ours) > len(printed) > 0, each.name
+        assert all(row.variant in [other.variant for other in printed] for row in again), each.name
+        checked.append(each.name)
+    assert {"tensoir", "synthetic4relight", "stanford-orb", "baselines", "indirect", "relight-cost"} <= {*checked}
 
 
 @pytest.mark.parametrize("key", published_tables())
@@ -94,7 +111,7 @@ def test_a_published_table_has_one_suite_of_all_its_rows_that_come_with_the_pack
     """Its first suite; ``baselines`` is another one of the main table, with one row a method."""
     whole, *others = [each for each in SUITES.values() if each.published == key]
     rows = published(key).figures.keys()
-    shared = {row.key for row in whole.rows if row.key in rows or row.method == DEFAULT}
+    shared = {row.key for row in whole.rows if row.key in rows or (row.method == DEFAULT and not row.recipe)}
     assert shared == {each for each in rows if each not in OTHER_METHODS - {*method_names()}}
     assert [each.name for each in others] == (["baselines"] if key == "tensoir" else [])
 
@@ -109,7 +126,7 @@ def test_every_published_column_that_a_run_measures_by_itself_is_a_column() -> N
 
 def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
     for each in SUITES.values():
-        runs = [(row.method, row.variant, row.budget, row.settings, row.given) for row in each.rows]
+        runs = [(row.method, row.recipe, row.variant, row.budget, row.settings, row.given) for row in each.rows]
         assert not [run for run in runs if runs.count(run) > 1], each.name
 
 

@@ -1,0 +1,174 @@
+"""Recipes of a method in suites and commands: rows run by them, and what is not there is refused by name."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from bench.chain_method import Chain
+from bench.fake_method import FakeRequest, asked, scene_of
+from radiogs.constants import recipe_table
+from radiogs.method import RADIOGS
+from radiogs.recipes import recipe_values
+from radiogs.settings import Variant
+from radiogs_bench.cli import main
+from radiogs_bench.methods import nearest_recipe, substitutes, variant_by_recipe
+from radiogs_bench.runs.sweep import read_sweep
+from radiogs_bench.runs.trained_folder import read_about, read_trained
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.paper import ABLATIONS, INDIRECT
+from radiogs_bench.suites.registry import read_suite
+from radiogs_bench.suites.suite import Row, Suite, of_methods, with_recipe
+from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import to_plain, with_values
+
+ROOT = Path(__file__).parents[2]
+FakeRun = Callable[..., int]
+
+
+def by(recipe: str, layout: str = "", scene: str = "", **changed: Any) -> Variant:
+    """RadioGS's variant by a recipe, with some fields changed."""
+    return with_values(Variant(), {**recipe_values(recipe, layout, scene), **changed})
+
+
+@pytest.fixture
+def chain(monkeypatch: pytest.MonkeyPatch) -> Chain:
+    """A method without recipes."""
+    chain = Chain(("fit",))
+    monkeypatch.setitem(substitutes, "chain", chain)
+    return chain
+
+
+def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_methods_default() -> None:
+    rows = (
+        Row("ours", "Ours", "Ours", {"radiometric_weight": 0.1}),
+        Row("code", "Code", "Code", {"materials.weights.mask": 0.5}, recipe="released"),
+    )
+    suite = replace(ABLATIONS, rows=rows)
+    code = by("released", **{"materials.weights.mask": 0.5})
+    for recipe, ours in (("printed", by("printed", radiometric_weight=0.1)), ("", Variant(radiometric_weight=0.1))):
+        request = asked(1, replace(suite, recipe=recipe))
+        assert [cell.variant for _, cell in request.cells()] == [ours, code]
+        lines = request.manifest([])["rows"]
+        assert [line.get("recipe", "") for line in lines] == [recipe, "released"]
+
+
+def test_a_recipe_may_differ_between_the_scenes_of_a_run() -> None:
+    scenes = {scene.name: scene for scene in (scene_of("lego", "tensoir"), scene_of("ficus", "tensoir"))}
+    suite = replace(ABLATIONS, rows=ABLATIONS.rows[:1], reference=ABLATIONS.rows[0].key, recipe="released")
+    cells = FakeRequest(suite, scenes, 1, "smoke", "default", "cpu").cells()
+    assert {cell.scene: cell.variant for _, cell in cells} == {
+        name: by("released", "tensoir", name) for name in ("lego", "ficus")
+    }
+
+
+def test_a_suite_file_names_recipes_and_unknown_ones_are_refused_at_their_place(tmp_path: Path, chain: Chain) -> None:
+    content = """
+name = "mine"
+title = "Mine"
+reference = "a"
+recipe = "printed"
+columns = ["nvs/psnr"]
+
+[[rows]]
+key = "a"
+text = "A"
+
+[[rows]]
+key = "b"
+text = "B"
+recipe = "released"
+variant = { radiometric_weight = 0.0 }
+
+[[rows]]
+key = "c"
+text = "C"
+method = "chain"
+"""
+    file = tmp_path / "suite.toml"
+
+    def read(text: str) -> Suite:
+        file.write_text(text)
+        return read_suite(file)
+
+    variants = [cell.variant for _, cell in asked(1, read(content)).cells()]
+    assert variants == [by("printed"), by("released", radiometric_weight=0.0), chain.variant()]
+    for old, new, says in (
+        ('recipe = "released"', 'recipe = "relaesed"', r"suite.rows\[1\].recipe: unknown recipe 'relaesed' of radiogs"),
+        ('recipe = "printed"', 'recipe = "printd"', "suite.recipe: unknown recipe 'printd' of radiogs"),
+        ('method = "chain"', 'method = "chain"\nrecipe = "printed"', r"rows\[2\].recipe: chain has no recipes"),
+    ):
+        assert old in content
+        with pytest.raises(UsageError, match=says):
+            read(content.replace(old, new))
+
+
+def test_a_recipe_of_a_run_takes_the_place_of_the_suites_and_the_rows_that_keep_theirs_are_named(chain: Chain) -> None:
+    suite, remarks = with_recipe(replace(INDIRECT, rows=INDIRECT.rows[3:]), "released")
+    assert suite.recipe == "released"
+    assert remarks == [f"row '{key}' keeps its recipe, recommended" for key in ("recommended-no-rad", "recommended")]
+    both, remarks = with_recipe(of_methods(ABLATIONS, ["radiogs", "chain"]), "printed")
+    assert remarks == ["rows of method 'chain' run as they are: it has no recipes"]
+    variants = {place["row"]: cell.variant for place, cell in asked(1, both).cells()}
+    assert (variants["ours"], variants["chain"]) == (by("printed"), chain.variant())
+
+
+def test_run_takes_a_recipe_or_refuses_it_by_name(
+    fake_run: FakeRun, tmp_path: Path, chain: Chain, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fake_run("ablations", "--recipe", "printd") == 2
+    said = capsys.readouterr().err
+    assert "unknown recipe 'printd' of radiogs" in said
+    assert "Did you mean 'printed'?" in said
+    assert fake_run("ablations", "--method", "chain", "--recipe", "printed") == 2
+    assert "chain has no recipes, and none called 'printed'" in capsys.readouterr().err
+    assert fake_run("ablations", "--recipe", "printed", "--set", "materials.weights.mask=0.5") == 0
+    assert {row["recipe"] for row in read_sweep(tmp_path)["rows"]} == {"printed"}
+    variants = [result["cell"]["variant"] for result in Store(tmp_path).results()]
+    assert to_plain(by("printed", **{"materials.weights.mask": 0.5})) in variants
+    assert {variant["masking"] for variant in variants} == {"height-correlated"}
+
+
+def test_a_model_is_trained_by_a_recipe_and_opened_with_its_values(
+    tmp_path: Path, chain: Chain, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path), "--recipe"]
+    assert main([*arguments, "printd"]) == 2
+    assert "Did you mean 'printed'?" in capsys.readouterr().err
+    assert main([*arguments, "printed", "--method", "chain"]) == 2
+    assert "chain has no recipes" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert main([*arguments, "printed", "--set", "geometry.steps=12", "--set", "inverse_iterations=4"]) == 0
+    run, trained = read_trained(tmp_path, torch.device("cpu"))
+    assert run.variant == by("printed")
+    facts = read_about(tmp_path)["facts"]
+    assert facts["labels"]["recipe"] == "printed, as the paper prints it"
+    assert facts["labels"]["length"].startswith("12 + 4 steps (paper: 40,000 + 20,000)")
+    assert {*facts["remarks"]} == {f"{name}: {value}" for name, value in facts["labels"].items()}
+    assert trained.facts()["labels"] == facts["labels"]
+
+
+def test_the_recipes_of_a_method_are_printed_as_a_table(chain: Chain, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["methods", "radiogs", "--recipes"]) == 0
+    table = capsys.readouterr().out
+    assert table == recipe_table()
+    page = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    assert page[page.index("\n## ") + 1 :] == table, "write the command's output into the page"
+    assert main(["methods", "chain", "--recipes"]) == 2
+    assert "chain has no recipes" in capsys.readouterr().err
+    assert main(["methods", "--recipes"]) == 2
+    assert "recipes of which method?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("recipe", RADIOGS.recipes)
+def test_the_recipe_of_a_stored_variant_is_known_with_the_fields_that_were_changed(recipe: str, chain: Chain) -> None:
+    given, stored = {"radiometric_weight": 0.0}, by(recipe, "tensoir", "lego", radiometric_weight=0.0)
+    assert variant_by_recipe(RADIOGS, recipe, "tensoir", "lego", given) == stored
+    assert nearest_recipe(RADIOGS, to_plain(stored), "tensoir", "lego", given) == (recipe, {})
+    turned = with_values(stored, {"materials.weights.mask": 0.5})
+    found = nearest_recipe(RADIOGS, to_plain(turned), "tensoir", "lego", given)
+    assert found == (recipe, {"materials.weights.mask": 0.5})
+    assert nearest_recipe(chain, {"weight": 2.0, "shown": 1.0}, "", "", {}) == ("", {"weight": 2.0})
