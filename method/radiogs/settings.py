@@ -11,7 +11,7 @@ from typing import Any, Literal
 from radiogs_core.capabilities import PARTS, RelightingModes
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.learning.radiance_solver import SolverRates
+from radiogs_core.learning.solver_rates import SolverRates
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.plain_values import require
 from radiogs_core.transport.plan import Effects, checked_effects

@@ -8,14 +8,13 @@ illumination.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.shade.shade import shade
-from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
 from ..surfels.harmonics import surfel_radiance, unclamped_radiance
@@ -24,27 +23,7 @@ from ..transport.sampling import LightSampler, random_hemisphere_direction, reli
 from ..transport.splatting import towards
 from ..transport.tracer import SurfelTracer, incident_along
 from .backward import backward
-
-
-@dataclass(frozen=True)
-class SolverRates:
-    """Learning rates of a ``RadianceSolver``."""
-
-    degree_0: float = 0.3
-    """Rate of the harmonics of degree 0 at the start, times ``unit``."""
-    unit: Literal["mean radiance", "one"] = "mean radiance"
-    """Unit of the rates: the scene's mean radiance under the light, so that a rate suits every light, or one, as in
-    training."""
-    rest_share: float = 0.05
-    """Share of it that is the rate of higher degrees (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
-    dB."""
-    last_share: float = 0.02
-    """Share of the rates that is left at the end of a cosine schedule; it bounds the noise that samples leave in the
-    radiance. 1: constant rates."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", "degree_0", "rest_share")
-        require(self, "between 0 and 1", "last_share")
+from .solver_rates import SolverRates
 
 
 @dataclass(frozen=True)

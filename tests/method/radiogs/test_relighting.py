@@ -15,7 +15,7 @@ from radiogs.model import Model
 from radiogs.relighting import RelitBySurfels, relight
 from radiogs.settings import PRESETS, Relighting, Variant
 from radiogs_core.contract import Run
-from radiogs_core.learning.radiance_solver import SolverRates
+from radiogs_core.learning.solver_rates import SolverRates
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels

@@ -12,7 +12,8 @@ from radiogs.model import Model
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_core.contract import Run
-from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget, SolverRates
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
+from radiogs_core.learning.solver_rates import SolverRates
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
