@@ -19,7 +19,7 @@ from radiogs_reports.tables.caption import origin
 from radiogs_reports.tables.doubts import shown_verdict
 
 from ..runs.rows_from_files import measured
-from ..runs.sweep import Sweep, finished_results
+from ..runs.sweep import WITH, Sweep, finished_results
 from ..store.folder import Store
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
@@ -47,7 +47,8 @@ def longer_run(store: Store, sweep: Sweep) -> LongerRun:
 
 
 def recorded(made: Summary) -> LongerRun:
-    """The record of a summary."""
+    """The record of a summary. Fields that were set in all rows are said with the preset, not with every row."""
+    marks = made["preset"].partition(WITH)[2]
     run = LongerRun(
         suite=made["suite"],
         title=made["title"],
@@ -61,7 +62,9 @@ def recorded(made: Summary) -> LongerRun:
         reference=made["reference"],
         columns=made["columns"],
         rows=[
-            RowSummary(key=row["key"], latex=row["latex"], text=row["text"], seconds=row["seconds"])
+            RowSummary(
+                key=row["key"], latex=row["latex"], text=row["text"].removesuffix(f" ({marks})"), seconds=row["seconds"]
+            )
             for row in made["rows"]
         ],
         cells={
