@@ -157,7 +157,7 @@ def test_no_reset_raises_opacities_again_that_were_lowered_just_before(iteration
 
 def test_resets_act_between_start_and_end_and_on_the_opacities_of_a_round() -> None:
     every = OpacityResets(lower_every=0.3, raise_every=0.1, recovery=1)
-    by = control([1, 1, 1, 1e-9], rules=replace(RULES, start=0.0, end=0.7, resets=every))
+    by = control([1, 1, 1, 1e-9], rules=replace(RULES, start=0.0, end=0.7, hidden_at=(), resets=every))
     by.interval = 20
     assert [each for each in range(1, 100) if by.due(each, 100)] == [10, 20, 30, 40, 50, 60]
     surfels = four_surfels()
