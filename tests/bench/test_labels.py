@@ -7,8 +7,8 @@ from radiogs_bench.results.doubts import labels
 SWEEP: Any = {"rows": [{"key": "ours", "text": "Ours"}, {"key": "a", "text": "A"}, {"key": "b", "text": "B"}]}
 
 
-def cell(row: str, scene: str = "corner", **facts: Any) -> Any:
-    return {"row": row, "scene": scene}, {"facts": facts}
+def cell(row: str, scene: str = "corner", method: str = "surfels", **facts: Any) -> Any:
+    return {"row": row, "scene": scene}, {"facts": facts, "cell": {"method": method}}
 
 
 def texts(*cells: Any) -> list[str]:
@@ -21,7 +21,12 @@ def test_rows_with_the_same_labels_share_a_remark() -> None:
     assert labels(cells, SWEEP) == [
         {"column": "", "rows": ["a", "b"], "text": "A, B: stage1: shared; reduced: rays 8."},
     ]
-    assert texts(cell("a", labels=own), cell("b", labels={"stage1": "shared"})) == [
+
+
+def test_labels_that_all_rows_of_a_method_share_are_stated_once() -> None:
+    both, one = {"stage1": "shared", "reduced": "rays 8"}, {"stage1": "shared"}
+    assert texts(cell("a", labels=both), cell("b", labels=one)) == ["A, B: stage1: shared.", "A: reduced: rays 8."]
+    assert texts(cell("a", labels=both), cell("b", method="field", labels=one)) == [
         "A: stage1: shared; reduced: rays 8.", "B: stage1: shared.",
     ]  # fmt: skip
 
