@@ -71,3 +71,14 @@ def test_the_page_shows_the_record_with_its_origin_and_every_scene(tmp_path: Pat
     assert "&lt;b&gt;twice&lt;/b&gt; the steps" in page
     assert "<b>twice" not in page
     assert "<b>twice" not in record_document(made["longer_runs"])
+
+
+def test_fields_that_were_set_in_all_rows_stand_with_the_preset_alone() -> None:
+    made = summary()
+    made["preset"] = "tiny with incident_samples = 64"
+    for row in made["rows"]:
+        row["text"] += " (incident_samples = 64)"
+    made["rows"][1]["text"] += " (of files)"
+    kept = recorded(made)
+    assert kept["preset"] == "tiny with incident_samples = 64"
+    assert [row["text"] for row in kept["rows"]] == ["Ours", "lambda_rad = 0 (incident_samples = 64) (of files)"]
