@@ -12,10 +12,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 
 from ..errors import StoreError
-from ..runs.progress import Progress
+from ..runs.progress import ForwardingProgress, Progress
 from ..runs.sweep import CellRef, Request
 from ..store.folder import Store
 from ..store.schema import Failure
@@ -34,7 +33,7 @@ Report = Callable[[Sequence[str]], str]
 """Writes the reports over some scenes; returns the text that it prints. Raises StoreError."""
 
 
-class GrowingReports:
+class GrowingReports(ForwardingProgress):
     """Passes everything on; says when a further scene is complete, and has the reports written.
 
     A scene is complete once each of its cells has finished, or has failed in this run. The lines that ``report`` prints
@@ -46,29 +45,17 @@ class GrowingReports:
         self, progress: Progress, store: Store, refs: Sequence[CellRef], report: Report, table: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
-        self.progress, self.store, self.report, self.table, self.clock = progress, store, report, table, clock
+        super().__init__(progress)
+        self.store, self.report, self.table, self.clock = store, report, table, clock
         self.scenes = list(dict.fromkeys(ref["scene"] for ref in refs))
         self.open = {scene: [ref["key"] for ref in refs if ref["scene"] == scene] for scene in self.scenes}
         self.failed = {ref["key"]: self._failure(ref["key"]) for ref in refs}
         self.written, self.due = 0, clock() + FIRST_SECONDS
         self._take_complete()  # those of an earlier run are no news
 
-    def __enter__(self) -> "GrowingReports":
-        self.progress.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.progress.__exit__(kind, error, trace)
-
-    def say(self, line: str) -> None:
-        """Pass the line on."""
-        self.progress.say(line)
-
     def advance(self, task: str, done: int, total: int) -> None:
         """Pass on; when cells are counted, look which scenes have become complete."""
-        self.progress.advance(task, done, total)
+        super().advance(task, done, total)
         if task == "cells":
             self._look()
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions
@@ -114,18 +114,13 @@ class LogProgress:
             self.due = now + LOGGED_EVERY_SECONDS
 
 
-class SweepProgress:
-    """Passes everything on, and adds one task: the remaining steps of all stages of the sweep.
+class ForwardingProgress:
+    """Passes every event on to another ``Progress``; subclasses override what they add to."""
 
-    Cells are too few and too different (four may share a stage) for an estimate of the time left.
-    """
+    def __init__(self, progress: Progress) -> None:
+        self.progress = progress
 
-    def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
-        self.progress, self.stages, self.steps = progress, stages, steps
-        self.taken = 0
-        self.stands: dict[str, int] = {}
-
-    def __enter__(self) -> "SweepProgress":
+    def __enter__(self) -> Self:
         self.progress.__enter__()
         return self
 
@@ -139,6 +134,23 @@ class SweepProgress:
         self.progress.say(line)
 
     def advance(self, task: str, done: int, total: int) -> None:
+        """Pass the steps on."""
+        self.progress.advance(task, done, total)
+
+
+class SweepProgress(ForwardingProgress):
+    """Passes everything on, and adds one task: the remaining steps of all stages of the sweep.
+
+    Cells are too few and too different (four may share a stage) for an estimate of the time left.
+    """
+
+    def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
+        super().__init__(progress)
+        self.stages, self.steps = stages, steps
+        self.taken = 0
+        self.stands: dict[str, int] = {}
+
+    def advance(self, task: str, done: int, total: int) -> None:
         """Pass on, and count the step if it belongs to a stage."""
         if task in self.stages:
             before = self.stands.get(task)
@@ -150,7 +162,7 @@ class SweepProgress:
             if done >= total:
                 del self.stands[task]
             self.progress.advance("all stages", self.taken, self.steps)
-        self.progress.advance(task, done, total)
+        super().advance(task, done, total)
 
 
 @contextmanager
