@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions
@@ -120,7 +120,7 @@ class ForwardingProgress:
     def __init__(self, progress: Progress) -> None:
         self.progress = progress
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "ForwardingProgress":
         self.progress.__enter__()
         return self
 
