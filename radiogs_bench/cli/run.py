@@ -162,7 +162,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def describe(suite: "Suite") -> list[str]:
-    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, and a protocol of its own."""
+    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, its protocol and its recipe."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",
@@ -170,6 +170,7 @@ def describe(suite: "Suite") -> list[str]:
         f"  scenes: {', '.join(suite.scenes)}",
         *([f"  download: {suite.download}"] if suite.download else []),
         *([f"  protocol: {suite.protocol}"] if suite.protocol != "default" else []),
+        *([f"  recipe: {suite.recipe}, in rows that name no other"] if suite.recipe else []),
     ]
 
 
