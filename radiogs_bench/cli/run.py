@@ -162,7 +162,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def describe(suite: "Suite") -> list[str]:
-    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, its protocol and its recipe."""
+    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, protocol, recipe."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",
