@@ -276,56 +276,47 @@ class RecordedCell(CellSummary):
     Empty where there is no difference."""
 
 
-class LongerRun(TypedDict):
-    """A finished run in a record, which is committed with the project: the values of its table, to six digits."""
+class RunTable(TypedDict):
+    """The conditions of a run and the frame of its table, which summaries and records have in common."""
 
-    suite: str
-    title: str
-    recipe: str
-    """The recipe of its rows; empty where they ran by their methods' defaults."""
-    origin: dict[str, str]
-    """Dates, commits and command by heading (``tables.caption.origin``)."""
-    machine: str
-    preset: str
-    protocol: str
-    scenes: list[str]
-    seeds: list[int]
-    reference: str | None
-    columns: list[ColumnSummary]
-    rows: list[RowSummary]
-    cells: dict[str, dict[str, RecordedCell]]
-    """By row, then column."""
-    published: dict[str, dict[str, float]]
-    """Published values by row, then column."""
-    published_data: str
-    """The data that they are of."""
-
-
-class Summary(TypedDict):
-    """The whole run."""
-
-    schema: str
     suite: str
     title: str
     protocol: str
     preset: str
     scenes: list[str]
-    kinds: NotRequired[dict[str, str]]
-    """The kind of each scene; absent where none is known."""
-    recipe: NotRequired[str]
-    """The recipe of the rows; absent where they run by their methods' defaults."""
     seeds: list[int]
     reference: str | None
     """The row that differences are taken to; None where rows are not variants of one method."""
     columns: list[ColumnSummary]
     rows: list[RowSummary]
-    cells: dict[str, dict[str, CellSummary]]
-    """By row, then column."""
     published: dict[str, dict[str, float]]
     """Published values by row, then column; unpublished ones are absent."""
     published_data: str
     """The data that published values are averaged over."""
     machine: str
+
+
+class LongerRun(RunTable):
+    """A finished run in a record, which is committed with the project: the values of its table, to six digits."""
+
+    recipe: str
+    """The recipe of its rows; empty where they ran by their methods' defaults."""
+    origin: dict[str, str]
+    """Dates, commits and command by heading (``tables.caption.origin``)."""
+    cells: dict[str, dict[str, RecordedCell]]
+    """By row, then column."""
+
+
+class Summary(RunTable):
+    """The whole run."""
+
+    schema: str
+    kinds: NotRequired[dict[str, str]]
+    """The kind of each scene; absent where none is known."""
+    recipe: NotRequired[str]
+    """The recipe of the rows; absent where they run by their methods' defaults."""
+    cells: dict[str, dict[str, CellSummary]]
+    """By row, then column."""
     sheet: list[SheetSummary]
     keys: list[str]
     """Keys of the results that the values come from."""
