@@ -78,7 +78,7 @@ def _add_steps(subjects: "Commands") -> None:
     steps.set_defaults(command=bench_steps, threads=1)
     steps.add_argument(
         "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
-        help="Choose sizes among smoke, tiny, 20k, small and paper (default: tiny,20k).",
+        help="Choose sizes among floor, tiny, long, 20k, small, paper and smoke (default: tiny,20k).",
     )  # fmt: skip
     steps.add_argument(
         "--passes", type=positive, metavar="N", help="Measure everything N times (default: 1 to 4, by size)."

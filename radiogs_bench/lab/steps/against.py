@@ -1,7 +1,6 @@
-"""Passes of the sources of two checkouts in turn, each in a process of its own, measured by the same harness.
+"""Passes of two checkouts in turn, each in a process of its own, measured by the checkout's own harness.
 
-The other checkout gives its methods, data sets and kernels; what measures them is this one's, so that any earlier
-commit can be compared that keeps the contract.
+So an earlier commit can be compared whose methods and contract differ. It has to know the sizes that are measured.
 """
 
 import json
@@ -18,10 +17,11 @@ from radiogs_core.errors import UsageError
 from ...errors import Killed
 from .measure import Plain
 
-SOURCE_ROOTS = ("method", "datasets", "baselines")
-"""Folders of a checkout whose packages are measured."""
+SOURCE_ROOTS = (".", "method", "datasets", "baselines", "reports")
+"""Folders of a checkout that hold its packages."""
 
-WORKER = "radiogs_bench.lab.steps.worker"
+WORKERS = ("radiogs_bench.lab.steps.worker", "radiogs_bench.step_bench.worker")
+"""Module of the process that makes passes: its name here, and its name before 2026-11-26."""
 
 
 class Worker:
@@ -61,19 +61,14 @@ def worker(checkout: Path | None, arguments: tuple[str, ...]) -> Iterator[Worker
 
     Raises UsageError for a folder that is no checkout, Killed where the process ends by itself.
     """
-    surroundings = dict(os.environ)
+    surroundings, module = dict(os.environ), WORKERS[0]
     if checkout is not None:
+        module = _worker_of(checkout)
         roots = [(checkout / root).resolve() for root in SOURCE_ROOTS]
-        if not (roots[0] / "radiogs_core" / "contract.py").is_file():
-            raise UsageError(
-                f"{checkout} is no checkout of this project",
-                f"It has no {SOURCE_ROOTS[0]}/radiogs_core/contract.py.",
-                "Make one:  git worktree add FOLDER COMMIT",
-            )
         before = [surroundings["PYTHONPATH"]] if surroundings.get("PYTHONPATH") else []
         surroundings["PYTHONPATH"] = os.pathsep.join([*map(str, roots), *before])
     with subprocess.Popen(
-        [sys.executable, "-m", WORKER, *arguments],
+        [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=surroundings,
     ) as process:  # fmt: skip
         try:
@@ -82,6 +77,18 @@ def worker(checkout: Path | None, arguments: tuple[str, ...]) -> Iterator[Worker
             yield made
         finally:
             process.kill()
+
+
+def _worker_of(checkout: Path) -> str:
+    """Module of a checkout's worker. Raises UsageError for a folder without one."""
+    for module in WORKERS:
+        if (checkout / f"{module.replace('.', '/')}.py").is_file():
+            return module
+    raise UsageError(
+        f"{checkout} is no checkout of this project that can measure its steps",
+        f"It has no {WORKERS[0].replace('.', '/')}.py.",
+        "Make one:  git worktree add FOLDER COMMIT",
+    )
 
 
 def _require_own_sources(origin: dict[str, Any], checkout: Path | None) -> None:

@@ -1,6 +1,7 @@
 """The sizes that steps are measured at, by name."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from radiogs_core.capabilities import Rehearsing
@@ -25,13 +26,18 @@ class Size:
     """Training views."""
     passes: int
     """Default number of passes."""
+    values: Mapping[str, int] = field(default_factory=dict)
+    """Numbers of the preset that are replaced, by dotted name; a method whose budget has no such number keeps its
+    own."""
 
 
 SIZES = {
     size.name: size
     for size in (
         Size("smoke", "smoke", 32, 400, 4, 1),
+        Size("floor", "tiny", 16, 32, 48, 6, {"consistency_surfels": 4}),
         Size("tiny", "tiny", 96, None, 48, 4),
+        Size("long", "tiny", 96, 6_000, 48, 2, {"consistency_surfels": 1_024, "incident_samples": 64}),
         Size("20k", "small", 100, 20_000, 48, 2),
         Size("small", "small", 200, None, 48, 2),
         Size("paper", "paper", 800, 100_000, 100, 1),

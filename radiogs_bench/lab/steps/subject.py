@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 
@@ -9,7 +10,7 @@ from radiogs_core.capabilities import Rehearsing, ShortRun
 from radiogs_core.contract import Method, Stage
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.fit_geometry import FitGeometry
-from radiogs_core.plain_values import with_values
+from radiogs_core.plain_values import leaf_names, with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import OVERLAP as OVERLAP_OF_KNOWN
 from radiogs_core.surfels.known_surfaces import surfels_on
@@ -56,7 +57,7 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
     A method that cannot be rehearsed takes the first steps of its stages.
     """
     require_size(method, size)
-    budget = method.presets[size.preset]
+    budget = sized_budget(method, size)
     wanted = largest_model(method, budget) if size.surfels is None else size.surfels
     if not can_be_sized(method, budget):
         wanted = None
@@ -65,6 +66,13 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
     row = Row("steps", method, method.name, method.variant(), budget)
     large = enlarged(scene, size.views, TEST_VIEWS, size.side, size.side)
     return Subject(method, size, wanted, large, row.short(wanted if isinstance(method, Rehearsing) else None), device)
+
+
+def sized_budget(method: Method, size: Size) -> Any:
+    """The budget of a size: that of its preset, with the size's own numbers where the method has them."""
+    budget = method.presets[size.preset]
+    own = {name: value for name, value in size.values.items() if name in leaf_names(budget)}
+    return with_values(budget, own, f"budget of {method.name}")
 
 
 def require_size(method: Method, size: Size) -> None:
