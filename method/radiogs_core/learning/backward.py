@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import torch
 from torch import Tensor
+from torch.nn.utils import get_total_norm
 
 from ..instruments import require_finite
 
@@ -18,10 +19,11 @@ def backward(
     If a loss is not finite because a parameter is not, it names that parameter and its surfel. Numbers and checks are
     read together, so the call waits for the device once.
     """
-    torch.stack(list(losses.values())).sum().backward()
+    stacked = torch.stack(list(losses.values()))
+    stacked.sum().backward()
     gradients = {name: value.grad for name, value in parameters.items() if value.grad is not None}
-    scalars = [*(value.detach() for value in losses.values()), *(gradient.sum() for gradient in gradients.values())]
-    read = torch.stack(scalars).tolist()
+    largest = get_total_norm(gradients.values(), math.inf).to(stacked)
+    read = torch.cat([stacked.detach(), largest.view(1)]).tolist()
     if not all(map(math.isfinite, read)):
         _name_what_is_not_finite(stage, iteration, losses, parameters, gradients)
     return dict(zip(losses, read[: len(losses)], strict=True))
@@ -34,7 +36,7 @@ def _name_what_is_not_finite(
     parameters: Mapping[str, Tensor],
     gradients: Mapping[str, Tensor],
 ) -> None:
-    """Raise NumericalFailure for the first value that is not finite, if any (a sum of finite values may overflow)."""
+    """Raise NumericalFailure for the first value that is not finite."""
     if not all(bool(torch.isfinite(value)) for value in losses.values()):
         require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})

@@ -6,6 +6,7 @@ step moves the radiance towards one more application of the light transport oper
 illumination.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..kernels.adam import Adam
 from ..kernels.shade.shade import shade
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
@@ -96,7 +98,7 @@ class RadianceSolver:
         for value in self.sh.values():
             value.requires_grad_()
         self.unit = self._mean_radiance() if budget.rates.unit == "mean radiance" else 1.0
-        self.adam = torch.optim.Adam([{"params": [value], "lr": 0.0} for value in self.sh.values()], fused=True)
+        self.adam = Adam(guard=1e-8)
 
     @property
     def surfels(self) -> Surfels:
@@ -106,7 +108,6 @@ class RadianceSolver:
 
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the loss by name."""
-        self._set_rates()
         surfels = self.surfels
         count = min(self.budget.surfels, len(surfels))
         index = torch.randperm(len(surfels), generator=self.generator, device=surfels.centre.device)[:count]
@@ -120,8 +121,7 @@ class RadianceSolver:
         own = unclamped_radiance(torch.cat([value[index] for value in self.sh.values()], 1), outgoing)
         loss = torch.where(facing, own - target, 0.0).abs().sum(1).mean()
         backward(self.name, self.iteration, {"consistency": loss}, self.sh)
-        self.adam.step()
-        self.adam.zero_grad(set_to_none=True)
+        self.adam.step(self.sh, self.rates())
         self.tracer.surfels = self.surfels  # the same geometry, so the tree stays
         self.iteration += 1
         return {"consistency": float(loss.detach())}
@@ -150,18 +150,19 @@ class RadianceSolver:
         own = surfel_radiance(self.fixed.sh[index], along)
         return max(float(self.reflected(index, along).mean()), float(own.mean()))
 
-    def _set_rates(self) -> None:
-        rates, progress = self.budget.rates, torch.tensor(self.iteration / self.iterations)
-        decay = float(rates.last_share + (1 - rates.last_share) * (1 + torch.cos(torch.pi * progress)) / 2)
-        for group, share in zip(self.adam.param_groups, (1.0, rates.rest_share), strict=True):
-            group["lr"] = rates.degree_0 * self.unit * share * decay
+    def rates(self) -> dict[str, float]:
+        """Learning rates of the next step, by tensor."""
+        rates, progress = self.budget.rates, self.iteration / self.iterations
+        decay = rates.last_share + (1 - rates.last_share) * (1 + math.cos(math.pi * progress)) / 2
+        whole = rates.degree_0 * self.unit * decay
+        return {"sh": whole, "sh_rest": whole * rates.rest_share}
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
         return {
             "iteration": self.iteration,
             "sh": {name: value.detach() for name, value in self.sh.items()},
-            "adam": self.adam.state_dict(),
+            "adam": self.adam.state(),
             "generator": self.generator.get_state(),
             "unit": self.unit,
         }
@@ -171,6 +172,6 @@ class RadianceSolver:
         self.iteration, self.unit = state["iteration"], state["unit"]
         for name, value in self.sh.items():
             value.data.copy_(state["sh"][name])
-        self.adam.load_state_dict(state["adam"])
+        self.adam.restore(state["adam"])
         self.tracer.surfels = self.surfels
         self.generator.set_state(state["generator"])

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
+from ..kernels.adam import MOMENTS, Adam
 from .surfels import Surfels
 
 ADAM_EPSILON = 1e-15
@@ -20,7 +21,7 @@ class SurfelOptimiser:
         surfels: Surfels at the start.
         further: Further tensors at the start, by name.
         rates: Learning rates by the name of the parameter or tensor; ``"sh_rest"`` is the rate of the harmonics above
-            degree 0. A parameter with rate zero does not change.
+            degree 0. A parameter with rate zero does not change; a further tensor has no gradient then.
     """
 
     def __init__(self, surfels: Surfels, further: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
@@ -29,11 +30,9 @@ class SurfelOptimiser:
         self._adopt(surfels)
         self.tensors |= {name: value.detach().clone().requires_grad_() for name, value in further.items()}
         self.further = tuple(further)
-        self.adam = torch.optim.Adam(
-            [{"params": [value], "lr": self.rates[name], "name": name} for name, value in self.tensors.items()],
-            eps=ADAM_EPSILON,
-            fused=True,
-        )
+        self.adam = Adam(ADAM_EPSILON)
+        for name in self.further:
+            self.tensors[name].requires_grad_(self.rates[name] > 0)
 
     def _adopt(self, surfels: Surfels) -> None:
         # Degree 0 and the higher degrees have different rates, so they are separate tensors.
@@ -50,54 +49,38 @@ class SurfelOptimiser:
 
     def set_rate(self, name: str, rate: float) -> None:
         """Change one learning rate."""
-        for group in self.adam.param_groups:
-            if group["name"] == name:
-                group["lr"] = rate
+        self.rates[name] = rate
+        if name in self.further:
+            self.tensors[name].requires_grad_(rate > 0)
 
     def step(self) -> None:
         """One Adam step; gradients are cleared."""
-        self.adam.step()
-        self.adam.zero_grad(set_to_none=True)
+        self.adam.step(self.tensors, self.rates)
 
     def replace(self, surfels: Surfels, origin: Int[Tensor, " surfels"]) -> None:
         """Replace the surfels; ``origin``: index of the old surfel whose moments each inherits (-1: none)."""
-        old = dict(self.tensors)
         self._adopt(surfels)
         kept, inherited = origin >= 0, origin.clamp(min=0)
-        for group in self.adam.param_groups:
-            name = group["name"]
+        for name, moments in self.adam.moments.items():
             if name in self.further:
                 continue
-            moments = self.adam.state.pop(old[name], {})
-            group["params"] = [self.tensors[name]]
-            if moments:
-                for key in ("exp_avg", "exp_avg_sq"):
-                    moment = moments[key][inherited]
-                    moments[key] = torch.where(kept.view(-1, *(1,) * (moment.dim() - 1)), moment, 0.0)
-                self.adam.state[self.tensors[name]] = moments
+            for key in MOMENTS:
+                moment = moments[key][inherited]
+                moments[key] = torch.where(kept.view(-1, *(1,) * (moment.dim() - 1)), moment, 0.0)
 
     def forget(self, name: str) -> None:
         """Clear the moments of one parameter, after its value was set from outside."""
-        self.adam.state.pop(self.tensors[name], None)
+        self.adam.moments.pop(name, None)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
-        moments = {
-            name: dict(self.adam.state[value]) for name, value in self.tensors.items() if value in self.adam.state
-        }
-        rates = {group["name"]: group["lr"] for group in self.adam.param_groups}
         tensors = {name: value.detach() for name, value in self.tensors.items()}
-        return {"tensors": tensors, "moments": moments, "rates": rates}
+        return {"tensors": tensors, "moments": self.adam.state(), "rates": dict(self.rates)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
-        self.adam.state.clear()
-        for group in self.adam.param_groups:
-            name = group["name"]
+        for name in self.tensors:
             self.tensors[name] = state["tensors"][name].clone().requires_grad_()
-            group["params"] = [self.tensors[name]]
-            group["lr"] = state["rates"][name]
-            if name in state["moments"]:
-                self.adam.state[self.tensors[name]] = {
-                    key: value.clone() for key, value in state["moments"][name].items()
-                }
+        for name, rate in state["rates"].items():
+            self.set_rate(name, rate)
+        self.adam.restore(state["moments"])

@@ -114,14 +114,14 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
 
 
 def rates_after(rates: SolverRates, iterations: int, done: int) -> tuple[tuple[float, float], float]:
-    """Rates of degree 0 and of the rest in the last of ``done`` steps, and the unit of rates, in a bright light."""
+    """Rates of degree 0 and of the rest in step ``done``, and the unit of rates, in a bright light."""
     ball, light = white_ball(), EnvironmentMap(torch.full((4, 8, 3), 2.0))
     effort = replace(steps(iterations), rates=rates)
     solver = RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, effort, 5)
-    for _ in range(done):
+    for _ in range(done - 1):
         solver.step()
-    constant, rest = (group["lr"] for group in solver.adam.param_groups)
-    return (constant, rest), solver.unit
+    found = solver.rates()
+    return (found["sh"], found["sh_rest"]), solver.unit
 
 
 def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance() -> None:

@@ -83,8 +83,7 @@ def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
     for progress in (0.0, 0.5 * until, until, 1.0):
         stage.iteration = round(progress * stage.iterations)
         stage.begin_step()
-        (group,) = (each for each in stage.optimiser.adam.param_groups if each["name"] == "centre")
-        found.append(group["lr"] / unit)
+        found.append(stage.optimiser.rates["centre"] / unit)
     half = round(0.5 * until * stage.iterations) / (until * stage.iterations)
     between = rates.position ** (1 - half) * rates.position_end**half
     assert found == pytest.approx([rates.position, between, rates.position_end, rates.position_end])
@@ -117,8 +116,7 @@ def test_surfels_that_start_in_the_hull_move_from_the_first_step_on(
     stage = fit_geometry(learning, BUDGET.geometry).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
     stage.begin_step()
-    rates = {group["name"]: group["lr"] for group in stage.optimiser.adam.param_groups}
-    assert [rates[name] == 0 for name in SHAPE] == [still] * 3
+    assert [stage.optimiser.rates[name] == 0 for name in SHAPE] == [still] * 3
 
 
 def test_surfels_take_their_colours_before_they_move() -> None:
