@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Float
@@ -36,7 +37,7 @@ class LitSurfels:
     log_environment: Float[Tensor, "height width 3"]
     """Logarithm of the environment's linear radiance, [height, 2 height, 3] (see ``scene.light``)."""
 
-    @property
+    @cached_property
     def environment(self) -> Float[Tensor, "height width 3"]:
         """Linear radiance of the recovered light. It is always positive, because its logarithm is learnt."""
         return self.log_environment.exp()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -75,12 +76,12 @@ class Camera:
                 "Repair the scene's cameras; scale the scene, not the pose.",
             )
 
-    @property
+    @cached_property
     def centre(self) -> Float[Tensor, "3"]:
         """The centre of projection, in the world."""
         return self.camera_to_world[:3, 3]
 
-    @property
+    @cached_property
     def axes(self) -> Float[Tensor, "3 3"]:
         """Columns: the camera's right, down and forward axes, in the world."""
         return self.camera_to_world[:3, :3]

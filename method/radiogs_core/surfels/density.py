@@ -188,10 +188,9 @@ class PositionalGradient:
 
         A shift of one half-image at depth z is z W / (2 fx) world units along the camera's right axis.
         """
-        depth = camera.depth_of(centre).abs()
-        across = (gradient @ camera.axes[:, 0]) * depth * (camera.width / (2 * camera.fx))
-        down = (gradient @ camera.axes[:, 1]) * depth * (camera.height / (2 * camera.fy))
-        self.total += torch.where(in_view, torch.hypot(across, down), 0.0)
+        half = camera.axes.new_tensor([camera.width / (2 * camera.fx), camera.height / (2 * camera.fy)])
+        on_screen = (gradient @ (camera.axes[:, :2] * half)).norm(dim=1) * camera.depth_of(centre).abs()
+        self.total += torch.where(in_view, on_screen, 0.0)
         self.views += in_view
 
     def take(self, chosen: Int[Tensor, " chosen"]) -> "PositionalGradient":

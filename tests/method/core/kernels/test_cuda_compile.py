@@ -6,6 +6,7 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs_core.kernels.adam_source import step_kernel
 from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels
 from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
@@ -50,7 +51,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         edges.allowance, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
-        lookup.forward, lookup.backward,
+        lookup.forward, lookup.backward, step_kernel(dtype, 1e-15),
     ]  # fmt: skip
 
 
