@@ -9,7 +9,7 @@ of the program that causes them.
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_map
 
-from radiogs_core.kernels import arguments
+from radiogs_core.kernels.arguments import Arguments, Struct
 
 NAME = "elsewhere"
 ROOT = Path(__file__).parents[1]
@@ -44,7 +44,6 @@ class Account:
     """Operations that the device was asked for."""
 
     operations: int = 0
-    launches: int = 0
     awaited: Counter[str] = field(default_factory=Counter)
     """How often the host waited for a value, by ``file:line function (operation)``."""
 
@@ -209,12 +208,13 @@ def _held(value: Any) -> Any:
 
 def _sides(value: Any) -> Iterator[bool]:
     """Whether an argument of a kernel is of the device, for each array in it that is not empty."""
-    if isinstance(value, wp.array) or hasattr(value, "there"):
-        if value.size if isinstance(value, wp.array) else value.shape[0]:
-            yield value.there
-    elif hasattr(value, "_cls"):  # a struct
-        for name in value._cls.vars:
-            yield from _sides(getattr(value, name))
+    if isinstance(value, torch.Tensor) and value.numel():
+        yield isinstance(value, There)
+    elif isinstance(value, wp.array) and value.size:
+        yield value.there
+    elif isinstance(value, Struct):
+        for each in value.values.values():
+            yield from _sides(each)
 
 
 @contextmanager
@@ -222,32 +222,24 @@ def elsewhere() -> Iterator[Account]:
     """In this block ``registered()`` works as a device."""
     registered()
     account = Account()
-    from_torch, launch, device_from_torch = wp.from_torch, wp.launch, wp.device_from_torch
-    described = arguments.described
+    from_torch, device_from_torch, write = wp.from_torch, wp.device_from_torch, Arguments.write
 
     def array_of(tensor: torch.Tensor, *args: Any, **kwargs: Any) -> Any:
         made = from_torch(_held(tensor), *args, **kwargs)
         made.there = isinstance(tensor, There)
         return made
 
-    def memory_of(tensor: torch.Tensor, *rest: Any) -> Any:
-        made = described(_held(tensor), *rest)
-        made.there = isinstance(tensor, There)
-        return made
-
-    def launched(kernel: Any, dim: Any, inputs: Any, device: Any = None, **others: Any) -> None:
-        sides = {side for value in inputs for side in _sides(value)}
-        assert len(sides) <= 1, f"{_place()}: {kernel.key} is given arrays of the device and of the host"
-        account.launches += sides == {True}
-        launch(kernel, dim=dim, inputs=inputs, device=device, **others)
+    def written(arguments: Arguments, values: Sequence[Any]) -> None:
+        sides = {side for value in values for side in _sides(value)}
+        assert len(sides) <= 1, f"{_place()}: {arguments.owner} is given arrays of the device and of the host"
+        write(arguments, [_held(value) for value in values])
 
     def runs_on(device: torch.device) -> Any:
         return device_from_torch("cpu" if device.type == NAME else device)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, "from_torch", array_of)
-        patch.setattr(arguments, "described", memory_of)
-        patch.setattr(wp, "launch", launched)
+        patch.setattr(Arguments, "write", written)
         patch.setattr(wp, "device_from_torch", runs_on)
         patch.setattr(torch, "Generator", _Generator)
         with _Operations(account), _Functions(account):

@@ -36,6 +36,8 @@ from radiogs_bench.methods import method, substitutes
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.on_surfels.fit_geometry import FitGeometry
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
@@ -248,6 +250,14 @@ def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
     assert both.operations > 4
     assert both.launches == 0
     assert total.item() == 6
+
+
+def test_each_launch_of_a_kernel_is_counted() -> None:
+    use_threads(1)
+    with counting() as counts:
+        for _ in range(3):
+            frames(torch.ones(2, 4))
+    assert counts.launches == 3
 
 
 def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:

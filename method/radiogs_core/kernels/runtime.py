@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import torch
 import warp as wp
 
-from .arguments import packed, require_countable
 from .arrangement import as_on_cuda
+from .recorded import recorded
 
 
 @cache
@@ -60,17 +60,6 @@ sizes of chunks."""
 
 UNFUSED = {"cpu_compiler_flags": "-march=native -ffp-contract=off", "fuse_fp": False}
 """Module options of kernels without contraction: they round as PyTorch's operations do, on CUDA too."""
-
-
-def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
-    """The memory of a contiguous tensor as a Warp array of one axis, for a field of a struct; no copy, no gradient.
-
-    ``dtype``: a Warp vector type whose items are the tensor's last axis; None: scalars. Raises UsageError for a tensor
-    with more entries than a kernel can count.
-    """
-    require_countable(tensor.numel(), "entries of an array", "Use fewer surfels, samples or pixels.")
-    memory = tensor.detach() if dtype is not None else tensor.detach().view(-1)
-    return wp.from_torch(memory, dtype=dtype, requires_grad=False)
 
 
 Result = TypeVar("Result")
@@ -122,17 +111,12 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], device: torch.device) -> 
 def launch(kernel: wp.Kernel, count: int, device: torch.device, arguments: Sequence[Any]) -> None:
     """Run ``kernel`` for items [0, count) in the calling thread.
 
-    The kernel's first argument is the first item, zero; ``arguments`` are the others (see ``packed``).
+    The kernel's first argument is the first item, zero; ``arguments`` are the others (see ``Arguments.write``).
     """
     if count > 0:
-        wp.launch(kernel, dim=count, inputs=[0, *packed(kernel, arguments)], device=wp.device_from_torch(device))
-
-
-def compile_for(device: torch.device, *kernels: wp.Kernel) -> None:
-    """Compile or load kernels now, in one thread: two workers that compile the same kernel would write the same
-    files."""
-    for kernel in kernels:
-        kernel.module.load(wp.device_from_torch(device))
+        command = recorded(kernel, device)
+        command.arguments.write(arguments)
+        command.run(0, count)
 
 
 class WorkerSums:
@@ -175,13 +159,12 @@ def launch_in_parallel(
 ) -> None:
     """Run ``kernel`` for items [0, count) on all workers.
 
-    The kernel's first argument is the first item of its range; ``arguments(worker)`` are the others (see ``packed``).
+    The kernel's first argument is the first item of its range; ``arguments(worker)`` are the others (see
+    ``Arguments.write``).
     On CUDA this is one launch. On the CPU the items are divided into equal chunks, and chunk k goes to worker k mod n,
     so that sums repeat for a given number of threads. Warp releases the interpreter lock during a launch, so the
     workers run in parallel.
     """
-    where = wp.device_from_torch(device)
-    compile_for(device, kernel)
     team = workers(device)
     if count == 0:
         return
@@ -192,10 +175,10 @@ def launch_in_parallel(
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        given = arguments(worker)
-        memory = packed(kernel, given)
+        command, given = recorded(kernel, device), arguments(worker)
+        command.arguments.write(given)
         for begin, end in list(pairwise(bounds))[worker::team]:
-            wp.launch(kernel, dim=end - begin, inputs=[begin, *memory], device=where)
+            command.run(begin, end - begin)
 
     for done in [_pool(team).submit(work, worker) for worker in range(team)]:
         done.result()

@@ -21,6 +21,7 @@ import warp as wp
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from radiogs_core.instruments import recording
+from radiogs_core.kernels.recorded import Recorded
 
 from ..kernels.clock import processor_seconds, seconds
 from .estimates import median_of
@@ -298,15 +299,15 @@ class _Operations(TorchDispatchMode):
 def counting() -> Iterator[Counts]:
     """Count what is done within, in this thread."""
     counts = Counts()
-    launch, again = wp.launch, wp.Launch.launch
+    launch, run = wp.launch, Recorded.run
 
     def launched(*args: Any, **kwargs: Any) -> Any:
         counts.launches += not kwargs.get("record_cmd", False)
         return launch(*args, **kwargs)
 
-    def launched_again(*args: Any, **kwargs: Any) -> Any:
+    def ran(*args: Any) -> None:
         counts.launches += 1
-        return again(*args, **kwargs)
+        run(*args)
 
-    with patch.object(wp, "launch", launched), patch.object(wp.Launch, "launch", launched_again), _Operations(counts):
+    with patch.object(wp, "launch", launched), patch.object(Recorded, "run", ran), _Operations(counts):
         yield counts

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from ...instruments import count, require_finite_blend
 from ...scene.camera import Camera
-from ..arguments import packed, require_countable
+from ..arguments import Struct, packed, require_countable
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..runtime import WorkerSums, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from ..surfel.support import support_of
 from .binning_source import binning_kernels, record_kernels
@@ -160,15 +160,23 @@ def _zeroed(values: Float[Tensor, "rows channels"], channels: Sequence[slice]) -
     return values
 
 
-def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Any]:
-    image = kernels.Image()
-    image.width, image.height, image.tiles_across = camera.width, camera.height, -(-camera.width // TILE)
-    image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
-    image.depth_unit = depth_unit
-    packed = kernels.Splats()
-    packed.starts, packed.members = as_array(lists.starts), as_array(lists.members)
-    packed.records, packed.features = map(as_array, splats)
-    return [image, packed]
+def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Struct]:
+    image = Struct(
+        kernels.Image,
+        width=camera.width,
+        height=camera.height,
+        tiles_across=-(-camera.width // TILE),
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        depth_unit=depth_unit,
+    )
+    records, features = splats
+    return [
+        image,
+        Struct(kernels.Splats, starts=lists.starts, members=lists.members, records=records, features=features),
+    ]
 
 
 def _items(camera: Camera, device: torch.device) -> int:
@@ -238,11 +246,14 @@ def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Te
     """Each surfel's first and last tile [surfels, 4] (column, row), its number of tiles, and its centre's z-depth."""
     centre = geometry.centre
     kernels = binning_kernels(centre.dtype)
-    window = kernels.Window()
-    pose = torch.cat([camera.centre[None], camera.axes.mT]).double().contiguous()
-    window.pose = as_array(pose, dtype=wp.vec3d)
-    window.focal, window.offset = wp.vec2d(camera.fx, camera.fy), wp.vec2d(camera.cx, camera.cy)
-    window.width, window.height = camera.width, camera.height
+    window = Struct(
+        kernels.Window,
+        pose=torch.cat([camera.centre[None], camera.axes.mT]).double().contiguous(),
+        focal=(camera.fx, camera.fy),
+        offset=(camera.cx, camera.cy),
+        width=camera.width,
+        height=camera.height,
+    )
     tiles = torch.empty(len(centre), 4, dtype=torch.int32, device=centre.device)
     counts = torch.empty(len(centre), dtype=torch.int64, device=centre.device)
     depth = torch.empty(len(centre), dtype=torch.float64, device=centre.device)

@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ...instruments import count
-from ..arguments import MOST_ENTRIES
+from ..arguments import MOST_ENTRIES, Struct
 from ..arrangement import as_on_cuda
-from ..runtime import as_array, launch_in_parallel, workers
+from ..runtime import launch_in_parallel, workers
 from .shade_source import TEXEL, shade_kernels
 
 SAMPLE_FIELDS = 8
@@ -99,13 +99,16 @@ class _Shade(torch.autograd.Function):
         return *own, None, None, None, *traced, light.sum(0)[..., :3] if wants_environment else None, None
 
 
-def _inputs(kernels: Any, inputs: Any) -> Any:
-    given = kernels.Inputs()
+def _inputs(kernels: Any, inputs: Any) -> Struct:
+    *of_surfels, environment, specular_at = inputs
     names = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect")
-    for name, value in zip(names, inputs[:8], strict=True):
-        setattr(given, name, as_array(value))
-    given.environment = as_array(torch.nn.functional.pad(inputs[8], (0, TEXEL - 3)))
-    given.specular_at = as_array(inputs[9].int())
-    given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
-    given.height, given.width = inputs[8].shape[:2]
-    return given
+    return Struct(
+        kernels.Inputs,
+        **dict(zip(names, of_surfels, strict=True)),
+        environment=torch.nn.functional.pad(environment, (0, TEXEL - 3)),
+        specular_at=specular_at.int(),
+        views=inputs[3].shape[1],
+        samples=inputs[4].shape[1],
+        height=environment.shape[0],
+        width=environment.shape[1],
+    )

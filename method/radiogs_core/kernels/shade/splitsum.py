@@ -7,8 +7,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.light import require_map
+from ..arguments import Struct
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..runtime import WorkerSums, launch_in_parallel
 from .splitsum_source import lookup_kernels, splitsum_kernels
 
 
@@ -50,13 +51,21 @@ class _SplitSum(torch.autograd.Function):
         inputs = tuple(value.detach().contiguous() for value in inputs)
         normal, albedo, roughness, outgoing, diffuse, glossy, sharp = inputs
         kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
-        given = kernels.Inputs()
-        given.grid_height, given.table_size = len(diffuse), len(table)
-        given.sharp_height, given.sharp_width = sharp.shape[:2]
-        given.normal, given.albedo, given.roughness, given.outgoing = map(
-            as_array, (normal, albedo, roughness, outgoing)
+        given = Struct(
+            kernels.Inputs,
+            grid_height=len(diffuse),
+            sharp_height=len(sharp),
+            sharp_width=sharp.shape[1],
+            table_size=len(table),
+            normal=normal,
+            albedo=albedo,
+            roughness=roughness,
+            outgoing=outgoing,
+            diffuse=diffuse,
+            glossy=glossy,
+            sharp=sharp,
+            table=table,
         )
-        given.diffuse, given.glossy, given.sharp, given.table = map(as_array, (diffuse, glossy, sharp, table))
         out = normal.new_empty(len(normal), 2, 3)
         launch_in_parallel(kernels.forward, len(normal), out.device, lambda _: [given, out])
         ctx.kernels, ctx.given = kernels, given

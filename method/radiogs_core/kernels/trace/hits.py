@@ -16,14 +16,8 @@ from torch import Tensor
 from ...instruments import count
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
-from ..runtime import (
-    CHUNKS_PER_WORKER,
-    compile_for,
-    in_parallel,
-    launch,
-    launch_in_parallel,
-    workers,
-)
+from ..compiling import compile_for
+from ..runtime import CHUNKS_PER_WORKER, in_parallel, launch, launch_in_parallel, workers
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, hit_kernels
 

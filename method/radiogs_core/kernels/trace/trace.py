@@ -8,8 +8,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...instruments import count, fire, require_finite_blend
+from ..arguments import Struct
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..runtime import WorkerSums, launch_in_parallel
 from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .bvh import SurfelBVH
 from .hits import HitLists, find_hits
@@ -109,14 +110,16 @@ class _Blend(torch.autograd.Function):
         return None, None, grad_origin, *sums.total()
 
 
-def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Any:
+def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Struct:
     origin, surface, sh, features = inputs
-    hits = kernels.Hits()
-    for name, value in zip(
-        ("ray", "origin", "direction", "begin", "surfel", "depth", "alpha", "surface", "sh", "features"),
-        (lists.ray, origin, direction, lists.begin, lists.surfel, lists.depth, lists.alpha, surface, sh, features),
-        strict=True,
-    ):
-        setattr(hits, name, as_array(value))
-    hits.coefficients, hits.channels = sh.shape[1], features.shape[1]
-    return hits
+    return Struct(
+        kernels.Hits,
+        **vars(lists),
+        origin=origin,
+        direction=direction,
+        surface=surface,
+        sh=sh,
+        features=features,
+        coefficients=sh.shape[1],
+        channels=features.shape[1],
+    )

@@ -1,11 +1,16 @@
-"""Kernels get the memory of tensors, and nothing that they do not declare."""
+"""Kernels get the memory of tensors, and nothing that they do not declare; launches repeat with other arguments."""
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from typing import Any
 
 import pytest
 import torch
 import warp as wp
 
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.arguments import packed
+from radiogs_core.kernels.arguments import Struct, packed
 from radiogs_core.kernels.runtime import launch, launch_in_parallel, start_warp, use_threads
 
 CPU = torch.device("cpu")
@@ -75,3 +80,88 @@ def test_a_tensor_of_too_many_entries_is_refused() -> None:
 
     with pytest.raises(UsageError, match="2147483648 entries of an array"):
         packed(bytes_of, [huge])
+
+
+@wp.struct
+class Scaled:
+    factor: wp.float64
+    shift: wp.vec2f
+    flag: wp.bool
+    points: wp.array(dtype=wp.vec3f)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def scaled(first: wp.int32, given: Scaled, power: wp.int32, out: wp.array(dtype=wp.float32)):
+    place = first + wp.tid()
+    point = given.points[place]
+    total = wp.float32(given.factor) * (point[0] + 10.0 * point[1] + 100.0 * point[2])
+    out[place] = total + given.shift[0] + 2.0 * given.shift[1] + wp.float32(power + given.points.shape[0])
+    if given.flag:
+        out[place] = -out[place]
+
+
+def scaled_inputs(count: int, seed: int) -> dict[str, Any]:
+    points = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed))
+    return {"factor": 0.5 + seed, "shift": (1.0 * seed, 3.0), "flag": seed % 2 == 1, "points": points}
+
+
+def by_warp(given: dict[str, Any], power: int) -> torch.Tensor:
+    """The kernel's result through Warp's own arrays, structs and launch."""
+    struct, out = Scaled(), torch.zeros(len(given["points"]))
+    struct.points = wp.from_torch(given["points"], dtype=wp.vec3f)
+    struct.factor, struct.shift, struct.flag = given["factor"], wp.vec2f(*given["shift"]), given["flag"]
+    wp.launch(scaled, dim=len(out), inputs=[0, struct, power, wp.from_torch(out)], device="cpu")
+    return out
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_repeated_launch_does_what_a_new_one_does(threads: int) -> None:
+    """With other sizes, addresses, numbers and structs from launch to launch."""
+    use_threads(threads)
+    for seed, count in enumerate((5, 1, 300, 0, 40)):
+        given, out = scaled_inputs(count, seed), torch.zeros(count)
+        arguments = [Struct(Scaled, **given), 7 * seed, out]
+        launch_in_parallel(scaled, count, CPU, lambda _, arguments=arguments: arguments)
+        assert torch.equal(out, by_warp(given, 7 * seed))
+
+
+def test_threads_that_launch_the_same_kernel_at_once_do_not_mix_their_arguments() -> None:
+    use_threads(1)
+    expected = [by_warp(scaled_inputs(20_000 + thread, thread), thread) for thread in range(4)]
+
+    def launches(thread: int) -> bool:
+        given, out = Struct(Scaled, **scaled_inputs(20_000 + thread, thread)), torch.zeros(20_000 + thread)
+        right = True
+        together.wait()
+        for _ in range(150):
+            launch(scaled, len(out), CPU, [given, thread, out.zero_()])
+            right &= torch.equal(out, expected[thread])
+        return right
+
+    together, interval = Barrier(4), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            assert all(pool.map(launches, range(4)))
+    finally:
+        sys.setswitchinterval(interval)
+
+
+def test_a_struct_is_refused_what_its_fields_do_not_take() -> None:
+    given = scaled_inputs(4, 0)
+    with pytest.raises(TypeError, match="'points' of Scaled takes .*float32.*, not torch.float64"):
+        Struct(Scaled, **given | {"points": given["points"].double()})
+    with pytest.raises(TypeError, match="with gaps"):
+        Struct(Scaled, **given | {"points": torch.zeros(3, 4).mT})
+    with pytest.raises(TypeError, match="'factor' of Scaled takes no tensor"):
+        Struct(Scaled, **given | {"factor": torch.zeros(1)})
+    with pytest.raises(TypeError, match="Scaled has the fields factor, shift, flag, points, not points"):
+        Struct(Scaled, points=given["points"])
+    with pytest.raises(UsageError, match="6442450944 entries of an array"):
+        Struct(Scaled, **given | {"points": torch.empty(2**31, 3, device="meta")})
+
+
+def test_a_kernel_takes_no_struct_of_another_kind() -> None:
+    other = wp.struct(type("Other", (), {"__annotations__": {"factor": wp.float64}}))
+    with pytest.raises(TypeError, match="Scaled|incompatible"):
+        launch(scaled, 1, CPU, [Struct(other, factor=1.0), 1, torch.zeros(1)])

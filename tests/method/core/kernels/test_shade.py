@@ -5,9 +5,8 @@ import sys
 import pytest
 import torch
 
-from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.runtime import as_array, launch_in_parallel, use_threads
+from radiogs_core.kernels.runtime import launch_in_parallel, use_threads
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.shade.shade_source import LANES_ON_CPU
 from radiogs_core.scene.light import EnvironmentMap
@@ -239,9 +238,3 @@ def test_more_samples_than_a_kernel_counts_are_shaded_in_parts(monkeypatch: pyte
     assert launches == [4, 4, 3]
     for name, gradient in gradients(shade, given, pull).items():
         torch.testing.assert_close(gradient, at_once[name], rtol=1e-12, atol=1e-14)
-
-
-def test_an_array_that_no_kernel_can_count_is_refused_before_it_is_used() -> None:
-    huge = torch.zeros(1).expand(2**31)
-    with pytest.raises(UsageError, match=r"2147483648 entries of an array"):
-        as_array(huge)

@@ -1,0 +1,83 @@
+"""Launches that are recorded once for a kernel, a device and a thread, and then repeated with other arguments."""
+
+import ctypes
+from collections.abc import Callable
+from functools import partial
+from threading import get_ident
+from typing import Any
+
+import torch
+import warp as wp
+
+from .arguments import Arguments, Layout, parameters_of
+from .compiling import compile_for
+
+
+class Recorded:
+    """A launch of a kernel over items, for one thread at a time.
+
+    Args:
+        kernel: A kernel of one axis whose first parameter is the number of its first item.
+        device: Where it runs.
+    """
+
+    def __init__(self, kernel: wp.Kernel, device: torch.device) -> None:
+        compile_for(device, kernel)
+        where, first, *others = wp.device_from_torch(device), *parameters_of(kernel)
+        command = wp.launch(kernel, dim=1, inputs=_nothing(kernel), device=where, record_cmd=True)
+        self.arguments = Arguments(Layout(kernel.key, _kind(command), others))
+        """The arguments after the first, to be written before ``run``."""
+        memory, self._bounds, self._shape = self.arguments.structure, command.bounds, command.bounds.shape
+        self._first = ctypes.c_int32.from_buffer(memory, getattr(type(memory), first.name).offset)
+        self._start = _on_cpu(command, memory) if where.is_cpu else _on_cuda(command, memory)
+
+    def run(self, first: int, count: int) -> None:
+        """Launch the kernel for items [first, first + count) with the arguments written last."""
+        self._first.value = first
+        self._shape[0] = self._bounds.size = count
+        self._start()
+
+
+def _nothing(kernel: wp.Kernel) -> list[Any]:
+    """Arguments with which a kernel can be recorded, but not run."""
+    return [_empty(argument.type) for argument in kernel.adj.args]
+
+
+def _empty(declared: Any) -> Any:
+    if isinstance(declared, wp.array):
+        return None
+    return declared() if callable(declared) else 0
+
+
+def _kind(command: wp.Launch) -> Any:
+    """Type of the structure in which Warp's kernels for the CPU take their arguments."""
+    fields = [
+        (argument.label, type(value))
+        for argument, value in zip(command.kernel.adj.args, command.params[1:], strict=True)
+    ]
+    return type("ArgsStruct", (ctypes.Structure,), {"_fields_": fields})
+
+
+def _on_cpu(command: wp.Launch, memory: Any) -> Callable[[], None]:
+    """What ``wp.Launch.launch`` does on the CPU, without its copy of each argument."""
+    return partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(memory))
+
+
+def _on_cuda(command: wp.Launch, memory: Any) -> Callable[[], None]:
+    """The command itself, on the device's current stream, which reads each argument from the memory."""
+    begin = ctypes.addressof(memory)
+    for place, (name, _) in enumerate(memory._fields_, start=1):
+        command.params_addr[place] = begin + getattr(type(memory), name).offset
+    return command.launch
+
+
+_recorded: dict[tuple[wp.Kernel, torch.device, int], Recorded] = {}
+
+
+def recorded(kernel: wp.Kernel, device: torch.device) -> Recorded:
+    """The calling thread's recorded launch of a kernel on a device; compiles the kernel if need be."""
+    key = (kernel, device, get_ident())
+    found = _recorded.get(key)
+    if found is None:
+        found = _recorded[key] = Recorded(kernel, device)
+    return found
