@@ -8,7 +8,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.rasterize.rasterize import Projection, blend
+from radiogs_core.kernels.rasterize.projection import Projection
+from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.transport.splatting import SOLID_ALPHA
 
 from .probe_scene import ProbeView

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
-from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
@@ -159,7 +158,7 @@ def widened_light(light: EnvironmentMap) -> EnvironmentMap:
 def model_error(surfels: Surfels, viewpoints: Viewpoints) -> float:
     """Mean squared error, display sRGB, of the images of the surfels' own radiance against the views' targets."""
     views = viewpoints.views
-    projections = [project(view.camera, surfels.geometry_for(view.camera)) for view in views]
+    projections = [surfels.seen_by(view.camera, radiance=False) for view in views]
     own = torch.stack([own_radiance(view.camera, surfels) for view in views], 1)
     rendered = rendered_views(projections, [own])
     pixels = CoveredPixels.of(views, rendered, viewpoints.straight)

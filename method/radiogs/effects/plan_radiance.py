@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.rasterize.rasterize import Projection, project
+from radiogs_core.kernels.rasterize.projection import Projection
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
 from radiogs_core.transport.incident import Incident
@@ -45,7 +45,7 @@ class PlanRadiance:
     def projections(self) -> list[Projection]:
         """The surfels projected into each view."""
         surfels = self.scene.surfels
-        return [project(view.camera, surfels.geometry_for(view.camera)) for view in self.scene.views]
+        return [surfels.seen_by(view.camera, radiance=False) for view in self.scene.views]
 
     @property
     def leaves(self) -> dict[str, Tensor]:

@@ -3,7 +3,7 @@
 from jaxtyping import Float
 from torch import Tensor
 
-from ..kernels.surfel.harmonics import harmonic_sum, harmonic_sums
+from ..kernels.surfel.harmonics import harmonic_sum
 
 COEFFICIENTS = 16
 """Coefficients of degrees 0 to 3."""
@@ -20,15 +20,6 @@ def surfel_radiance(
     L_G = max(0, SH(-outgoing) + 1/2): 3DGS evaluates its harmonics along the direction of travel.
     """
     return unclamped_radiance(sh, outgoing).clamp(min=0)
-
-
-def radiance_of_harmonics(
-    sh: Float[Tensor, "surfels coefficients 3"], outgoing: Float[Tensor, "surfels 3"]
-) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
-    """``surfel_radiance`` with its full gradient, and the same values with gradient to the harmonics only."""
-    both = harmonic_sums(sh, -outgoing[:, None])
-    seen, sent = ((each[:, 0] + 0.5).clamp(min=0) for each in both)
-    return seen, sent
 
 
 def unclamped_radiance(

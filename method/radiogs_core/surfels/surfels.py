@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from operator import is_
 from typing import Any
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from ..errors import UsageError
+from ..kernels.rasterize.projection import ProjectedSurfels, project_surfels
 from ..kernels.surfel.footprint import frames, widened
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
@@ -75,7 +77,7 @@ class Surfels:
         return frames(self.rotation)
 
     def with_cached_frames(self) -> "Surfels":
-        """A copy that computes its frames once and keeps them, for one step; gradients flow to these surfels."""
+        """A copy that keeps its frames, and its latest projection, for one step; gradients flow to these surfels."""
         return _Framed(**self.parameters())
 
     def geometry(self) -> SplatGeometry:
@@ -88,6 +90,16 @@ class Surfels:
     def geometry_for(self, camera: Camera) -> SplatGeometry:
         """The geometry for rasterization: widened to the footprint of a pixel (``kernels.surfel.footprint``)."""
         return widened(camera, self.centre, self.frame, self.scale, self.opacity)
+
+    def seen_by(self, camera: Camera, radiance: bool, shown_only: bool = False) -> ProjectedSurfels:
+        """The surfels projected into a camera, widened to the footprint of a pixel, with gradient to all parameters.
+
+        ``radiance``: whether their own radiance towards the camera is wanted, too; ``shown_only``: it may be zero for
+        surfels beside the image.
+        """
+        place = self.centre, self.rotation
+        sh = self.sh if radiance else None
+        return project_surfels(camera, place, self.log_scale, self.opacity_logit, sh, shown_only)
 
     def parameters(self) -> dict[str, Tensor]:
         """The raw tensors by name."""
@@ -132,11 +144,21 @@ class Surfels:
 
 
 class _Framed(Surfels):
-    """Surfels that compute their frames once, because their rotations do not change."""
+    """Surfels that compute their frames once, because their rotations do not change, and project themselves once."""
 
     @cached_property
     def frame(self) -> Float[Tensor, "surfels 3 3"]:
         return frames(self.rotation)
+
+    def seen_by(self, camera: Camera, radiance: bool, shown_only: bool = False) -> ProjectedSurfels:
+        """``Surfels.seen_by``; a projection is used again for the same camera and tensors, with or without gradient."""
+        of = (camera, shown_only, torch.is_grad_enabled(), *self.parameters().values())
+        kept = self.__dict__.get("_kept")
+        if kept is not None and all(map(is_, kept[0], of)) and (kept[1].radiance is not None or not radiance):
+            return kept[1]
+        seen = super().seen_by(camera, radiance, shown_only)
+        self._kept = of, seen
+        return seen
 
 
 def surfels_at(

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..kernels.rasterize.rasterize import rasterize
+from ..kernels.rasterize.rasterize import blend
 from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
 
@@ -28,7 +28,7 @@ def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfel
     step = math.ceil(math.sqrt(camera.width * camera.height / MOST_PIXELS))
     camera = _coarser(camera.to(colour.device, colour.dtype), step)
     with torch.enable_grad():
-        total = rasterize(camera, fixed.geometry_for(camera), colour, depth_unit=1.0).features.sum()
+        total = blend(fixed.seen_by(camera, radiance=False), colour, depth_unit=1.0).features.sum()
     return step**2 * torch.autograd.grad(total, colour)[0][:, 0]
 
 

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..kernels.image.display import displayed
-from ..kernels.rasterize.rasterize import rasterize
+from ..kernels.rasterize.rasterize import blend
 from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
 from .incident import Incident
@@ -14,7 +14,6 @@ from .splatting import (
     DIFFUSE_INDIRECT,
     SPECULAR_DIRECT,
     SPECULAR_INDIRECT,
-    own_radiance,
     shade_surfels,
     splat,
     towards,
@@ -71,11 +70,9 @@ def radiance_maps(
     camera: Camera, surfels: Surfels, straight: bool = True
 ) -> dict[str, Float[Tensor, "height width _"]]:
     """The surfels' own radiance L_G in a camera: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
-    # About half of the surfels face away; they are dropped before anything is computed for them.
-    facing = ((camera.centre - surfels.centre) * surfels.frame[..., 2]).sum(-1) > 0
-    surfels = surfels.take(torch.nonzero(facing)[:, 0])
-    channels = own_radiance(camera, surfels)
-    raster = rasterize(camera, surfels.geometry_for(camera), channels, depth_unit=1.0)
+    seen = surfels.seen_by(camera, radiance=True, shown_only=True)
+    assert seen.radiance is not None
+    raster = blend(seen, seen.radiance, depth_unit=1.0)
     return {"image": displayed(raster.features, raster.alpha, straight).clamp(0, 1), "alpha": raster.alpha[..., None]}
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from itertools import accumulate
 
 import torch
 from jaxtyping import Bool, Float
@@ -10,9 +9,8 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from ..kernels.image.depth_map import one_sided_normals, points_of
-from ..kernels.rasterize.rasterize import rasterize
+from ..kernels.rasterize.rasterize import blend_together
 from ..scene.camera import Camera
-from ..surfels.harmonics import radiance_of_harmonics, surfel_radiance
 from ..surfels.surfels import Surfels
 from .incident import Incident
 from .shading import shade_materials
@@ -72,18 +70,13 @@ def splat(
         detached: Names of channels whose images give gradient to the channel's values only, and none to the surfels'
             positions, rotations, scales and opacities.
     """
-    geometry = surfels.geometry_for(camera)
-    columns = [*channels.values(), geometry.normal]
-    widths = [column.shape[-1] for column in columns]
-    ends = dict(zip(channels, accumulate(widths), strict=False))
-    without_gradient = [slice(ends[name] - channels[name].shape[-1], ends[name]) for name in detached]
-    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit, without_gradient)
-    *images, normal = raster.features.split(widths, -1)
-    seen = raster.alpha > 0
-    depth = torch.where(seen, raster.depth / torch.where(seen, raster.alpha, 1.0), 0.0)
+    seen = surfels.seen_by(camera, radiance=False)
+    without_gradient = [index for index, name in enumerate(channels) if name in detached]
+    raster = blend_together(seen, [*channels.values(), seen.normal], depth_unit, without_gradient)
+    *images, normal = raster.images
     return Splat(
         dict(zip(channels, images, strict=True)),
-        normal, raster.alpha, depth, raster.distortion, raster.touched,
+        normal, raster.alpha, raster.mean_depth, raster.distortion, raster.touched,
     )  # fmt: skip
 
 
@@ -112,21 +105,16 @@ def own_radiance(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]
     A surfel that moves is also seen from another direction: with strong harmonics this contributes 14 to 40 % of the
     gradient of its centre. A surfel at the camera's centre has no direction and no such gradient.
     """
-    return surfel_radiance(surfels.sh, _seen_along(camera, surfels))
+    return own_radiance_twice(camera, surfels)[0]
 
 
 def own_radiance_twice(
     camera: Camera, surfels: Surfels
 ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
     """``own_radiance`` with its full gradient, and the same values with gradient to the harmonics only."""
-    return radiance_of_harmonics(surfels.sh, _seen_along(camera, surfels))
-
-
-def _seen_along(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
-    """Unit directions from the surfels to the camera, with gradient; zero for a surfel at the camera's centre."""
-    towards_camera = camera.centre - surfels.centre
-    square = towards_camera.square().sum(-1, keepdim=True)
-    return towards_camera * torch.where(square > 0, square, torch.inf).rsqrt()
+    seen = surfels.seen_by(camera, radiance=True)
+    assert seen.radiance is not None and seen.sent is not None
+    return seen.radiance, seen.sent
 
 
 def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Float[Tensor, "height width 3"]:

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.on_surfels.trained import SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -109,7 +108,7 @@ class Renderer:
         surfels = self.model.surfels
         camera = camera.to(surfels.centre.device, surfels.centre.dtype)
         seen = splat(camera, surfels, {}, depth_unit=1.0)
-        projection = project(camera, surfels.geometry_for(camera))
+        projection = surfels.seen_by(camera, radiance=False)
         shaded = self._shaded(camera, torch.nonzero(projection.lists.touched)[:, 0])
         blended = blend_vertices(projection, surfels, torch.cat([shaded, self.materials], -1), self.distance)
         direct, indirect, incident, albedo, roughness, normal = blended.split([3, 3, 3, 3, 1, 3], -1)

@@ -14,7 +14,6 @@ from torch import Tensor
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.learning.losses import (
     environment_smoothness,
     normal_consistency,
@@ -80,7 +79,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def _vertex_images(self, model: Model, view: TrainingView) -> tuple[Tensor, Tensor]:
         """Blended images of linear shaded radiance [height, width, 3], and of albedo, roughness and normal [..., 7]."""
         surfels, camera = model.surfels, view.camera.to(model.cached.centre.device, model.cached.centre.dtype)
-        seen = project(camera, surfels.geometry_for(camera))
+        seen = surfels.seen_by(camera, radiance=False)
         index = torch.nonzero(seen.lists.touched)[:, 0]
         materials = materials_of(model, model.albedo)
         arriving = self.table.incident(index, model.ratio if self.variant.indirect else 0.0)

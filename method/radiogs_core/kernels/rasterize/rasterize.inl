@@ -7,28 +7,28 @@ constexpr int LANES = PIXELS_AN_ITEM;
 const Lanes zero = {}, one = zero + SCALAR(1);
 const Mask none = {};
 const int tile = item * LANES / (TILE * TILE);
-const int tile_column = tile % image.tiles_across * TILE, tile_row = tile / image.tiles_across * TILE;
-const int begin = splats.starts.data[tile];
+const int tile_column = tile % size[2] * TILE, tile_row = tile / size[2] * TILE;
+const int begin = starts.data[tile];
 Lanes rx, ry;
 Whole inside;
 int pixel[LANES];
 for (int c = 0; c < LANES; ++c) {
     const int place = item * LANES % (TILE * TILE) + c;
     const int column = tile_column + place % TILE, row = tile_row + place / TILE;
-    LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - image.cx) / image.fx;
-    LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - image.cy) / image.fy;
-    const bool is_inside = (column < image.width) & (row < image.height);
+    LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - lens[2]) / lens[0];
+    LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - lens[3]) / lens[1];
+    const bool is_inside = (column < size[0]) & (row < size[1]);
     LANE(inside, c) = is_inside;
-    pixel[c] = is_inside ? row * image.width + column : -1;
+    pixel[c] = is_inside ? row * size[0] + column : -1;
 }
 Mask open = inside != Whole{};
-if (!any(open)) return;
+auto plane = [](wp::uint64 address) -> SCALAR* { return (SCALAR*)address; };
 
 // ---- meet
 // Lanes that the surfel does not cover have met = 0 and zeros, so that their products vanish.
-const int member = splats.members.data[entry];
-const SCALAR* r = splats.records.data + RECORD * (long long)member;
-const SCALAR* feature = splats.features.data + CHANNELS * (long long)member;
+const int member = members.data[entry];
+const SCALAR* r = records.data + RECORD * (long long)member;
+const SCALAR* feature = features.data + CHANNELS * (long long)member;
 const Lanes slope = r[0] * rx + r[1] * ry + r[2];
 const Lanes inverse = one / (slope < zero ? slope : -one);
 Lanes depth = r[9] * inverse;
@@ -42,10 +42,12 @@ square = met ? square : zero;
 
 // ---- forward
 #include "tile"
+out_blended.data[item] = 0;
+if (!any(open)) return;
 Lanes left = one, total[CHANNELS] = {}, weights = zero, depths = zero, distortion = zero;
 Lanes moments = zero, squares = zero;
-Whole end = Whole{} + splats.starts.data[tile + 1], blended = {};
-for (int entry = begin; entry < splats.starts.data[tile + 1]; ++entry) {
+Whole end = Whole{} + starts.data[tile + 1], blended = {};
+for (int entry = begin; entry < starts.data[tile + 1]; ++entry) {
 #include "meet"
     Lanes alpha = r[10] * bell(square);
     alpha = alpha < zero + SCALAR(MAX_ALPHA) ? alpha : zero + SCALAR(MAX_ALPHA);
@@ -54,7 +56,7 @@ for (int entry = begin; entry < splats.starts.data[tile + 1]; ++entry) {
     met = met & (full == none);
     const Lanes weight = met ? alpha * left : zero;
     left = met ? rest : left;
-    const Lanes moment = depth / image.depth_unit;
+    const Lanes moment = depth / depth_unit;
     distortion += weight * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
     weights += weight;
     depths += weight * depth;
@@ -70,19 +72,26 @@ for (int entry = begin; entry < splats.starts.data[tile + 1]; ++entry) {
 }
 for (int c = 0; c < LANES; ++c) {
     if (pixel[c] < 0) continue;
-    for (int k = 0; k < CHANNELS; ++k) out_features.data[CHANNELS * (long long)pixel[c] + k] = LANE(total[k], c);
-    SCALAR* sums = out_sums.data + SUMS * (long long)pixel[c];
-    sums[0] = LANE(weights, c);
-    sums[1] = LANE(depths, c);
+    const long long at = pixel[c];
+    const SCALAR alpha = LANE(weights, c), depth = LANE(depths, c);
+    for (int k = 0; k < CHANNELS; ++k) plane(planes[k])[strides[k] * at] = LANE(total[k], c);
+    plane(planes[CHANNELS])[at] = alpha;
+    plane(planes[CHANNELS + 1])[at] = depth;
+    plane(planes[CHANNELS + 2])[at] = alpha > SCALAR(0) ? depth / alpha : SCALAR(0);
+    plane(planes[CHANNELS + 3])[at] = LANE(distortion, c);
+    SCALAR* sums = out_sums.data + SUMS * at;
+    sums[0] = alpha;
+    sums[1] = depth;
     sums[2] = LANE(distortion, c);
     sums[3] = LANE(moments, c);
     sums[4] = LANE(squares, c);
-    out_end.data[pixel[c]] = LANE(end, c);
-    out_blended.data[pixel[c]] = LANE(blended, c);
+    out_end.data[at] = LANE(end, c);
+    out_blended.data[item] += LANE(blended, c);
 }
 
 // ---- backward
 #include "tile"
+if (!any(open)) return;
 #if !ON_CUDA
 #include "lanes.inl:sums_of_lanes"
 #endif
@@ -92,24 +101,29 @@ Whole end = {};
 int last = begin;
 for (int c = 0; c < LANES; ++c) {
     if (pixel[c] < 0) continue;
-    const SCALAR* sum = sums.data + SUMS * (long long)pixel[c];
-    const SCALAR* pulls = grad_sums.data + SUMS * (long long)pixel[c];
-    LANE(pull_weight, c) = pulls[0];
-    LANE(pull_depth, c) = pulls[1];
-    LANE(pull_distortion, c) = pulls[2];
+    const long long at = pixel[c];
+    // What is not pulled has no plane.
+    auto pull_of = [&](int k) -> SCALAR { return pulls[k] ? plane(pulls[k])[at] : SCALAR(0); };
+    const SCALAR* sum = sums.data + SUMS * at;
+    const SCALAR share = sum[0] > SCALAR(0) ? pull_of(CHANNELS + 2) / sum[0] : SCALAR(0);
+    const SCALAR of_weight = pull_of(CHANNELS) - (sum[0] > SCALAR(0) ? share * sum[1] / sum[0] : SCALAR(0));
+    const SCALAR of_depth = pull_of(CHANNELS + 1) + share, of_distortion = pull_of(CHANNELS + 3);
+    LANE(pull_weight, c) = of_weight;
+    LANE(pull_depth, c) = of_depth;
+    LANE(pull_distortion, c) = of_distortion;
     LANE(weights, c) = sum[0];
     LANE(moments, c) = sum[3];
     LANE(squares, c) = sum[4];
     // sum_i w_i dL/dw_i over the whole pixel; the sum behind a hit is this minus the sum in front of it.
-    SCALAR whole = pulls[0] * sum[0] + pulls[1] * sum[1] + SCALAR(2) * pulls[2] * sum[2];
+    SCALAR whole = of_weight * sum[0] + of_depth * sum[1] + SCALAR(2) * of_distortion * sum[2];
     for (int k = 0; k < CHANNELS; ++k) {
-        const SCALAR by_channel = grad_features_out.data[CHANNELS * (long long)pixel[c] + k];
+        const SCALAR by_channel = pulls[k] ? plane(pulls[k])[strides[k] * at] : SCALAR(0);
         LANE(pull[k], c) = by_channel;
-        whole += by_channel * features_out.data[CHANNELS * (long long)pixel[c] + k];
+        whole += planes[k] ? by_channel * plane(planes[k])[strides[k] * at] : SCALAR(0);
     }
     LANE(behind, c) = whole;
-    LANE(end, c) = ends.data[pixel[c]];
-    last = ends.data[pixel[c]] > last ? ends.data[pixel[c]] : last;
+    LANE(end, c) = ends.data[at];
+    last = ends.data[at] > last ? ends.data[at] : last;
 }
 for (int entry = begin; entry < last; ++entry) {
     open = Whole{} + entry < end;
@@ -119,13 +133,13 @@ for (int entry = begin; entry < last; ++entry) {
     const Lanes height = bell(square), raw = r[10] * height;
     const Mask uncapped = met & (raw < zero + SCALAR(MAX_ALPHA));
     const Lanes alpha = met ? (uncapped ? raw : zero + SCALAR(MAX_ALPHA)) : zero;
-    const Lanes moment = depth / image.depth_unit;
+    const Lanes moment = depth / depth_unit;
     const Lanes weight = alpha * left;
     slope_weight += pull_distortion * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
     behind -= weight * slope_weight;
     const Lanes by_alpha = left * slope_weight - behind / (one - alpha);
     const Lanes by_depth = weight
-        * (pull_depth + SCALAR(2) * pull_distortion * (moment * weights - moments) / image.depth_unit);
+        * (pull_depth + SCALAR(2) * pull_distortion * (moment * weights - moments) / depth_unit);
     const Lanes by_height = uncapped ? by_alpha * height : zero;
     const Lanes by_u = met ? -by_height * r[10] * u * inverse : zero;
     const Lanes by_v = met ? -by_height * r[10] * v * inverse : zero;

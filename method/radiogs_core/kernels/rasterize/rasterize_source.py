@@ -5,7 +5,7 @@ n' = normal, m_u = (axis_u . (o - c)) n' + (n' . (c - o)) axis_u, all in camera 
 
     t = offset / (n' . d),   u = (m_u . d) / (n' . d),   v = (m_v . d) / (n' . d),
 
-so a hit costs three dot products; ``records_of`` applies the chain rule to centre, axes and normal.
+so a hit costs three dot products; ``projection`` applies the chain rule to centre, axes and normal.
 
 Both passes are native snippets whose item on the CPU is a tile: its pixels are the lanes of vectors, and a surfel has
 weight zero in lanes that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
@@ -31,8 +31,12 @@ TILE = 4
 RECORD = 12
 """Scalars of a surfel's record: n' (3), m_u (3), m_v (3), offset, opacity, squared support radius."""
 
+PLANES = 4
+"""Images beside the channels: alpha, depth, mean depth, distortion."""
+
 PIXEL_SUMS = 5
-"""Sums stored for each pixel: sum w, sum w z, distortion, sum w m, sum w m^2, with m = z / depth_unit."""
+"""Sums stored for each pixel for the backward pass: sum w, sum w z, distortion, sum w m, sum w m^2, with
+m = z / depth_unit."""
 
 
 def pixels_an_item(on_cuda: bool) -> int:
@@ -42,86 +46,57 @@ def pixels_an_item(on_cuda: bool) -> int:
 
 @cache
 def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
-    """The pair ``forward``, ``backward`` for a scalar type and a number of feature channels; all arrays are flat."""
+    """The pair ``forward``, ``backward`` for a scalar type and a number of feature channels; all arrays are flat.
+
+    ``lens``: fx, fy, cx, cy. ``size``: width and height of the image, and tiles in a row. ``planes``: an address for
+    each channel and each of the PLANES, so that images need not lie together; ``strides``: numbers from a channel's pixel
+    to its next.
+    """
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
     integers = wp.array(dtype=wp.int32)
-
-    @wp.struct
-    class Image:
-        width: wp.int32
-        height: wp.int32
-        tiles_across: wp.int32
-        fx: scalar
-        fy: scalar
-        cx: scalar
-        cy: scalar
-        depth_unit: scalar
-
-    @wp.struct
-    class Splats:
-        starts: integers
-        members: integers
-        records: flat
-        features: flat
+    Lens = wp.types.vector(4, scalar)
+    Planes = wp.types.vector(channels + PLANES, wp.uint64)
+    Strides = wp.types.vector(channels, wp.int32)
 
     @wp.func_native(_written_for(_TEXT["forward"], dtype, channels, on_cuda))
     def blend_item(
-        item: wp.int32,
-        image: Image,
-        splats: Splats,
-        out_features: flat,
-        out_sums: flat,
-        out_end: integers,
-        out_blended: integers,
-    ): ...
+        item: wp.int32, lens: Lens, size: wp.vec3i, depth_unit: scalar, starts: integers, members: integers,
+        records: flat, features: flat, planes: Planes, strides: Strides,
+        out_sums: flat, out_end: integers, out_blended: integers,
+    ): ...  # fmt: skip
 
     @wp.func_native(_written_for(_TEXT["backward"], dtype, channels, on_cuda))
     def pull_item(
-        item: wp.int32,
-        image: Image,
-        splats: Splats,
-        features_out: flat,
-        sums: flat,
-        ends: integers,
-        grad_features_out: flat,
-        grad_sums: flat,
-        grad_records: flat,
-        grad_features: flat,
-    ): ...
+        item: wp.int32, lens: Lens, size: wp.vec3i, depth_unit: scalar, starts: integers, members: integers,
+        records: flat, features: flat, planes: Planes, strides: Strides, pulls: Planes,
+        sums: flat, ends: integers, grad_records: flat, grad_features: flat,
+    ): ...  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def forward(
-        first: wp.int32,
-        image: Image,
-        splats: Splats,
-        out_features: flat,
-        out_sums: flat,
-        out_end: integers,
-        out_blended: integers,
-    ):
-        blend_item(first + wp.tid(), image, splats, out_features, out_sums, out_end, out_blended)
+        first: wp.int32, lens: Lens, size: wp.vec3i, depth_unit: scalar, starts: integers, members: integers,
+        records: flat, features: flat, planes: Planes, strides: Strides,
+        out_sums: flat, out_end: integers, out_blended: integers,
+    ):  # fmt: skip
+        blend_item(
+            first + wp.tid(), lens, size, depth_unit, starts, members, records, features, planes, strides,
+            out_sums, out_end, out_blended,
+        )  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def backward(
-        first: wp.int32,
-        image: Image,
-        splats: Splats,
-        features_out: flat,
-        sums: flat,
-        ends: integers,
-        grad_features_out: flat,
-        grad_sums: flat,
-        grad_records: flat,
-        grad_features: flat,
-    ):
+        first: wp.int32, lens: Lens, size: wp.vec3i, depth_unit: scalar, starts: integers, members: integers,
+        records: flat, features: flat, planes: Planes, strides: Strides, pulls: Planes,
+        sums: flat, ends: integers, grad_records: flat, grad_features: flat,
+    ):  # fmt: skip
         pull_item(
-            first + wp.tid(), image, splats,
-            features_out, sums, ends, grad_features_out, grad_sums, grad_records, grad_features,
+            first + wp.tid(), lens, size, depth_unit, starts, members, records, features, planes, strides, pulls,
+            sums, ends, grad_records, grad_features,
         )  # fmt: skip
 
-    return SimpleNamespace(Image=Image, Splats=Splats, forward=forward, backward=backward)
+    return SimpleNamespace(Lens=Lens, Planes=Planes, Strides=Strides, forward=forward, backward=backward)
 
 
 def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool) -> str:

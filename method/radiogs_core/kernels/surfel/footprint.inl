@@ -1,9 +1,9 @@
 // A surfel widened by a pixel's footprint; see footprint_source.py.
 
 // ---- root
+// From the centre ``c``, the frame ``m``, the scales ``s_u`` and ``s_v`` and the camera's matrix ``p``: the unit vector
+// ``towards[k] * inverse`` to the camera, and ``first``, ``mixed``, ``second`` and the ``share`` of the opacity.
 // The quotients by the largest entry keep squares of lengths below 1e-19 in float32.
-const SCALAR *c = centre.data + 3LL * surfel, *m = frame.data + 9LL * surfel, *p = pose.data;
-const SCALAR s_u = scale.data[2LL * surfel], s_v = scale.data[2LL * surfel + 1], o = opacity.data[surfel];
 SCALAR towards[3], largest = SCALAR(0), square = SCALAR(0), depth = SCALAR(0);
 for (int k = 0; k < 3; ++k) {
     towards[k] = p[4 * k + 3] - c[k];
@@ -28,21 +28,17 @@ const SCALAR product = stretch * along[0] * along[1], mixed = product / first;
 const SCALAR second = SCALAR(sqrt(s_v * s_v + variance + stretch * along[1] * along[1] - mixed * mixed));
 const SCALAR share = s_u * s_v / (first * second);
 
-// ---- forward
-#include "root"
+// ---- axes
+// ``to_u``, ``to_v``, ``to_n``: the axes and the normal.
 for (int k = 0; k < 3; ++k) {
-    const SCALAR u = m[3 * k] / first;
-    out_u.data[3LL * surfel + k] = u;
-    out_v.data[3LL * surfel + k] = (m[3 * k + 1] - mixed * u) / second;
-    out_normal.data[3LL * surfel + k] = m[3 * k + 2];
+    to_u[k] = m[3 * k] / first;
+    to_v[k] = (m[3 * k + 1] - mixed * to_u[k]) / second;
+    to_n[k] = m[3 * k + 2];
 }
-out_opacity.data[surfel] = o * share;
 
-// ---- backward
-#include "root"
-const SCALAR *by_u = pull_u.data + 3LL * surfel, *by_v = pull_v.data + 3LL * surfel;
-const SCALAR by_opacity = pull_opacity.data[surfel];
-SCALAR* to_frame = to_frames.data + 9LL * surfel;
+// ---- pull
+// ``to_frame`` (nine numbers), ``to_scale`` (two) and ``to_opacity``: gradients, from those of the axes (``by_u``,
+// ``by_v``), of the normal (``by_n``) and of the widened opacity (``by_opacity``). ``peak``: the opacity.
 SCALAR by_first = SCALAR(0), by_second = SCALAR(0), by_mixed = SCALAR(0);
 for (int k = 0; k < 3; ++k) {
     const SCALAR u = m[3 * k] / first, v = (m[3 * k + 1] - mixed * u) / second;
@@ -52,11 +48,31 @@ for (int k = 0; k < 3; ++k) {
     by_first -= u * by_along / first;
     to_frame[3 * k] = by_along / first;
     to_frame[3 * k + 1] = by_across;
-    to_frame[3 * k + 2] = pull_normal.data[3LL * surfel + k];
+    to_frame[3 * k + 2] = by_n[k];
 }
-by_second -= by_opacity * o * share / second;
+by_second -= by_opacity * peak * share / second;
 by_mixed -= by_second * mixed / second;
-by_first -= by_mixed * mixed / first + by_opacity * o * share / first;
-to_scale.data[2LL * surfel] = by_first * s_u / first + by_opacity * o * s_v / (first * second);
-to_scale.data[2LL * surfel + 1] = by_second * s_v / second + by_opacity * o * s_u / (first * second);
-to_opacity.data[surfel] = by_opacity * share;
+by_first -= by_mixed * mixed / first + by_opacity * peak * share / first;
+to_scale[0] = by_first * s_u / first + by_opacity * peak * s_v / (first * second);
+to_scale[1] = by_second * s_v / second + by_opacity * peak * s_u / (first * second);
+*to_opacity = by_opacity * share;
+
+// ---- given
+const SCALAR *c = centre.data + 3LL * surfel, *m = frame.data + 9LL * surfel, *p = pose.data;
+const SCALAR s_u = scale.data[2LL * surfel], s_v = scale.data[2LL * surfel + 1], peak = opacity.data[surfel];
+#include "root"
+
+// ---- forward
+#include "given"
+SCALAR *to_u = out_u.data + 3LL * surfel, *to_v = out_v.data + 3LL * surfel, *to_n = out_normal.data + 3LL * surfel;
+#include "axes"
+out_opacity.data[surfel] = peak * share;
+
+// ---- backward
+#include "given"
+const SCALAR *by_u = pull_u.data + 3LL * surfel, *by_v = pull_v.data + 3LL * surfel;
+const SCALAR* by_n = pull_normal.data + 3LL * surfel;
+const SCALAR by_opacity = pull_opacity.data[surfel];
+SCALAR *to_frame = to_frames.data + 9LL * surfel, *to_scale = to_scales.data + 2LL * surfel;
+SCALAR* to_opacity = to_opacities.data + surfel;
+#include "pull"

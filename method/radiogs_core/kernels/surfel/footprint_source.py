@@ -18,7 +18,8 @@ import warp as wp
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 
-_FRAMES = native_file(__package__, "frame.inl")
+FRAME = native_file(__package__, "frame.inl")
+"""Sections of ``frame.inl``."""
 
 
 @cache
@@ -27,7 +28,7 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    forward_text, backward_text = (native_text(_FRAMES[part], dtype, False, {}) for part in ("forward", "backward"))
+    forward_text, backward_text = (native_text(FRAME[part], dtype, False, {}) for part in ("forward", "backward"))
 
     @wp.func_native(forward_text)
     def frame_of(surfel: wp.int32, rotation: flat, out: flat): ...
@@ -46,7 +47,8 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     return SimpleNamespace(forward=forward, backward=backward)
 
 
-_TEXT = native_file(__package__, "footprint.inl")
+FOOTPRINT = native_file(__package__, "footprint.inl")
+"""Sections of ``footprint.inl``."""
 
 PIXEL_FILTER_VARIANCE = 1 / 12
 """Variance, in pixels^2, of the square that a pixel averages over, by which a surfel is widened."""
@@ -54,6 +56,9 @@ PIXEL_FILTER_VARIANCE = 1 / 12
 EDGE_ON_COSINE = 0.05
 """Cosine between view direction and normal below which a pixel's footprint in a surfel's plane does not grow further:
 at 87 degrees it is 20 pixels long."""
+
+FOOTPRINT_WORDS = {"PIXEL_VARIANCE": repr(PIXEL_FILTER_VARIANCE), "LEAST_COSINE": repr(EDGE_ON_COSINE**2)}
+"""The values of the words in ``FOOTPRINT``."""
 
 
 @cache
@@ -65,8 +70,9 @@ def footprint_kernels(dtype: torch.dtype) -> Any:
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    words = {"PIXEL_VARIANCE": repr(PIXEL_FILTER_VARIANCE), "LEAST_COSINE": repr(EDGE_ON_COSINE**2)}
-    forward_text, backward_text = (native_text(_TEXT[part], dtype, False, words) for part in ("forward", "backward"))
+    forward_text, backward_text = (
+        native_text(FOOTPRINT[part], dtype, False, FOOTPRINT_WORDS) for part in ("forward", "backward")
+    )
 
     @wp.func_native(forward_text)
     def widen(
@@ -78,7 +84,7 @@ def footprint_kernels(dtype: torch.dtype) -> Any:
     def pull_back(
         surfel: wp.int32, pose: flat, size_of_pixel: scalar, centre: flat, frame: flat, scale: flat, opacity: flat,
         pull_u: flat, pull_v: flat, pull_normal: flat, pull_opacity: flat,
-        to_frames: flat, to_scale: flat, to_opacity: flat,
+        to_frames: flat, to_scales: flat, to_opacities: flat,
     ): ...  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
@@ -94,11 +100,11 @@ def footprint_kernels(dtype: torch.dtype) -> Any:
     def backward(
         begin: wp.int32, pose: flat, size_of_pixel: scalar, centre: flat, frame: flat, scale: flat, opacity: flat,
         pull_u: flat, pull_v: flat, pull_normal: flat, pull_opacity: flat,
-        to_frames: flat, to_scale: flat, to_opacity: flat,
+        to_frames: flat, to_scales: flat, to_opacities: flat,
     ):  # fmt: skip
         pull_back(
             begin + wp.tid(), pose, size_of_pixel, centre, frame, scale, opacity,
-            pull_u, pull_v, pull_normal, pull_opacity, to_frames, to_scale, to_opacity,
+            pull_u, pull_v, pull_normal, pull_opacity, to_frames, to_scales, to_opacities,
         )  # fmt: skip
 
     return SimpleNamespace(forward=forward, backward=backward)

@@ -3,7 +3,7 @@
 // ---- unit
 // The largest entry is divided out first: in float32 the squares of entries below 1e-19 lose their digits. A zero
 // quaternion has inverse = 0: its frame is zero, and so is its gradient.
-const SCALAR* given = rotation.data + 4LL * surfel;
+// ``w``, ``x``, ``y``, ``z``: the four numbers at ``given``, as a unit quaternion.
 SCALAR largest = SCALAR(0), square = SCALAR(0), q[4];
 for (int k = 0; k < 4; ++k) {
     const SCALAR size = given[k] < SCALAR(0) ? -given[k] : given[k];
@@ -17,10 +17,10 @@ for (int k = 0; k < 4; ++k) {
 const SCALAR inverse = square == SCALAR(0) ? SCALAR(0) : SCALAR(1) / SCALAR(sqrt(square));
 const SCALAR w = q[0] * inverse, x = q[1] * inverse, y = q[2] * inverse, z = q[3] * inverse;
 
-// ---- forward
-// The diagonal by four squares, not by 1 - 2 (y^2 + z^2), which would make a zero quaternion the identity.
+// ---- matrix
+// ``m``: the nine numbers of the matrix. The diagonal by four squares, not by 1 - 2 (y^2 + z^2), which would make a zero
+// quaternion the identity.
 #include "unit"
-SCALAR* m = out.data + 9LL * surfel;
 m[0] = w * w + x * x - y * y - z * z;
 m[1] = SCALAR(2) * (x * y - w * z);
 m[2] = SCALAR(2) * (x * z + w * y);
@@ -31,9 +31,9 @@ m[6] = SCALAR(2) * (x * z - w * y);
 m[7] = SCALAR(2) * (y * z + w * x);
 m[8] = w * w - x * x - y * y + z * z;
 
-// ---- backward
+// ---- pull
+// ``to_given``: the gradient of the four numbers, from the gradient ``g`` of the nine.
 #include "unit"
-const SCALAR* g = pull.data + 9LL * surfel;
 const SCALAR to[4] = {
     SCALAR(2) * (w * (g[0] + g[4] + g[8]) - z * g[1] + y * g[2] + z * g[3] - x * g[5] - y * g[6] + x * g[7]),
     SCALAR(2) * (x * (g[0] - g[4] - g[8]) + y * g[1] + z * g[2] + y * g[3] - w * g[5] + z * g[6] + w * g[7]),
@@ -42,4 +42,15 @@ const SCALAR to[4] = {
 };
 // The length of a quaternion has no effect: the gradient's component along it is removed.
 const SCALAR along = w * to[0] + x * to[1] + y * to[2] + z * to[3];
-for (int k = 0; k < 4; ++k) out.data[4LL * surfel + k] = (to[k] - q[k] * inverse * along) * inverse / unit;
+for (int k = 0; k < 4; ++k) to_given[k] = (to[k] - q[k] * inverse * along) * inverse / unit;
+
+// ---- forward
+const SCALAR* given = rotation.data + 4LL * surfel;
+SCALAR* m = out.data + 9LL * surfel;
+#include "matrix"
+
+// ---- backward
+const SCALAR* given = rotation.data + 4LL * surfel;
+const SCALAR* g = pull.data + 9LL * surfel;
+SCALAR* to_given = out.data + 4LL * surfel;
+#include "pull"

@@ -18,33 +18,23 @@ def harmonic_sum(
     Gradients flow to both. The gradient to directions is that of the polynomials; it is tangential after a
     normalisation of the directions.
     """
-    return _HarmonicSums.apply(sh, direction)[0]
+    return _HarmonicSum.apply(sh, direction)
 
 
-def harmonic_sums(
-    sh: Float[Tensor, "surfels coefficients 3"], direction: Float[Tensor, "surfels views 3"]
-) -> tuple[Float[Tensor, "surfels views 3"], Float[Tensor, "surfels views 3"]]:
-    """``harmonic_sum`` with its full gradient, and the same values with gradient to the harmonics only."""
-    return _HarmonicSums.apply(sh, direction)
-
-
-class _HarmonicSums(torch.autograd.Function):
+class _HarmonicSum(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> tuple[Tensor, Tensor]:
-        sh, direction = (value.detach().contiguous() for value in inputs)
+    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
+        sh, direction = (value.contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
         arguments = [sh.shape[1], direction.shape[1], sh, direction, out]
         launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
         ctx.save_for_backward(sh, direction)
-        ctx.set_materialize_grads(False)
-        return out, out.clone()
+        return out
 
     @staticmethod
-    def backward(ctx: Any, pull: Tensor | None, pull_of_harmonics: Tensor | None) -> tuple[Tensor, Tensor]:
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor]:
         sh, direction = ctx.saved_tensors
         gradients = torch.empty_like(sh), torch.empty_like(direction)
-        pulls = (each if each is not None else torch.zeros_like(direction) for each in (pull, pull_of_harmonics))
-        given = [sh, direction, *(each.contiguous() for each in pulls), *gradients]
-        arguments = [sh.shape[1], direction.shape[1], *given]
+        arguments = [sh.shape[1], direction.shape[1], sh, direction, pull.contiguous(), *gradients]
         launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
         return gradients

@@ -36,7 +36,6 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
         sh: flat,
         direction: flat,
         pull: flat,
-        pull_of_harmonics: flat,
         grad_sh: flat,
         grad_direction: flat,
     ): ...
@@ -53,12 +52,9 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
         sh: flat,
         direction: flat,
         pull: flat,
-        pull_of_harmonics: flat,
         grad_sh: flat,
         grad_direction: flat,
     ):
-        pull_back(
-            begin + wp.tid(), coefficients, views, sh, direction, pull, pull_of_harmonics, grad_sh, grad_direction
-        )
+        pull_back(begin + wp.tid(), coefficients, views, sh, direction, pull, grad_sh, grad_direction)
 
     return SimpleNamespace(forward=forward, backward=backward)

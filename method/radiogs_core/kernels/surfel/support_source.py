@@ -10,7 +10,11 @@ from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 from .geometry import ALPHA_THRESHOLD, MAX_ALPHA
 
-_TEXT = native_file(__package__, "support.inl")
+SUPPORT = native_file(__package__, "support.inl")
+"""Sections of ``support.inl``."""
+
+SUPPORT_WORDS = {"THRESHOLD": repr(ALPHA_THRESHOLD), "MAX_ALPHA": repr(MAX_ALPHA)}
+"""The values of the words in ``SUPPORT``."""
 
 DEGENERATE, FAINT, REGULAR, SATURABLE = range(4)
 """Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, normal ones
@@ -22,9 +26,8 @@ def support_kernel(dtype: torch.dtype) -> Any:
     """The kernel that computes radius, extent and kind of each surfel; all arrays are flat."""
     start_warp()
     flat, kinds = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.uint8)
-    words = {"THRESHOLD": repr(ALPHA_THRESHOLD), "MAX_ALPHA": repr(MAX_ALPHA)}
 
-    @wp.func_native(native_text(_TEXT["support"], dtype, False, words))
+    @wp.func_native(native_text(SUPPORT["support"], dtype, False, SUPPORT_WORDS))
     def measure(
         surfel: wp.int32, centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat,
         radius: flat, extent: flat, kind: kinds,

@@ -7,7 +7,8 @@ from baselines.methods.irgs.world import looking_down, sheet, together
 from hard_cases.constructions import looking_along_z, raw_surfels
 from radiogs_baselines.methods.svg_ir import vertices
 from radiogs_baselines.methods.svg_ir.vertices import bilinear, blend_vertices
-from radiogs_core.kernels.rasterize.rasterize import blend, project
+from radiogs_core.kernels.rasterize.projection import project
+from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from reference.differences import Values, assert_gradients

@@ -12,7 +12,8 @@ from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
 from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
-from radiogs_core.kernels.rasterize.binning_source import binning_kernels, record_kernels
+from radiogs_core.kernels.rasterize.binning_source import binning_kernels
+from radiogs_core.kernels.rasterize.projection_source import geometry_kernels, seen_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
 from radiogs_core.kernels.shade.splitsum_source import lookup_kernels, splitsum_kernels
@@ -29,7 +30,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
     splitsum, frames, binning, harmonics, shading, hits, tracing, blending, similarity, normals, edges = (
         splitsum_kernels(dtype, 5, 0.2, on_cuda),
         frame_kernels(dtype),
-        binning_kernels(dtype),
+        binning_kernels(),
         harmonics_kernels(dtype),
         shade_kernels(dtype, on_cuda),
         hit_kernels(dtype, on_cuda),
@@ -39,17 +40,19 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         normal_kernels(dtype),
         edge_kernels(dtype, on_cuda, channels=3),
     )
-    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype, on_cuda)
+    footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
+    projecting, seeing = geometry_kernels(dtype), seen_kernels(dtype)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
     lookup = lookup_kernels(dtype, on_cuda)
     return [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
-        blending.forward, blending.backward, binning.bound, binning.entries,
+        blending.forward, blending.backward, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
         splitsum.forward, splitsum.backward,
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
-        footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
+        footprints.forward, footprints.backward, projecting.forward, projecting.backward,
+        seeing.forward, seeing.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
         lookup.forward, lookup.backward, step_kernel(dtype, 1e-15),
     ]  # fmt: skip
@@ -82,6 +85,7 @@ def test_kernels_compile_for_the_cpu_without_a_warning(
 ) -> None:
     """In float32; what is arranged for CUDA compiles for the CPU as well. Clang writes past ``sys.stderr``."""
     kernels = [*kernels_of(torch.float32, on_cuda), sweep_kernel(torch.float32), sah_kernel()]
+    kernels += [binning_kernels().ordered, binning_kernels().listed]
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)
         folder.mkdir()

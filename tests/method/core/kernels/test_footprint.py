@@ -1,15 +1,19 @@
-"""K10 against dense matrices and their gradients, K11 against planes that rays meet, K13 against points of the rim."""
+"""K10 against dense matrices and their gradients, K11 against planes that rays meet, K13 against points of the rim.
+
+Raw parameters at once (K11) are compared with the dense matrices, a Cartesian basis, and K11 from a geometry.
+"""
 
 import pytest
 import torch
 
-from radiogs_core.kernels.rasterize.rasterize import records_of
-from radiogs_core.kernels.surfel.footprint import widened
+from radiogs_core.kernels.rasterize.projection import project, project_surfels
+from radiogs_core.kernels.surfel.footprint import frames, widened
 from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
 from radiogs_core.kernels.surfel.support import support_of
 from radiogs_core.kernels.surfel.support_source import DEGENERATE, FAINT, REGULAR, SATURABLE
 from radiogs_core.scene.camera import Camera
 from reference import surfels as dense
+from reference.trace import harmonics
 from scenes import look_at
 
 NAMES = ("centre", "frame", "scale", "opacity")
@@ -64,7 +68,7 @@ def test_a_record_says_where_a_pixel_s_ray_meets_the_surfel(pixel: tuple[int, in
     along = torch.tensor([(column + 0.5 - view.cx) / view.fx, (row + 0.5 - view.cy) / view.fy, 1], dtype=torch.float64)
     values = {name: value.requires_grad_() for name, value in zip(("u", "v", "n", "o"), ours(given), strict=True)}
     centre = given["centre"].requires_grad_()
-    record = records_of(view, SplatGeometry(centre, *values.values()))
+    record = project(view, SplatGeometry(centre, *values.values())).records
     slope = record[:, :3] @ along
     by_record = torch.stack([record[:, 9], record[:, 3:6] @ along, record[:, 6:9] @ along, record[:, 10] * slope], 1)
     ray = view.axes @ along
@@ -105,3 +109,89 @@ def test_kinds_of_surfels() -> None:
     given.axis_v[6, 2] = torch.nan
     expected = [REGULAR, REGULAR, SATURABLE, FAINT, *5 * [DEGENERATE]]
     assert support_of(given).kind.tolist() == expected
+
+
+RAW = ("centre", "rotation", "log_scale", "opacity_logit", "sh")
+
+
+def raw_surfels(count: int = 60, coefficients: int = 16) -> dict[str, torch.Tensor]:
+    given = surfels(count)
+    return {
+        "centre": given["centre"],
+        "rotation": 3 * torch.randn(count, 4, dtype=torch.float64),
+        "log_scale": given["scale"].log(),
+        "opacity_logit": 2 * torch.randn(count, dtype=torch.float64),
+        "sh": 4 * torch.randn(count, coefficients, 3, dtype=torch.float64),
+    }
+
+
+def at_once(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    centre, rotation, *others = given.values()
+    seen = project_surfels(camera(), (centre, rotation), *others)
+    assert seen.radiance is not None and seen.sent is not None
+    return seen.records, seen.normal, seen.radiance, seen.sent
+
+
+def one_by_one(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    """The same by matrices in PyTorch, up to the records, which are K11's."""
+    view = camera()
+    w, x, y, z = torch.nn.functional.normalize(given["rotation"], dim=-1).unbind(-1)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    frame = torch.stack([torch.stack(row, -1) for row in rows], 1)
+    focal = (view.fx + view.fy) / 2
+    scale, opacity = given["log_scale"].exp(), given["opacity_logit"].sigmoid()
+    values = dense.widened(view.centre, view.axes[:, 2], focal, given["centre"], frame, scale, opacity)
+    away = torch.nn.functional.normalize(given["centre"] - view.centre, dim=-1)
+    seen, still = (
+        torch.stack([harmonics(each)[: given["sh"].shape[1]] @ sh for each, sh in zip(along, given["sh"], strict=True)])
+        for along in (away, away.detach())
+    )
+    records = project(view, SplatGeometry(given["centre"], *values)).records
+    return records, values[2], (seen + 0.5).clamp(min=0), (still + 0.5).clamp(min=0)
+
+
+@pytest.mark.parametrize("coefficients", [1, 9, 16])
+@pytest.mark.parametrize("pulled", [(0,), (1, 3), (2,), (0, 1, 2, 3)])
+def test_surfels_projected_at_once_and_their_gradients_are_those_of_the_matrices(
+    pulled: tuple[int, ...], coefficients: int
+) -> None:
+    given, gradients = raw_surfels(coefficients=coefficients), []
+    expected = one_by_one(given)
+    assert 0.1 < float((expected[2] == 0).double().mean()) < 0.9
+    pulls = [torch.randn_like(value) for value in expected]
+    for of in (at_once, one_by_one):
+        leaves = {name: value.clone().requires_grad_() for name, value in given.items()}
+        found = of(leaves)
+        for one, other in zip(found, expected, strict=True):
+            torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-11)
+        torch.autograd.backward([found[index] for index in pulled], [pulls[index] for index in pulled])
+        gradients.append([torch.zeros_like(leaf) if leaf.grad is None else leaf.grad for leaf in leaves.values()])
+    for name, one, other in zip(RAW, *gradients, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-8, atol=1e-10, msg=name)
+
+
+def test_surfels_projected_at_once_have_the_bounds_of_their_widened_geometry() -> None:
+    given, view = raw_surfels(), camera()
+    frame = one_by_one(given)[1]
+    values = (given["centre"], frames(given["rotation"]), given["log_scale"].exp(), given["opacity_logit"].sigmoid())
+    expected = project(view, widened(view, *values)).bounds
+    found = project_surfels(view, (given["centre"], given["rotation"]), *(given[name] for name in RAW[2:4]), None)
+    assert found.radiance is None
+    assert 0.2 < float(expected.touched.double().mean()) < 0.8
+    for name in ("tiles", "kind", "touched"):
+        assert torch.equal(getattr(found.bounds, name), getattr(expected, name)), name
+    torch.testing.assert_close(found.bounds.depth, view.depth_of(given["centre"]))
+    torch.testing.assert_close(found.normal, frame)
+
+
+def test_the_radiance_of_surfels_beside_the_image_may_be_left_out() -> None:
+    centre, rotation, *others = raw_surfels().values()
+    whole, shown = (project_surfels(camera(), (centre, rotation), *others, only) for only in (False, True))
+    touched = shown.bounds.touched[:, None]
+    assert whole.radiance is not None and shown.radiance is not None
+    assert bool((whole.radiance[~touched[:, 0]] > 0).any())
+    assert torch.equal(shown.radiance, torch.where(touched, whole.radiance, 0.0))

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.surfel.harmonics import harmonic_sum, harmonic_sums
+from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from reference.trace import harmonics
 
 
@@ -33,21 +33,6 @@ def test_float64_equals_the_dense_sum_and_its_gradients(coefficients: int, views
 
 def test_gradients_equal_central_differences() -> None:
     assert torch.autograd.gradcheck(harmonic_sum, tuple(value.requires_grad_() for value in inputs(16, 2, 5)))
-
-
-@pytest.mark.parametrize("used", [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])
-def test_of_two_sums_the_second_has_gradient_to_the_harmonics_alone(used: tuple[float, float]) -> None:
-    sh, direction = (value.requires_grad_() for value in inputs(16, 2))
-    both = harmonic_sums(sh, direction)
-    pulls = [torch.randn_like(each) for each in both]
-    sum((each * pull).sum() for each, pull, share in zip(both, pulls, used, strict=True) if share).backward()
-    first, second = (share * pull for share, pull in zip(used, pulls, strict=True))
-    same_sh, same_direction = (value.detach().clone().requires_grad_() for value in (sh, direction))
-    (dense(same_sh, same_direction) * first + dense(same_sh, same_direction.detach()) * second).sum().backward()
-    for each in both:
-        torch.testing.assert_close(each, dense(same_sh, same_direction), rtol=1e-12, atol=1e-13)
-    torch.testing.assert_close(sh.grad, same_sh.grad, rtol=1e-11, atol=1e-12)
-    torch.testing.assert_close(direction.grad, same_direction.grad, rtol=1e-11, atol=1e-12)
 
 
 def test_float32_is_as_good_as_its_digits() -> None:

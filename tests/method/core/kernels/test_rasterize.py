@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.rasterize.rasterize import counted_lists, rasterize, sorted_lists, tile_lists
+from radiogs_core.kernels.rasterize.projection import Bounds, counted_lists, project, sorted_lists
+from radiogs_core.kernels.rasterize.rasterize import blend_together, rasterize
 from radiogs_core.kernels.rasterize.rasterize_source import TILE
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
@@ -84,8 +85,8 @@ def test_detached_channels_give_gradient_to_their_features_alone() -> None:
 
     def detached(leaves: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
         geometry = SplatGeometry(*(leaves[name] for name in FIELDS[:5]))
-        raster = rasterize(view, geometry, leaves["features"], UNIT, [slice(1, 2), slice(3, 4)])
-        return raster.features, raster.alpha, raster.depth, raster.distortion
+        raster = blend_together(project(view, geometry), leaves["features"].split(1, -1), UNIT, (1, 3))
+        return torch.cat(raster.images, -1), raster.alpha, raster.depth, raster.distortion
 
     images = fast(given, view)
     assert_same(detached(given, view), images, 0.0)
@@ -150,7 +151,7 @@ def test_a_surfel_across_the_cameras_plane_is_listed_in_every_tile_and_in_no_oth
     # Seen at a grazing angle from just above its plane; it reaches as far behind the camera as before it.
     centre = view.centre.double() - 0.01 * normal + 0.01 * along
     surfel = SplatGeometry(centre, across, along, normal, torch.tensor([0.9], dtype=torch.float64))
-    lists = tile_lists(view, surfel)
+    lists = project(view, surfel).lists
     assert lists.members.tolist() == [0] * tiles
     assert lists.starts.tolist() == list(range(tiles + 1))
 
@@ -193,19 +194,36 @@ def test_scaling_the_world_changes_only_depth(scale: float) -> None:
     assert_same((features, alpha, depth / scale), expected[:3], 1e-10)
 
 
+def _in_float64(count: int) -> torch.Tensor:
+    return torch.arange(count, dtype=torch.float64)
+
+
+SPREADS = {
+    "even": lambda count: _in_float64(count) - 7,
+    "some close together": lambda count: 1e6 + 1e-9 * _in_float64(count) + (_in_float64(count) // 8),
+    "all but one close together": lambda count: (
+        torch.where(_in_float64(count) < count - 1, 1.0, 1e30) * (1 + 1e-12 * (_in_float64(count) - 20))
+    ),
+    "around zero": lambda count: torch.where(_in_float64(count) < count - 1, 1e-20 * (_in_float64(count) - 20), 1e30),
+}
+
+
+@pytest.mark.parametrize("spread", SPREADS)
 @pytest.mark.parametrize("count", [0, 60])
-def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int) -> None:
+def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int, spread: str) -> None:
     view = camera(23, 14)
     across, down = 6, 4
     first = torch.stack([torch.randint(across, (count,)), torch.randint(down, (count,))], -1)
     last = torch.minimum(first + torch.randint(3, (count, 2)), torch.tensor([across - 1, down - 1]))
     tiles, order = torch.cat([first, last], -1).int(), torch.randperm(count)
+    depth = torch.empty(count, dtype=torch.float64).scatter_(0, order, SPREADS[spread](count))
     expected = [
         [int(surfel) for surfel in order if (first[surfel] <= place).all() and (place <= last[surfel]).all()]
         for place in (torch.tensor([tile % across, tile // across]) for tile in range(across * down))
     ]
+    everywhere = torch.ones(count, dtype=torch.bool)
     for lists in (counted_lists, sorted_lists):
-        starts, members = lists(view, tiles, order, sum(map(len, expected)))
+        starts, members = lists(view, Bounds(tiles, depth, everywhere.to(torch.uint8), everywhere))
         found = [members[begin:end].tolist() for begin, end in pairwise(starts.tolist())]
         assert found == expected
 
@@ -240,7 +258,7 @@ def test_surfels_whose_centres_lie_behind_the_camera_come_first_and_in_the_order
         -down,
         torch.full_like(depths, 0.9),
     )
-    lists = tile_lists(view, geometry)
+    lists = project(view, geometry).lists
     assert lists.touched.all()
     tiles = [lists.members[begin:end].tolist() for begin, end in pairwise(lists.starts.tolist())]
     in_order = depths.argsort(stable=True).tolist()
