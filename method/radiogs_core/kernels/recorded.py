@@ -51,15 +51,12 @@ def _empty(declared: Any) -> Any:
 
 def _kind(command: wp.Launch) -> Any:
     """Type of the structure in which Warp's kernels for the CPU take their arguments."""
-    fields = [
-        (argument.label, type(value))
-        for argument, value in zip(command.kernel.adj.args, command.params[1:], strict=True)
-    ]
-    return type("ArgsStruct", (ctypes.Structure,), {"_fields_": fields})
+    names, values = [argument.label for argument in command.kernel.adj.args], command.params[1:]
+    return type("Arguments", (ctypes.Structure,), {"_fields_": [*zip(names, map(type, values), strict=True)]})
 
 
 def _on_cpu(command: wp.Launch, memory: Any) -> Callable[[], None]:
-    """What ``wp.Launch.launch`` does on the CPU, without its copy of each argument."""
+    """The same call as in ``wp.Launch.launch``, without its copy of each argument."""
     return partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(memory))
 
 

@@ -149,7 +149,7 @@ def test_threads_that_launch_the_same_kernel_at_once_do_not_mix_their_arguments(
 
 def test_a_struct_is_refused_what_its_fields_do_not_take() -> None:
     given = scaled_inputs(4, 0)
-    with pytest.raises(TypeError, match="'points' of Scaled takes .*float32.*, not torch.float64"):
+    with pytest.raises(TypeError, match=r"'points' of Scaled takes .*float32.*, not torch.float64"):
         Struct(Scaled, **given | {"points": given["points"].double()})
     with pytest.raises(TypeError, match="with gaps"):
         Struct(Scaled, **given | {"points": torch.zeros(3, 4).mT})
@@ -163,5 +163,5 @@ def test_a_struct_is_refused_what_its_fields_do_not_take() -> None:
 
 def test_a_kernel_takes_no_struct_of_another_kind() -> None:
     other = wp.struct(type("Other", (), {"__annotations__": {"factor": wp.float64}}))
-    with pytest.raises(TypeError, match="Scaled|incompatible"):
+    with pytest.raises(TypeError, match=r"incompatible types"):
         launch(scaled, 1, CPU, [Struct(other, factor=1.0), 1, torch.zeros(1)])
