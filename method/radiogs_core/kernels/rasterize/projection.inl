@@ -91,8 +91,7 @@ for (int axis = 0; axis < 2; ++axis)
         }
     r[9] = offset;
     r[10] = o;
-    // The squared radius at which the surfel's alpha falls to the threshold; NaN stays NaN.
-    r[11] = ratio <= SCALAR(1) ? SCALAR(0) : SCALAR(2) * SCALAR(log(ratio));
+    r[11] = reach_squared;
 }
 
 // ---- pull
@@ -153,8 +152,8 @@ SCALAR m[9];
     const SCALAR* given = rotation.data + 4LL * surfel;
 #include "frame.inl:matrix"
 }
-const SCALAR s_u = SCALAR(exp(log_scale.data[2LL * surfel])), s_v = SCALAR(exp(log_scale.data[2LL * surfel + 1]));
-const SCALAR peak = SCALAR(1) / (SCALAR(1) + SCALAR(exp(-opacity_logit.data[surfel])));
+const SCALAR s_u = wp::exp(log_scale.data[2LL * surfel]), s_v = wp::exp(log_scale.data[2LL * surfel + 1]);
+const SCALAR peak = SCALAR(1) / (SCALAR(1) + wp::exp(-opacity_logit.data[surfel]));
 #include "footprint.inl:root"
 SCALAR to_u[3], to_v[3], to_n[3];
 #include "footprint.inl:axes"
@@ -223,15 +222,16 @@ to_scale[1] *= s_v;
 }
 if (coefficients > 0) {
 #include "sent"
-    SCALAR s[16] = {};
+    SCALAR s[16] = {}, seen[3], both[3];
     for (int channel = 0; channel < 3; ++channel) {
-        const bool is_lit = sum[channel] >= SCALAR(0);
-        const SCALAR seen = is_lit ? of_radiance[channel] : SCALAR(0), only_sent = is_lit ? of_sent[channel] : SCALAR(0);
-        for (int k = 0; k < coefficients; ++k) {
-            to_surfel[3 * k + channel] = harmonic[k] * (seen + only_sent);
-            s[k] += of_surfel[3 * k + channel] * seen;
-        }
+        seen[channel] = sum[channel] >= SCALAR(0) ? of_radiance[channel] : SCALAR(0);
+        both[channel] = sum[channel] >= SCALAR(0) ? of_radiance[channel] + of_sent[channel] : SCALAR(0);
     }
+    for (int k = 0; k < coefficients; ++k)
+        for (int channel = 0; channel < 3; ++channel) {
+            to_surfel[3 * k + channel] = harmonic[k] * both[channel];
+            s[k] += of_surfel[3 * k + channel] * seen[channel];
+        }
 #include "harmonics.inl:slopes"
     const SCALAR along_ray = x * slopes[0] + y * slopes[1] + z * slopes[2];
     const SCALAR turned = largest > SCALAR(0) ? inverse / largest : SCALAR(0), ray[3] = {x, y, z};

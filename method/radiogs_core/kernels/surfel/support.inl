@@ -1,11 +1,13 @@
 // The support of a surfel; see support_source.py.
 
 // ---- measure
-// ``reach``, ``half_extent`` and ``kind_of`` of a surfel: centre ``c``, ``axes``, normal ``n``, opacity ``o``.
+// ``reach`` and its square, ``half_extent`` and ``kind_of`` of a surfel: centre ``c``, ``axes``, normal ``n``, opacity
+// ``o``. The reach is the radius at which the surfel's alpha falls to the threshold; NaN stays NaN.
 // The dual of an axis is the step in the plane of both along which the first coordinate grows by one and the other
 // stays. Zero times a finite number is zero; times infinity or NaN it is NaN.
 const SCALAR ratio = o / SCALAR(THRESHOLD);
-const SCALAR reach = ratio <= SCALAR(1) ? SCALAR(0) : SCALAR(sqrt(SCALAR(2) * SCALAR(log(ratio))));
+const SCALAR reach_squared = ratio <= SCALAR(1) ? SCALAR(0) : SCALAR(2) * wp::log(ratio);
+const SCALAR reach = SCALAR(sqrt(reach_squared));
 SCALAR dual[2][3], half_extent[3];
 for (int axis = 0; axis < 2; ++axis) {
     const SCALAR *own = axes[axis], *other = axes[1 - axis];
