@@ -10,17 +10,10 @@ import torch
 from torch import Tensor
 
 from radiogs_core.contract import Run
-from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.learning.losses import (
-    environment_smoothness,
-    light_prior,
-    mask_entropy,
-    normal_consistency,
-    reconstruction,
-)
+from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
+from radiogs_core.learning.losses import environment_smoothness, light_prior
 from radiogs_core.learning.views import TrainingView
-from radiogs_core.on_surfels.fit_geometry import mean_distortion, surfels_of
+from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import StartingModel, starting_model
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -91,31 +84,41 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "roughness": surfels.roughness[:, None],
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
-        target, mask = view.over(0.0), view.mask[..., None]
-        images, geometry = seen.images, self.geometry
-        inside = None if geometry.across_silhouettes else view.mask
-        allowance = edge_allowance(target, geometry.edge_sharpness, inside)
-        blended = torch.stack([images["radiance"], images["shaded"]])
-        pictures = displayed(blended, seen.alpha, self.variant.straight)
-        absolute = pictures.new_tensor([weights.absolute, self.shaded_weight])
-        radiance, shaded = reconstruction(pictures, target, absolute, weights.similarity)
-        losses = {
-            "radiance": radiance,
-            "shaded": shaded,
-            "mask": weights.mask * mask_entropy(seen.alpha, view.mask),
-            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
-            "roughness smoothness": weights.roughness_smoothness
-            * edge_aware_smoothness(mask * images["roughness"], allowance),
-            "normal smoothness": weights.normal_smoothness * edge_aware_smoothness(mask * seen.normal, allowance),
+        images, terms, geometry = seen.images, self._terms(), self.geometry
+        aim = Aim(
+            view.over(terms.background), view.mask, view.allowance(geometry.edge_sharpness, geometry.across_silhouettes)
+        )  # fmt: skip
+        blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
+        compared, maps = [images["radiance"], images["shaded"]], [images["albedo"], images["roughness"]]
+        return {
+            **image_terms(terms, camera, aim, blended, compared, maps),
             "light prior": weights.light_prior * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
-        if weights.distortion > 0:
-            losses["distortion"] = weights.distortion * mean_distortion(seen, self.depth_unit, self.surrounded)
-        if self.iteration >= self.variant.materials.normal_from * self.iterations:
-            depth_normal = seen.depth_normal(camera, geometry.normal_target == "one-sided")
-            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, depth_normal)
-        return losses
+
+    def _terms(self) -> Terms:
+        """The losses of this step's images and maps."""
+        weights, geometry = self.variant.materials.weights, self.geometry
+        late = self.iteration >= self.variant.materials.normal_from * self.iterations
+        return Terms(
+            images=(
+                Compared("radiance", weights.absolute, weights.similarity),
+                Compared("shaded", self.shaded_weight, weights.similarity),
+            ),
+            encoding="straight" if self.variant.straight else "premultiplied",
+            background=0.0,
+            mask=weights.mask,
+            normal=weights.normal if late else 0.0,
+            one_sided=geometry.normal_target == "one-sided",
+            distortion=weights.distortion,
+            far=self.depth_unit if self.surrounded else 0.0,
+            smoothness=(
+                ("normal smoothness", weights.normal_smoothness),
+                ("albedo smoothness", weights.albedo_smoothness),
+                ("roughness smoothness", weights.roughness_smoothness),
+            ),
+            masked=True,
+        )
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""

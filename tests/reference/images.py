@@ -64,6 +64,23 @@ def one_sided_normals(points: Tensor, depth: Tensor, solid: Tensor, toward: Tens
     return torch.stack(rows)
 
 
+def central_normals(points: Tensor, depth: Tensor, solid: Tensor, toward: Tensor) -> Tensor:
+    """[height, width, 3], by loops over the pixels; zero at the border and beside a pixel without surface."""
+    height, width = depth.shape
+    normals = torch.zeros_like(points)
+    for row in range(1, height - 1):
+        for column in range(1, width - 1):
+            if not bool(solid[row - 1 : row + 2, column - 1 : column + 2].all()):
+                continue
+            across = points[row, column + 1] - points[row, column - 1]
+            down = points[row + 1, column] - points[row - 1, column]
+            normal = torch.linalg.cross(down, across)
+            normal = normal / normal.norm()
+            facing = -normal if normal @ (toward - points[row, column]) < 0 else normal
+            normals = normals.index_put((torch.tensor(row), torch.tensor(column)), facing)
+    return normals
+
+
 def _step(points: Tensor, depth: Tensor, solid: Tensor, row: int, column: int, down: int, right: int) -> Tensor | None:
     """From a pixel's point to the next along an axis, where inverse depth bends less; None where there is none."""
 
@@ -72,7 +89,7 @@ def _step(points: Tensor, depth: Tensor, solid: Tensor, row: int, column: int, d
         return 0 <= i < depth.shape[0] and 0 <= j < depth.shape[1] and bool(solid[i, j])
 
     def inverse(count: int) -> float:
-        return 1 / float(depth[row + count * down, column + count * right])
+        return 1 / float(depth.detach()[row + count * down, column + count * right])
 
     bends = {}
     for sign in (1, -1):

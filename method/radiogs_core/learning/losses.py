@@ -5,11 +5,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.image.similarity import compared
+from ..kernels.image.terms_source import MASK_CONFIDENCE
 
 ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT = 0.8, 0.2
 """3DGS's weights of L1 and of 1 - SSIM."""
-MASK_CONFIDENCE = 1e-6
-"""Coverage is kept this far from 0 and 1 inside the logarithm: one wrong pixel costs at most 13.8 nats."""
 
 
 def reconstruction(

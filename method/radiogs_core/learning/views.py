@@ -3,8 +3,8 @@
 Pixels are kept in memory as the integers that image files store, which loses nothing.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import torch
@@ -12,6 +12,8 @@ from jaxtyping import Float, Integer
 from torch import Tensor
 
 from ..errors import DataError
+from ..kernels.image.display import over
+from ..kernels.image.edges import edge_allowance
 from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 
@@ -73,6 +75,25 @@ HELD_BYTES = 2 * 2**30
 read from their files at each use."""
 
 
+PREPARED_BYTES = 2**29
+"""Largest memory of what a stage's steps compute of its views, in bytes. With two backgrounds this is 52 bytes a pixel: 100
+views of 320 x 320 pixels, or 16 of 800 x 800. What has no place is computed at each use, which takes 15 ns a pixel."""
+
+
+@dataclass
+class Memory:
+    """Bytes that are left for what is computed of views."""
+
+    left: int = PREPARED_BYTES
+    """The bytes."""
+
+    def take(self, wanted: int) -> bool:
+        """Take so many bytes, if they are left; returns whether they were."""
+        taken = wanted <= self.left
+        self.left -= wanted if taken else 0
+        return taken
+
+
 @dataclass(frozen=True)
 class TrainingView:
     """One training view on a device: camera, image and coverage."""
@@ -85,6 +106,10 @@ class TrainingView:
     """Straight display-sRGB image in memory; None if it is read from its file at each use."""
     covered: Levels | Whole | None
     """Coverage in memory; None if it is read from its file at each use, or is 1 in all pixels."""
+    memory: Memory = field(default_factory=Memory, compare=False, repr=False)
+    """What is left for all views of a stage."""
+    kept: dict[Hashable, Tensor] = field(init=False, default_factory=dict, compare=False, repr=False)
+    """What steps have computed of this view, as far as memory allowed."""
 
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
@@ -109,12 +134,16 @@ class TrainingView:
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
         """The image composited in display sRGB on a grey background, as splatting codes do."""
-        mask = self.mask[..., None]
-        return self.image * mask + background * (1 - mask)
+        return over(self.image, self.mask, background)
 
-    def decoded(self) -> "TrainingView":
-        """A copy with decoded pixels, for a step that reads them several times."""
-        return replace(self, pixels=Whole(self.image), covered=Whole(self.mask))
+    def allowance(self, sharpness: float, across_silhouettes: bool) -> Float[Tensor, "2 height width 3"]:
+        """Weights of smoothness by the image's edges (see ``edge_allowance``), outside the mask too if
+        ``across_silhouettes``."""
+        return edge_allowance(self.over(0.0), sharpness, None if across_silhouettes else self.mask)
+
+    def decoded(self) -> "DecodedView":
+        """The view for a step that looks at it several times: what it computes is kept."""
+        return DecodedView(self.camera, self.view, self.pixels, self.covered, self.memory, origin=self)
 
     def reread(self) -> View:
         """The view with ``image`` and ``alpha`` from memory instead of files, on the CPU."""
@@ -122,6 +151,49 @@ class TrainingView:
         if self.view.has("alpha"):
             sources["alpha"] = lambda: self.mask.cpu()[..., None]
         return replace(self.view, sources=sources)
+
+
+@dataclass(frozen=True)
+class DecodedView(TrainingView):
+    """A view that computes everything once: for all steps as far as memory allows, and else for as long as it lives."""
+
+    origin: TrainingView = field(kw_only=True)
+    """The view that keeps results from step to step."""
+
+    @property
+    def image(self) -> Float[Tensor, "height width 3"]:
+        """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
+        return self._once("image", lambda: self.origin.image, lasting=False)
+
+    @property
+    def mask(self) -> Float[Tensor, "height width"]:
+        """Coverage in [0, 1]; 1 in all pixels of a view without alpha."""
+        return self._once("mask", lambda: self.origin.mask)
+
+    def over(self, background: float) -> Float[Tensor, "height width 3"]:
+        """The image composited in display sRGB on a grey background, as splatting codes do."""
+        return self._once(("over", background), lambda: over(self.image, self.mask, background))
+
+    def allowance(self, sharpness: float, across_silhouettes: bool) -> Float[Tensor, "2 height width 3"]:
+        """Weights of smoothness by the image's edges (see ``TrainingView.allowance``)."""
+        return self._once(
+            ("allowance", sharpness, across_silhouettes),
+            lambda: edge_allowance(self.over(0.0), sharpness, None if across_silhouettes else self.mask),
+        )
+
+    def decoded(self) -> "DecodedView":
+        """This view."""
+        return self
+
+    def _once(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
+        """What has been made for this key; it must not be changed in place."""
+        for place in (self.kept, self.origin.kept):
+            if key in place:
+                return place[key]
+        made = make()
+        keeps = lasting and self.memory.take(made.numel() * made.element_size())
+        (self.origin.kept if keeps else self.kept)[key] = made
+        return made
 
 
 def chosen_views(scene: Scene, share: float, seed: int) -> tuple[View, ...]:
@@ -144,9 +216,10 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
     """The views on a device; every view is read once.
 
     Pixels are kept in the bit depth of their files, up to ``most`` bytes in all; further views are read again at each
-    use. A view without alpha is covered in all pixels.
+    use. A view without alpha is covered in all pixels. What steps compute of the views is kept besides, up to
+    ``PREPARED_BYTES``.
     """
-    loaded = []
+    loaded, memory = [], Memory()
     for view in views:
         camera = view.camera.to(device, torch.float32)
         pixels = in_memory(view.read("image"), device)
@@ -154,11 +227,11 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
         needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
         kept = (pixels, covered) if needed <= most else (None, None)
         most -= needed if needed <= most else 0
-        loaded.append(TrainingView(camera, view, *kept))
+        loaded.append(TrainingView(camera, view, *kept, memory))
     return tuple(loaded)
 
 
-def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> TrainingView:
+def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> DecodedView:
     """The decoded view of an iteration. Each epoch has its own permutation, which depends on seed and epoch only."""
     epoch, index = divmod(iteration, len(views))
     generator = torch.Generator().manual_seed(seed * 1_000_003 + epoch)

@@ -15,10 +15,8 @@ from torch import Tensor
 
 from ..contract import Run, StageSpec
 from ..errors import DataError
-from ..kernels.image.display import displayed
-from ..kernels.image.edges import edge_allowance, edge_aware_smoothness
+from ..kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
 from ..learning.geometry import GeometryLearning, turning
-from ..learning.losses import mask_entropy, normal_consistency, reconstruction
 from ..learning.views import TrainingView
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
@@ -29,7 +27,7 @@ from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
 from ..surfels.surroundings import surrounded_surfels
 from ..transport.blending_weights import blending_weights
-from ..transport.splatting import Splat, own_radiance_twice, splat
+from ..transport.splatting import own_radiance_twice, splat
 from .settings import GeometryBudget
 from .stage import SurfelStage
 
@@ -186,46 +184,38 @@ class FitGeometry(SurfelStage[Any, Any]):
         shaded, further = self.shading.images(surfels, own, self.optimiser.tensors, camera, progress)
         detached = () if self.shading.geometry_gradient else shaded.keys()
         seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit, detached)
-        losses = {**further, **self._image_losses(seen, view)}
-        target = seen.depth_normal(camera, self.learning.normal_target == "one-sided")
-        losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
-        losses["mask"] = weights.mask * mask_entropy(seen.alpha, view.mask)
-        if self.iteration >= self.learning.schedule.distortion_from * self.iterations:
-            losses["distortion"] = weights.distortion * mean_distortion(seen, self.depth_unit, self.space is not None)
-        inside = None if self.learning.across_silhouettes else view.mask
-        allowance = edge_allowance(view.over(0.0), self.learning.edge_sharpness, inside)
-        if self.iteration <= self.learning.schedule.normal_smoothness_until * self.iterations:
-            smoothness = edge_aware_smoothness(seen.normal, allowance)
-            losses["normal smoothness"] = weights.normal_smoothness * smoothness
         self.touched = seen.touched
-        return losses
+        terms = self._terms(tuple(shaded))
+        allowance = None
+        if terms.smoothness:
+            allowance = view.allowance(self.learning.edge_sharpness, self.learning.across_silhouettes)
+        aim = Aim(view.over(terms.background), view.mask, allowance)
+        blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
+        return {**further, **image_terms(terms, camera, aim, blended, tuple(seen.images.values()))}
+
+    def _terms(self, shaded: tuple[str, ...]) -> Terms:
+        """The image losses of this step; ``shaded``: names of the images beside that of L_G."""
+        learning, weights, schedule = self.learning, self.learning.weights, self.learning.schedule
+        backgrounds, factor = learning.backgrounds, self.shading.image_weight
+        attached = self.shading.geometry_gradient
+        own = Compared("radiance", weights.radiance * weights.absolute, weights.radiance * weights.similarity)
+        others = (Compared(name, factor * weights.absolute, factor * weights.similarity, attached) for name in shaded)
+        smooth = self.iteration <= schedule.normal_smoothness_until * self.iterations
+        return Terms(
+            images=(own, *others),
+            encoding=learning.encoding if learning.colour == "linear" else "display",
+            background=backgrounds[self.iteration % len(backgrounds)],
+            mask=weights.mask,
+            normal=self._normal_weight(),
+            one_sided=learning.normal_target == "one-sided",
+            distortion=weights.distortion if self.iteration >= schedule.distortion_from * self.iterations else 0.0,
+            far=0.0 if self.space is None else self.depth_unit,
+            smoothness=(("normal smoothness", weights.normal_smoothness),) if smooth else (),
+        )
 
     def _normal_weight(self) -> float:
         late = self.iteration >= self.learning.schedule.normal_late_from * self.iterations
         return self.learning.weights.normal_late if late else self.learning.weights.normal
-
-    def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """Reconstruction loss of each blended image on this step's background; the first image is L_G."""
-        backgrounds, weights = self.learning.backgrounds, self.learning.weights
-        background = backgrounds[self.iteration % len(backgrounds)]
-        target = view.over(background)
-        own, *others = seen.images.values()
-        covered = seen.alpha if self.shading.geometry_gradient else seen.alpha.detach()
-        composited = [self._composited(own[None], seen.alpha, background)]
-        if others:
-            composited.append(self._composited(torch.stack(others), covered, background))
-        losses = reconstruction(torch.cat(composited), target, weights.absolute, weights.similarity)
-        radiance, *shaded = zip(seen.images, losses.unbind(), strict=True)
-        own_loss = {radiance[0]: weights.radiance * radiance[1]}
-        return own_loss | {name: self.shading.image_weight * loss for name, loss in shaded}
-
-    def _composited(
-        self, blended: Float[Tensor, "images height width 3"], alpha: Float[Tensor, "height width"], background: float
-    ) -> Float[Tensor, "images height width 3"]:
-        """The blended images in display sRGB, composited on a grey background."""
-        if self.learning.colour == "linear":
-            return displayed(blended, alpha, self.learning.encoding == "straight", background)
-        return composite(blended, alpha, background)
 
     def _coefficients(self) -> int:
         degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)
@@ -279,23 +269,6 @@ def require_some(surfels: Surfels, iteration: int) -> None:
             "All of them were too faint, too large, or too small to show in any training view.",
             "Check the scene (radiogs-bench datasets check), or use a larger preset, which begins with more surfels.",
         )
-
-
-def mean_distortion(seen: Splat, depth_unit: float, surrounded: bool) -> Float[Tensor, ""]:
-    """Mean over pixels of the depth distortion (2DGS).
-
-    In a scene with surroundings (``surrounded``), depths beyond ``depth_unit`` count as disparity. ``depth_unit``: mean
-    distance of the cameras from the scene's centre, world units.
-    """
-    if not surrounded:
-        return seen.distortion.mean()
-    beyond = (seen.depth.detach() / depth_unit).clamp(min=1)
-    return (seen.distortion / beyond**4).mean()
-
-
-def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:
-    """A blended image in display sRGB, composited on a grey background."""
-    return display + background * (1 - alpha)[..., None]
 
 
 def largest_contribution(surfels: Surfels, views: Sequence[TrainingView]) -> Float[Tensor, " surfels"]:

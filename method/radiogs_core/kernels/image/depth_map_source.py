@@ -11,8 +11,10 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import LANES
 from ..native_text import native_file, native_text
-from ..runtime import ITEMWISE, scalar_type, start_warp
+from ..runtime import ITEMWISE, NATIVE, scalar_type, start_warp
+from .blocks import BLOCK, columns_of
 
 _POINTS = native_file(__package__, "points.inl")
 
@@ -47,7 +49,7 @@ def point_kernels(dtype: torch.dtype) -> Any:
     return SimpleNamespace(forward=forward, backward=backward, pair=pair)
 
 
-_TEXT = native_file(__package__, "normals.inl")
+_TEXT = native_file(__package__, "normals.inl", blocks=BLOCK, lanes=LANES)
 
 NO_SECOND_NEIGHBOUR = 1e6
 """Curvature that is assigned to a side with only one neighbour: it is chosen only if the other side has none."""
@@ -114,3 +116,48 @@ def normal_kernels(dtype: torch.dtype) -> Any:
         gather_ends(begin + wp.tid(), height, width, sides, steps, out)
 
     return SimpleNamespace(forward=forward, pull=pull, gather=gather)
+
+
+SOLID_ALPHA = 0.5
+"""Coverage from which a pixel shows a surface, so that its depth is meaningful."""
+
+PLANES = {"OWN_PLANE": 3, "RIGHT_PLANE": 4, "LEFT_PLANE": 5, "BELOW_PLANE": 6, "ABOVE_PLANE": 7}
+"""Planes of the output of ``surface_kernel`` after the normal's three: derivatives with respect to the depth of the pixel
+itself and of its neighbours."""
+
+
+@cache
+def surface_kernel(dtype: torch.dtype, on_cuda: bool) -> Any:
+    """``forward`` for a scalar type and a division of work: normals of the surface in a depth map, and how they agree
+    with a given field of vectors; all arrays are flat. ``columns``: pixels of a block.
+
+    ``depth``: z-depths; there is a surface where ``alpha`` reaches SOLID_ALPHA. ``field``: the given vectors g.
+    ``one_sided``: 0: central differences, and no normal beside a pixel without surface. ``sums``, at ``term``: alpha -
+    g . normal of pixels with a normal, summed over each block. ``out``: planes of the normals in the world, zero where
+    there is none, and of the derivatives of this sum (see ``PLANES``).
+    """
+    start_warp()
+    scalar, pixels = scalar_type(dtype), columns_of(on_cuda)
+    flat, pair = wp.array(dtype=scalar), wp.types.vector(2, scalar)
+    words = {
+        "ABSENT": repr(NO_NEIGHBOUR), "ALONE": repr(NO_SECOND_NEIGHBOUR), "ENTRIES": "1", "REACH": "2",
+        "BLOCK_COLUMNS": str(pixels), "VECTOR_SIZE": "1" if on_cuda else "16", "SOLID": repr(SOLID_ALPHA),
+        **{name: str(place) for name, place in PLANES.items()},
+    }  # fmt: skip
+
+    @wp.func_native(native_text(_TEXT["surface"], dtype, on_cuda, words))
+    def orient(
+        item: wp.int32, height: wp.int32, width: wp.int32, one_sided: wp.int32, term: wp.int32,
+        focal: pair, offset: pair, pose: flat, depth: flat, alpha: flat, field: flat, out: flat, sums: flat,
+    ): ...  # fmt: skip
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def forward(
+        begin: wp.int32, height: wp.int32, width: wp.int32, one_sided: wp.int32, term: wp.int32,
+        focal: pair, offset: pair, pose: flat, depth: flat, alpha: flat, field: flat, out: flat, sums: flat,
+    ):  # fmt: skip
+        orient(
+            begin + wp.tid(), height, width, one_sided, term, focal, offset, pose, depth, alpha, field, out, sums
+        )  # fmt: skip
+
+    return SimpleNamespace(forward=forward, columns=pixels, pair=pair)

@@ -15,7 +15,8 @@ from ..lanes import LANES, layout_words
 from ..native_text import native_file, native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 
-_TEXT = native_file(__package__, "display.inl", lanes=LANES)
+DISPLAY = native_file(__package__, "display.inl", lanes=LANES)
+"""Sections of ``display.inl``."""
 
 LANES_ON_CPU = 16
 """Pixels in a block on the CPU. The snippet that spreads coverage over channels is written for this number."""
@@ -30,8 +31,8 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     start_warp()
     scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
     flat = wp.array(dtype=scalar)
-    words = {**_power_words(dtype), "PIXELS_IN_A_BLOCK": str(lanes), "KNEE": repr(LINEAR_KNEE)}
-    forward_text, backward_text = (native_text(_TEXT[part], dtype, on_cuda, words) for part in ("forward", "backward"))
+    words = {**power_words(dtype), "PIXELS_IN_A_BLOCK": str(lanes), "KNEE": repr(LINEAR_KNEE)}
+    forward_text, backward_text = (native_text(DISPLAY[part], dtype, on_cuda, words) for part in ("forward", "backward"))
 
     @wp.func_native(forward_text)
     def encode(
@@ -64,8 +65,25 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     return SimpleNamespace(forward=forward, backward=backward, lanes=lanes)
 
 
-def _power_words(dtype: torch.dtype) -> dict[str, str]:
-    """The values of the words in ``power`` for a scalar type.
+@cache
+def over_kernel(dtype: torch.dtype, on_cuda: bool) -> Any:
+    """``forward`` for a scalar type: a display image over a grey background. ``lanes``: pixels of an item."""
+    start_warp()
+    scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
+    flat = wp.array(dtype=scalar)
+
+    @wp.func_native(native_text(DISPLAY["over"], dtype, on_cuda, {"PIXELS_IN_A_BLOCK": str(lanes)}))
+    def mix(block: wp.int32, pixels: wp.int32, background: scalar, image: flat, alpha: flat, out: flat): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def forward(begin: wp.int32, pixels: wp.int32, background: scalar, image: flat, alpha: flat, out: flat):
+        mix(begin + wp.tid(), pixels, background, image, alpha, out)
+
+    return SimpleNamespace(forward=forward, lanes=lanes)
+
+
+def power_words(dtype: torch.dtype) -> dict[str, str]:
+    """The values of the words in ``power``, and in a logarithm by the same series, for a scalar type.
 
     They are the layout of its numbers, and the numbers of terms of the series of atanh(t) / t up to t = 0.172 and of
     exp up to 0.5 that reach its last digit.

@@ -29,34 +29,76 @@ for (int k = 0; k < own; ++k) {
 const long long plane = (long long)height * width, place = (long long)row * width + begin;
 
 // ---- allowance
+// An entry outside ``own`` is not written. Below e^-LEAST the weight is zero: smaller numbers have no normal form.
 #include "slopes"
-for (int k = 0; k < own; ++k)
-    for (int axis = 0; axis < 2; ++axis) {
-        const SCALAR steep = slope[axis][k] < SCALAR(0) ? -slope[axis][k] : slope[axis][k];
-        out.data[3 * (axis * plane + place) + k] = -sharpness * steep;
+constexpr int LANES = VECTOR_SIZE;
+#include "lanes.inl:vectors"
+#include "lanes.inl:bell"
+#include "lanes.inl:bits"
+SCALAR covered[BLOCK_COLUMNS + 2], open[3 * BLOCK_COLUMNS];
+for (int c = 0; c < BLOCK_COLUMNS + 2; ++c) covered[c] = SCALAR(1);
+for (int line = above; line <= below; ++line)
+    for (int c = 0; c < high - low; ++c) {
+        const SCALAR value = mask.data[(long long)line * width + low + c];
+        SCALAR* least = covered + (low - begin + 1) + c;
+        *least = value < *least ? value : *least;
     }
-for (int column = begin; column < end; ++column) {
-    bool reached = false;
-    for (int line = above; line <= below; ++line)
-        for (int k = column > 0 ? column - 1 : 0; k <= column + 1 && k < width; ++k)
-            if (mask.data[(long long)line * width + k] < SCALAR(0.5)) reached = true;
-    outside.data[(long long)row * width + column] = reached;
+for (int c = 0; c < BLOCK_COLUMNS; ++c) {
+    const SCALAR aside = covered[c] < covered[c + 2] ? covered[c] : covered[c + 2];
+    const SCALAR inside = ((aside < SCALAR(0.5)) | (covered[c + 1] < SCALAR(0.5))) ? SCALAR(0) : SCALAR(1);
+    for (int k = 0; k < 3; ++k) open[3 * c + k] = inside;
+}
+const Lanes zero = {}, least = zero + SCALAR(2 * LEAST);
+for (int axis = 0; axis < 2; ++axis) {
+    for (int k = own; k < 3 * BLOCK_COLUMNS; ++k) slope[axis][k] = SCALAR(0);
+    SCALAR weight[3 * BLOCK_COLUMNS];
+    for (int k = 0; k < 3 * BLOCK_COLUMNS; k += LANES) {
+        const Lanes given = read(slope[axis] + k), steep = given < zero ? -given : given;
+        const Lanes twice = SCALAR(2) * sharpness * steep;
+        write(weight + k, ((twice > least) | (read(open + k) == zero)) ? zero : bell(twice));
+    }
+    SCALAR* to = out.data + 3 * (axis * plane + place);
+    for (int k = 0; k < own; ++k) to[k] = weight[k];
 }
 
 // ---- forward
-// Data of one channel is multiplied by the weights of all three channels.
+// Data may be several maps: WIDTHS are their numbers of channels. A map of one channel is multiplied by the weights of
+// all three channels.
 #include "slopes"
-SCALAR sum = SCALAR(0);
+constexpr int widths[] = {WIDTHS}, map_count = sizeof(widths) / sizeof(int);
+SCALAR weighted[ENTRIES * BLOCK_COLUMNS] = {};
 for (int axis = 0; axis < 2; ++axis) {
     const SCALAR* allowed = allowance.data + 3 * (axis * plane + place);
+    SCALAR most[ENTRIES * BLOCK_COLUMNS], answer[ENTRIES * BLOCK_COLUMNS];
+    if (ENTRIES == 3 && map_count == 1) {
+        for (int k = 0; k < own; ++k) most[k] = allowed[k];
+    } else {
+        for (int c = 0; c < end - begin; ++c) {
+            SCALAR* to = most + ENTRIES * c;
+            const SCALAR* from = allowed + 3 * c;
+            for (int map = 0; map < map_count; ++map) {
+                if (widths[map] == 1) *to++ = from[0] + from[1] + from[2];
+                else for (int k = 0; k < 3; ++k) *to++ = from[k];
+            }
+        }
+    }
     for (int k = 0; k < own; ++k) {
-        const SCALAR most = ENTRIES == 3 ? allowed[k] : allowed[3 * k] + allowed[3 * k + 1] + allowed[3 * k + 2];
-        const SCALAR answer = slope[axis][k] > SCALAR(0) ? most : slope[axis][k] < SCALAR(0) ? -most : SCALAR(0);
-        sum += slope[axis][k] * answer;
-        if (keep) answers.data[ENTRIES * (axis * plane + place) + k] = answer;
+        answer[k] = slope[axis][k] > SCALAR(0) ? most[k] : slope[axis][k] < SCALAR(0) ? -most[k] : SCALAR(0);
+        weighted[k] += slope[axis][k] * answer[k];
+    }
+    if (keep) {
+        SCALAR* to = answers.data + ENTRIES * (axis * plane + place);
+        for (int k = 0; k < own; ++k) to[k] = answer[k];
     }
 }
-out.data[item] = sum;
+SCALAR channel[ENTRIES] = {};
+for (int c = 0; c < end - begin; ++c)
+    for (int k = 0; k < ENTRIES; ++k) channel[k] += weighted[ENTRIES * c + k];
+for (int map = 0, k = 0; map < map_count; ++map) {
+    SCALAR sum = SCALAR(0);
+    for (int rest = widths[map]; rest > 0; --rest) sum += channel[k++];
+    out.data[(long long)(term + map) * blocks * height + item] = sum;
+}
 
 // ---- backward
 // A pixel is read by the nine pixels around it; a border pixel is read again by those on the border.
@@ -76,13 +118,17 @@ for (int side = -1; side <= 1; ++side) {
         down[first + k] += difference * of_y[k];
     }
 }
-const SCALAR scale = pull.data[0] / SCALAR(8);
+constexpr int widths[] = {WIDTHS}, map_count = sizeof(widths) / sizeof(int);
+SCALAR scale[ENTRIES * BLOCK_COLUMNS];
+for (int c = 0, k = 0; c < BLOCK_COLUMNS; ++c)
+    for (int map = 0; map < map_count; ++map)
+        for (int rest = widths[map]; rest > 0; --rest) scale[k++] = pull.data[term + map] / SCALAR(8);
 SCALAR* to = out.data + ENTRIES * ((long long)row * width + begin);
 for (int k = 0; k < own; ++k)
-    to[k] = scale * (across[k] - across[k + 2 * ENTRIES]
+    to[k] = scale[k] * (across[k] - across[k + 2 * ENTRIES]
         + down[k] + SCALAR(2) * down[k + ENTRIES] + down[k + 2 * ENTRIES]);
 for (int c = 0; c < ENTRIES; ++c) {
     const int last = own - ENTRIES + c;
-    if (begin == 0) to[c] += scale * (down[ENTRIES + c] - across[ENTRIES + c]);
-    if (end == width) to[last] += scale * (down[ENTRIES + last] + across[ENTRIES + last]);
+    if (begin == 0) to[c] += scale[c] * (down[ENTRIES + c] - across[ENTRIES + c]);
+    if (end == width) to[last] += scale[last] * (down[ENTRIES + last] + across[ENTRIES + last]);
 }

@@ -9,7 +9,7 @@ from torch import Tensor
 from ..arrangement import as_on_cuda
 from ..runtime import launch_in_parallel
 from .blocks import blocks_in
-from .edges_source import edge_kernels
+from .edges_source import allowance_kernel, edge_kernels
 
 
 def edge_allowance(
@@ -20,16 +20,13 @@ def edge_allowance(
     ``guide``: image in display sRGB. ``mask``: coverage; the weight is zero if the filter reaches a pixel that is less
     than half covered. None: no weight is set to zero.
     """
-    guide, kernels = guide.detach().contiguous(), edge_kernels(guide.dtype, as_on_cuda(guide.device), 3)
+    guide, kernels = guide.detach().contiguous(), allowance_kernel(guide.dtype, as_on_cuda(guide.device))
     (height, width, _), out = guide.shape, guide.new_empty(2, *guide.shape)
     covered = guide.new_ones(height, width) if mask is None else mask.detach().to(guide).contiguous()
-    outside = torch.empty(height, width, 1, dtype=torch.bool, device=guide.device)
-    given = guide, covered, out, outside.view(torch.uint8)
-    arguments = [height, width, sharpness, *given]
+    arguments = [height, width, sharpness, guide, covered, out]
     items = blocks_in(height, width, kernels.columns)
-    launch_in_parallel(kernels.allowance, items, guide.device, lambda _: arguments)
-    # Zeros are written afterwards: an exponential that underflows takes ten times as long.
-    return out.exp_().masked_fill_(outside, 0.0)
+    launch_in_parallel(kernels.forward, items, guide.device, lambda _: arguments)
+    return out
 
 
 def edge_aware_smoothness(
@@ -46,13 +43,14 @@ def edge_aware_smoothness(
 class _Smoothness(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, data: Tensor, allowance: Tensor) -> Tensor:
-        data, kernels = data.detach().contiguous(), edge_kernels(data.dtype, as_on_cuda(data.device), data.shape[-1])
+        data = data.detach().contiguous()
+        kernels = edge_kernels(data.dtype, as_on_cuda(data.device), (data.shape[-1],))
         height, width, _ = data.shape
         keep = ctx.needs_input_grad[0]
         answers = data.new_empty((2, *data.shape) if keep else 0)
         sums = data.new_empty(blocks_in(height, width, kernels.columns))
         given = data, allowance.detach().contiguous(), answers, sums
-        arguments = [height, width, int(keep), *given]
+        arguments = [height, width, 0, int(keep), *given]
         launch_in_parallel(kernels.forward, len(sums), data.device, lambda _: arguments)
         ctx.kernels, ctx.items = kernels, len(sums)
         ctx.save_for_backward(answers)
@@ -63,6 +61,6 @@ class _Smoothness(torch.autograd.Function):
         (answers,) = ctx.saved_tensors
         _, height, width, _ = answers.shape
         each, out = pull.reshape(1) / (3 * height * width), answers.new_empty(answers.shape[1:])
-        arguments = [height, width, answers, each, out]
+        arguments = [height, width, 0, answers, each, out]
         launch_in_parallel(ctx.kernels.backward, ctx.items, out.device, lambda _: arguments)
         return out, None

@@ -3,56 +3,35 @@
 // ---- window
 #include "blocks.inl:block"
 const SCALAR taps[WINDOW_SIZE] = {TAPS};
-const long long plane = (long long)(item / blocks / height) * height;
 const long long all = 3LL * images * height * width;
 
 // ---- forward
-// A saturated target means "at least 1": a brighter image is no error.
+// A saturated target means "at least 1": a brighter image is no error. What is summed of the target alone serves all
+// images.
 #include "window"
-SCALAR of_x[wide] = {}, of_y[wide] = {}, of_xx[wide] = {}, of_yy[wide] = {}, of_xy[wide] = {};
+constexpr int block_entries = ENTRIES * BLOCK_COLUMNS;
+const long long place = 3 * ((long long)row * width + begin);
+const SCALAR* target_row = target.data + place;
+SCALAR of_y[wide] = {}, of_yy[wide] = {}, mean_y[block_entries], mean_yy[block_entries];
 for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
     const int line = row + tap - reach;
     if (line < 0 || line >= height) continue;
     const SCALAR weight = taps[tap];
-    const SCALAR* xs = image.data + 3 * ((plane + line) * width + low);
     const SCALAR* ys = target.data + 3 * ((long long)line * width + low);
     for (int k = 0; k < count; ++k) {
-        const SCALAR y = ys[k], x = ((y >= SCALAR(1)) & (xs[k] > SCALAR(1))) ? SCALAR(1) : xs[k];
-        of_x[first + k] += weight * x;
-        of_y[first + k] += weight * y;
-        of_xx[first + k] += weight * x * x;
-        of_yy[first + k] += weight * y * y;
-        of_xy[first + k] += weight * x * y;
+        of_y[first + k] += weight * ys[k];
+        of_yy[first + k] += weight * ys[k] * ys[k];
     }
 }
-const SCALAR c1 = SCALAR(LUMINANCE), c2 = SCALAR(CONTRAST), two = SCALAR(2);
-const long long place = 3 * ((plane + row) * width + begin);
-const SCALAR* ys = target.data + 3 * ((long long)row * width + begin);
-// Separate partial sums, added up below: a single sum over the entries could not be vectorised.
-SCALAR distance[ENTRIES * BLOCK_COLUMNS] = {}, similarity[ENTRIES * BLOCK_COLUMNS] = {};
 for (int k = 0; k < own; ++k) {
-    SCALAR x = SCALAR(0), y = SCALAR(0), xx = SCALAR(0), yy = SCALAR(0), xy = SCALAR(0);
+    SCALAR y = SCALAR(0), yy = SCALAR(0);
     #pragma unroll
     for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
-        const SCALAR weight = taps[tap];
-        x += weight * of_x[k + 3 * tap];
-        y += weight * of_y[k + 3 * tap];
-        xx += weight * of_xx[k + 3 * tap];
-        yy += weight * of_yy[k + 3 * tap];
-        xy += weight * of_xy[k + 3 * tap];
+        y += taps[tap] * of_y[k + 3 * tap];
+        yy += taps[tap] * of_yy[k + 3 * tap];
     }
-    const SCALAR luminance = x * x + y * y + c1, contrast = xx - x * x + yy - y * y + c2;
-    const SCALAR alike = (two * x * y + c1) / luminance, varying = (two * (xy - x * y) + c2) / contrast;
-    similarity[k] = alike * varying;
-    const SCALAR value = image.data[place + k];
-    const SCALAR shown = ((ys[k] >= SCALAR(1)) & (value > SCALAR(1))) ? SCALAR(1) : value;
-    distance[k] = shown > ys[k] ? shown - ys[k] : ys[k] - shown;
-    if (keep) {
-        slopes.data[place + k] = two * varying * (y - x * alike) / luminance
-            + two * alike * (x * varying - y) / contrast;
-        slopes.data[all + place + k] = -alike * varying / contrast;
-        slopes.data[2 * all + place + k] = two * alike / contrast;
-    }
+    mean_y[k] = y;
+    mean_yy[k] = yy;
 }
 auto sum_of = [](const SCALAR* entries) -> SCALAR {
     SCALAR lanes[LANES] = {}, sum = SCALAR(0);
@@ -61,12 +40,60 @@ auto sum_of = [](const SCALAR* entries) -> SCALAR {
     for (int c = 0; c < LANES; ++c) sum += lanes[c];
     return sum;
 };
-sums.data[2LL * item] = sum_of(distance);
-sums.data[2LL * item + 1] = sum_of(similarity);
+const SCALAR c1 = SCALAR(LUMINANCE), c2 = SCALAR(CONTRAST), two = SCALAR(2);
+for (int number = 0; number < images; ++number) {
+    const SCALAR* whole = image.data + 3LL * number * height * width;
+    SCALAR of_x[wide] = {}, of_xx[wide] = {}, of_xy[wide] = {};
+    for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
+        const int line = row + tap - reach;
+        if (line < 0 || line >= height) continue;
+        const SCALAR weight = taps[tap];
+        const SCALAR* xs = whole + 3 * ((long long)line * width + low);
+        const SCALAR* ys = target.data + 3 * ((long long)line * width + low);
+        for (int k = 0; k < count; ++k) {
+            const SCALAR y = ys[k], x = ((y >= SCALAR(1)) & (xs[k] > SCALAR(1))) ? SCALAR(1) : xs[k];
+            of_x[first + k] += weight * x;
+            of_xx[first + k] += weight * x * x;
+            of_xy[first + k] += weight * x * y;
+        }
+    }
+    // Separate partial sums, added up below: a single sum over the entries could not be vectorised.
+    SCALAR distance[block_entries] = {}, similarity[block_entries] = {};
+    SCALAR by_x[block_entries], by_xx[block_entries], by_xy[block_entries];
+    for (int k = 0; k < own; ++k) {
+        SCALAR x = SCALAR(0), xx = SCALAR(0), xy = SCALAR(0);
+        const SCALAR y = mean_y[k], yy = mean_yy[k];
+        #pragma unroll
+        for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
+            const SCALAR weight = taps[tap];
+            x += weight * of_x[k + 3 * tap];
+            xx += weight * of_xx[k + 3 * tap];
+            xy += weight * of_xy[k + 3 * tap];
+        }
+        const SCALAR luminance = x * x + y * y + c1, contrast = xx - x * x + yy - y * y + c2;
+        const SCALAR alike = (two * x * y + c1) / luminance, varying = (two * (xy - x * y) + c2) / contrast;
+        similarity[k] = alike * varying;
+        const SCALAR value = whole[place + k], aim = target_row[k];
+        const SCALAR shown = ((aim >= SCALAR(1)) & (value > SCALAR(1))) ? SCALAR(1) : value;
+        distance[k] = shown > aim ? shown - aim : aim - shown;
+        by_x[k] = two * varying * (y - x * alike) / luminance + two * alike * (x * varying - y) / contrast;
+        by_xx[k] = -alike * varying / contrast;
+        by_xy[k] = two * alike / contrast;
+    }
+    if (keep) {
+        SCALAR* to = slopes.data + 3LL * number * height * width + place;
+        for (int k = 0; k < own; ++k) to[k] = by_x[k];
+        for (int k = 0; k < own; ++k) to[all + k] = by_xx[k];
+        for (int k = 0; k < own; ++k) to[2 * all + k] = by_xy[k];
+    }
+    sums.data[2LL * number * blocks * height + item] = sum_of(distance);
+    sums.data[(2LL * number + 1) * blocks * height + item] = sum_of(similarity);
+}
 
 // ---- backward
 // The window is symmetric: the gradient of a pixel is the same windowed sum over the derivatives around it.
 #include "window"
+const long long plane = (long long)(item / blocks / height) * height;
 SCALAR by_x[wide] = {}, by_xx[wide] = {}, by_xy[wide] = {};
 for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
     const int line = row + tap - reach;

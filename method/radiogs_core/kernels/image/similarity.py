@@ -32,12 +32,12 @@ class _Compared(torch.autograd.Function):
         keep = ctx.needs_input_grad[0]
         slopes = images.new_empty((3, *images.shape) if keep else 0)
         items = blocks_in(height, width, kernels.columns)
-        sums = images.new_empty(count, items, 2)
+        sums = images.new_empty(count, 2, items)
         arguments = [count, height, width, int(keep), images, target, slopes, sums]
-        launch_in_parallel(kernels.forward, count * items, images.device, lambda _: arguments)
+        launch_in_parallel(kernels.forward, items, images.device, lambda _: arguments)
         ctx.kernels, ctx.items = kernels, count * items
         ctx.save_for_backward(images, target, slopes)
-        return sums.sum(1) / target.numel()
+        return sums.sum(-1) / target.numel()
 
     @staticmethod
     def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, None]:

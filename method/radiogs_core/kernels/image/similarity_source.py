@@ -42,7 +42,9 @@ def taps() -> list[float]:
 def similarity_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a division of work; ``columns``: pixels of a block.
 
-    All arrays are flat. ``slopes``: derivatives of SSIM with respect to the windowed means of x, x^2 and xy.
+    All arrays are flat. ``slopes``: derivatives of SSIM with respect to the windowed means of x, x^2 and xy. ``sums``:
+    for each image the absolute differences and the SSIM of each block. An item of ``forward`` is a block of all images,
+    one of ``backward`` a block of one.
     """
     start_warp()
     columns = columns_of(on_cuda)

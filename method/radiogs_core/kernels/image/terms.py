@@ -1,0 +1,281 @@
+"""K17: all image losses of a step as one differentiable function of the blended images.
+
+The kernels sum terms over blocks of pixels; a matrix of constants makes losses of the sums. Nothing is computed for a
+loss whose weight is zero.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ...scene.camera import Camera
+from ..arrangement import as_on_cuda
+from ..runtime import launch_in_parallel
+from .blocks import blocks_in
+from .depth_map_source import surface_kernel
+from .edges_source import edge_kernels
+from .similarity_source import similarity_kernels
+from .terms_source import ENCODINGS, MOST, term_kernels
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How a blended image is compared with the target."""
+
+    name: str
+    """Name of the loss."""
+    absolute: float
+    """Weight of L1."""
+    similarity: float
+    """Weight of 1 - SSIM."""
+    attached: bool = True
+    """Whether coverage has a gradient by this comparison; the image has one anyway."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The image losses of a step and their weights. A loss with weight zero is left out, and costs nothing."""
+
+    images: tuple[Compared, ...]
+    """How each image is compared with the target."""
+    encoding: str
+    """How blended radiance becomes display colour: a name of ``terms_source.ENCODINGS``."""
+    background: float
+    """Grey level, display sRGB, behind images and target."""
+    mask: float
+    """Weight of the binary cross-entropy between coverage and mask."""
+    normal: float
+    """Weight of the distance between blended normals and those of the depth map."""
+    one_sided: bool
+    """Whether the depth map's normals are one-sided differences, which keep creases; else central ones."""
+    distortion: float
+    """Weight of the mean distortion."""
+    far: float
+    """Depth, world units, from which distortion counts as that of disparity; 0: nowhere."""
+    smoothness: tuple[tuple[str, float], ...] = ()
+    """Names and weights of the edge-aware smoothness of the blended normals, and of each map."""
+    masked: bool = False
+    """Whether maps and normals are multiplied by the mask before their smoothness is measured."""
+
+
+class Blended(NamedTuple):
+    """What a camera sees of surfels; all but ``depth`` multiplied by coverage."""
+
+    alpha: Float[Tensor, "height width"]
+    """Coverage."""
+    normal: Float[Tensor, "height width 3"]
+    """Blended normals in the world."""
+    depth: Float[Tensor, "height width"]
+    """Mean z-depth, world units."""
+    distortion: Float[Tensor, "height width"]
+    """Distortion of depth."""
+
+
+class Aim(NamedTuple):
+    """What the images are compared with; without gradient."""
+
+    image: Float[Tensor, "height width 3"]
+    """The target in display sRGB, on the background."""
+    mask: Float[Tensor, "height width"]
+    """Coverage of the target."""
+    allowance: Float[Tensor, "2 height width 3"] | None
+    """Weights of ``edges.edge_allowance``; None if no smoothness has a weight."""
+
+
+def image_terms(
+    terms: Terms,
+    camera: Camera,
+    aim: Aim,
+    blended: Blended,
+    images: Sequence[Float[Tensor, "height width 3"]],
+    maps: Sequence[Float[Tensor, "height width _"]] = (),
+) -> dict[str, Float[Tensor, ""]]:
+    """The weighted losses by name, with gradient to ``blended``, ``images`` and ``maps``.
+
+    Names are those in ``terms``, and "mask", "normal" and "distortion".
+
+    Args:
+        terms: What is computed.
+        camera: Camera of the images.
+        aim: What the images are compared with.
+        blended: Coverage, normals, depths and distortion.
+        images: Blended radiance, one for each of ``terms.images``.
+        maps: Maps of 1 or 3 channels, one for each of ``terms.smoothness`` after the first.
+    """
+    widths = tuple(each.shape[-1] for each in maps)
+    plan = _planned(terms, widths, blended.alpha.shape, blended.alpha.dtype, blended.alpha.device)
+    losses = _Terms.apply(plan, camera, aim, *blended, *images, *maps).unbind() if plan.names else ()
+    return dict(zip(plan.names, losses, strict=True))
+
+
+class _Plan:
+    """What of ``Terms`` is computed at a size, the places of its sums, and the constants that make losses of them.
+
+    ``images``, ``maps``: indices of those that are used; map 0 is that of the normals.
+    """
+
+    def __init__(self, terms: Terms, widths: tuple[int, ...], shape: torch.Size, like: Tensor) -> None:
+        self.terms, self.count = terms, len(terms.images)
+        self.images = [k for k, each in enumerate(terms.images) if each.absolute or each.similarity]
+        self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
+        self.widths = tuple((3, *widths)[k] for k in self.maps)
+        self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
+        self.size, self.copied = tuple(shape), bool(self.maps) and (terms.masked or len(self.maps) > 1)
+        on_cuda, dtype = as_on_cuda(like.device), like.dtype
+        self.kernels = term_kernels(dtype, on_cuda)
+        self.items = blocks_in(*self.size, self.kernels.columns)
+        self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
+        self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
+        self._place(self.size[0] * self.size[1], like)
+        self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
+        self.tail = [
+            terms.background, terms.far, len(self.images), len(self.maps), _filled(self.kernels.counts, self.widths)
+        ]  # fmt: skip
+
+    def _place(self, pixels: int, like: Tensor) -> None:
+        """Give each sum an index, -1 if it is absent; name the losses, and make the matrix that mixes the sums."""
+        terms = self.terms
+        rows: list[tuple[str, dict[int, float], float]] = []
+        for place, each in enumerate(terms.images[k] for k in self.images):
+            mean = {2 * place: each.absolute / (3 * pixels), 2 * place + 1: -each.similarity / (3 * pixels)}
+            rows.append((each.name, mean, each.similarity))
+        self.sums, single = 2 * len(self.images), []
+        for name, weight in (("mask", terms.mask), ("normal", terms.normal), ("distortion", terms.distortion)):
+            single.append(self.sums if weight else -1)
+            if weight:
+                rows.append((name, {self.sums: weight / pixels}, 0.0))
+                self.sums += 1
+        self.mask, self.normal, self.distortion = single
+        self.first_map = self.sums
+        for name, weight in (terms.smoothness[k] for k in self.maps):
+            rows.append((name, {self.sums: weight / (3 * pixels)}, 0.0))
+            self.sums += 1
+        self.names = [name for name, _, _ in rows]
+        mixing = [[entries.get(column, 0.0) for column in range(self.sums)] for _, entries, _ in rows]
+        self.mixing = torch.tensor(mixing, dtype=torch.float64).to(like)
+        self.unmixing = self.mixing.mT.contiguous()
+        self.constant = torch.tensor([constant for _, _, constant in rows], dtype=torch.float64).to(like)
+
+
+@lru_cache(maxsize=64)
+def _planned(
+    terms: Terms, widths: tuple[int, ...], shape: torch.Size, dtype: torch.dtype, device: torch.device
+) -> _Plan:
+    return _Plan(terms, widths, shape, torch.empty(0, dtype=dtype, device=device))
+
+
+
+class _Terms(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, plan: _Plan, camera: Camera, aim: Aim, *given: Tensor) -> Tensor:
+        alpha, normal, depth, distortion, *others = (each.contiguous() for each in given)
+        like, kernels, images = alpha, plan.kernels, [others[k] for k in plan.images]
+        maps = [(normal, *others[plan.count :])[k] for k in plan.maps]
+        sums = like.new_empty(plan.sums, plan.items)
+        encoded, shown = (like.new_empty(len(images), *plan.size, 3) for _ in range(2))
+        together = like.new_empty(*plan.size, sum(plan.widths)) if plan.copied else maps[0] if maps else encoded
+        addresses = _addresses(kernels.addresses, images)
+        arguments = [
+            *plan.head, int(plan.copied), *plan.tail, addresses, _addresses(kernels.addresses, maps),
+            alpha, depth, distortion, aim.mask, encoded, shown, together, sums,
+        ]  # fmt: skip
+        launch_in_parallel(kernels.forward, plan.items, like.device, lambda _: arguments)
+        slopes = _compare(plan, aim, shown, sums)
+        normals = _orient(plan, camera, alpha, normal, depth, sums)
+        answers = _smooth(plan, aim, together, sums)
+        ctx.plan, ctx.addresses = plan, addresses
+        ctx.save_for_backward(
+            alpha, depth, aim.image, aim.mask, encoded, shown, slopes, normals, answers, *images
+        )  # fmt: skip
+        return torch.addmv(plan.constant, plan.mixing, sums.sum(1))
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor | None, ...]:
+        plan: _Plan = ctx.plan
+        alpha, depth, target, mask, encoded, shown, slopes, normals, answers, *images = ctx.saved_tensors
+        pulls, kernels = plan.unmixing @ pull, plan.kernels
+        of_shown = _pull_images(plan, shown, target, slopes, pulls)
+        of_maps = _pull_maps(plan, answers, pulls)
+        to_alpha, to_images = torch.empty_like(alpha), [torch.empty_like(each) for each in images]
+        to_maps = [alpha.new_empty(*plan.size, width) for width in plan.widths]
+        smoothed = plan.maps[:1] == [0]
+        to_normal = to_maps[0] if smoothed else alpha.new_empty(*plan.size, 3) if plan.normal >= 0 else None
+        to_depth = torch.empty_like(alpha) if plan.normal >= 0 else None
+        to_distortion = torch.empty_like(alpha) if plan.distortion >= 0 else None
+        outputs = [alpha if each is None else each for each in (to_normal, to_depth, to_distortion)]
+        arguments = [
+            *plan.head, plan.normal, int(smoothed), plan.attached, *plan.tail,
+            ctx.addresses, _addresses(kernels.addresses, to_images), _addresses(kernels.addresses, to_maps),
+            alpha, depth, mask, encoded, normals, of_shown, of_maps, pulls, to_alpha, *outputs,
+        ]  # fmt: skip
+        launch_in_parallel(kernels.backward, plan.items, alpha.device, lambda _: arguments)
+        others: list[Tensor | None] = [None] * (plan.count + len(plan.terms.smoothness) - 1)
+        for place, found in zip(plan.images, to_images, strict=True):
+            others[place] = found
+        for place, found in zip(plan.maps, to_maps, strict=True):
+            if place > 0:
+                others[plan.count + place - 1] = found
+        return None, None, None, to_alpha, to_normal, to_depth, to_distortion, *others
+
+
+def _filled(kind: Any, numbers: Sequence[int]) -> Any:
+    """A kernel's vector of integers: the numbers, then zeros."""
+    return kind(*numbers, *[0] * (MOST - len(numbers)))
+
+
+def _addresses(kind: Any, tensors: Sequence[Tensor]) -> Any:
+    """The addresses of tensors, as a kernel takes them."""
+    return _filled(kind, [tensor.data_ptr() for tensor in tensors])
+
+
+def _compare(plan: _Plan, aim: Aim, shown: Tensor, sums: Tensor) -> Tensor:
+    """Add up L1 and SSIM of the images; returns the slopes of SSIM."""
+    slopes = shown.new_empty((3, *shown.shape))
+    if plan.images:
+        arguments = [len(shown), *plan.size, 1, shown, aim.image, slopes, sums]
+        launch_in_parallel(plan.compare.forward, plan.items, shown.device, lambda _: arguments)
+    return slopes
+
+
+def _pull_images(plan: _Plan, shown: Tensor, target: Tensor, slopes: Tensor, pulls: Tensor) -> Tensor:
+    out = torch.empty_like(shown)
+    if plan.images:
+        arguments = [len(shown), *plan.size, shown, target, slopes, pulls, out]
+        launch_in_parallel(plan.compare.backward, len(shown) * plan.items, shown.device, lambda _: arguments)
+    return out
+
+
+def _orient(plan: _Plan, camera: Camera, alpha: Tensor, normal: Tensor, depth: Tensor, sums: Tensor) -> Tensor:
+    """Add up the distance of the normals from those of the depth map; returns these and the sum's derivatives."""
+    out = alpha.new_empty((8, *plan.size) if plan.normal >= 0 else 0)
+    if plan.normal >= 0:
+        pair = plan.surface.pair
+        lens = pair(camera.fx, camera.fy), pair(camera.cx, camera.cy)
+        pose = camera.camera_to_world.to(alpha).contiguous()
+        arguments = [*plan.size, int(plan.terms.one_sided), plan.normal, *lens, pose, depth, alpha, normal, out, sums]
+        launch_in_parallel(plan.surface.forward, plan.items, alpha.device, lambda _: arguments)
+    return out
+
+
+def _smooth(plan: _Plan, aim: Aim, maps: Tensor, sums: Tensor) -> Tensor:
+    """Add up the weighted gradients of the maps; returns their signs times their weights."""
+    if plan.smooth is None or aim.allowance is None:
+        return maps.new_empty(0)
+    answers = maps.new_empty(2, *maps.shape)
+    arguments = [*plan.size, plan.first_map, 1, maps, aim.allowance, answers, sums]
+    launch_in_parallel(plan.smooth.forward, plan.items, maps.device, lambda _: arguments)
+    return answers
+
+
+def _pull_maps(plan: _Plan, answers: Tensor, pulls: Tensor) -> Tensor:
+    if plan.smooth is None:
+        return answers
+    out = answers.new_empty(answers.shape[1:])
+    arguments = [*plan.size, plan.first_map, answers, pulls, out]
+    launch_in_parallel(plan.smooth.backward, plan.items, out.device, lambda _: arguments)
+    return out
