@@ -16,7 +16,10 @@ from ..surfel.geometry import MAX_ALPHA
 
 _TEXT = native_file(__package__, "hits.inl", lanes=LANES)
 
-MOST_NODES = 512
+TOGETHER = 32
+"""Rays that go through the tree together on the CPU: the bits of an integer."""
+
+MOST_NODES = 4096
 """Largest number of nodes, and of leaves, of a breadth-first traversal; a ray with more is traversed nearest first."""
 
 MOST_HITS = 248
@@ -44,8 +47,8 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
-    sizes |= {"NO_SURFEL": NO_SURFEL, "RAYS_AHEAD": RAYS_AHEAD, "FINISHED": FINISHED}
+    sizes = {"TOGETHER": TOGETHER, "BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
+    sizes |= {"NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 
     @wp.func
@@ -78,7 +81,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func_native(native_text(_TEXT["gather"], dtype, on_cuda, words))
     def gather_hits(
-        slot: wp.int32,
+        item: wp.int32,
         rays: wp.array(dtype=wp.int32),
         origins: wp.array(dtype=vector),
         directions: wp.array(dtype=vector),
