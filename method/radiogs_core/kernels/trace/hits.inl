@@ -160,14 +160,14 @@ for (; unfinished && leaf < entered_leaves; ++leaf) {
         const Lanes px = read(f) - a[0], py = read(f + 8) - a[1], pz = read(f + 16) - a[2];
         const Lanes slope = read(f + 72) * a[6] + read(f + 80) * a[7] + read(f + 88) * a[8];
         const Lanes reach = read(f + 72) * px + read(f + 80) * py + read(f + 88) * pz;
-        const Mask faces = slope < SCALAR(0), turned = slope > SCALAR(0);
-        const Lanes t = reach / ((faces | turned) ? slope : Lanes{} - SCALAR(1));
+        // Parallel to the surfel t is infinite or NaN, and so is the square.
+        const Lanes t = reach / slope;
         const Lanes x = t * a[6] - px, y = t * a[7] - py, z = t * a[8] - pz;
         const Lanes u = read(f + 24) * x + read(f + 32) * y + read(f + 40) * z;
         const Lanes v = read(f + 48) * x + read(f + 56) * y + read(f + 64) * z;
         const Lanes square = u * u + v * v;
-        const Mask seen = faces | (turned & (t >= a[10]));
-        const int hit = bits_of(seen & (square <= read(f + 104)) & (t > a[9]) & (t <= SCALAR(1e30)));
+        const int hit = bits_of(
+            ((slope < SCALAR(0)) | (t >= a[10])) & (square <= read(f + 104)) & (t > a[9]));
         const int at = met[r] < MOST_HITS ? met[r] : MOST_HITS;
         const Eight its_id = squeezed(ids, hit);
         memcpy(id_of[r] + at, &its_id, sizeof(its_id));
@@ -179,59 +179,90 @@ for (; unfinished && leaf < entered_leaves; ++leaf) {
 }
 
 // ---- in_order
-// The hits of ray ``r``, which ``together`` found, in the order of (distance, surfel). No branch waits for what was
-// computed: hits are handled by eights, and those beyond the last one are farther than all and let all light pass.
-const int all = met[r];
+// ``put_in_order``: writes the hits of ray ``r`` from ``place`` on, in the order of (distance, surfel); returns how many
+// of them count.
 const Eight numbers = {0, 1, 2, 3, 4, 5, 6, 7};
-Eight ranks[MOST_HITS / 8 + 1], ties = Eight{};
-// The rank of a hit is the number of hits before it.
-for (int i = 0; i < all; i += 8) {
-    const Lanes t = read(t_of[r] + i);
-    Eight before = Eight{}, beside = Eight{};
-    for (int j = 0; j < all; j += 8) {
-        const Lanes others = padded(read(t_of[r] + j), all - j, SCALAR(2e30));
+auto folded = [](Lanes values, auto join) -> SCALAR {
+    const auto four = join(__builtin_shufflevector(values, values, 0, 1, 2, 3), __builtin_shufflevector(values, values, 4, 5, 6, 7));
+    const auto two = join(__builtin_shufflevector(four, four, 0, 1), __builtin_shufflevector(four, four, 2, 3));
+    return join(two[0], two[1]);
+};
+auto put_in_order = [&](int r, int place, SCALAR rest) -> int {
+    SCALAR *own_t = t_of[r], *own_alpha = alpha_of[r];
+    int *own_id = id_of[r], all = met[r];
+    for (int i = 0; i < all; i += 8) {
+        const Lanes alpha = read(own_alpha + i) * bell(read(bell_of[r] + i));
+        write(own_alpha + i, alpha < SCALAR(MAX_ALPHA) ? alpha : Lanes{} + SCALAR(MAX_ALPHA));
+    }
+    // Where the nearer hits let too little light through, the farther ones are dropped before the rest is sorted: it
+    // takes time with the square of their number.
+    while (all > FEW_HITS) {
+        Lanes sum = Lanes{}, light = Lanes{} + SCALAR(1);
+        for (int i = 0; i < all; i += 8) sum += padded(read(own_t + i), all - i, SCALAR(0));
+        const SCALAR middle = folded(sum, [](auto a, auto b) { return a + b; }) / all;
+        for (int i = 0; i < all; i += 8) {
+            const Lanes alpha = padded(read(own_alpha + i), all - i, SCALAR(0));
+            light *= SCALAR(1) - (read(own_t + i) <= middle ? alpha : Lanes{});
+        }
+        if (!(rest * folded(light, [](auto a, auto b) { return a * b; }) < SCALAR(0.999) * stop)) break;
+        int nearer = 0;
+        for (int i = 0; i < all; i += 8) {
+            const Lanes t = read(own_t + i), alpha = read(own_alpha + i);
+            Eight id;
+            memcpy(&id, own_id + i, sizeof(id));
+            const int kept = bits_of((t <= middle) & __builtin_convertvector(numbers < all - i, Mask));
+            const Eight id_kept = squeezed(id, kept);
+            write(own_t + nearer, squeezed_lanes(t, kept));
+            write(own_alpha + nearer, squeezed_lanes(alpha, kept));
+            memcpy(own_id + nearer, &id_kept, sizeof(id_kept));
+            nearer += __builtin_popcount(kept);
+        }
+        if (nearer == all) break;
+        all = nearer;
+    }
+    // The rank of a hit is the number of hits before it; those of what follows the last hit lie behind it.
+    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
+    int* hit_id = hits_id.data + place;
+    Eight ranks[MOST_HITS / 8 + 1], sum = Eight{};
+    for (int i = 0; i < all; i += 8) {
+        const Lanes t = read(own_t + i);
+        Eight before = Eight{};
+        for (int j = 0; j < all; j += 8) {
+            const Lanes others = padded(read(own_t + j), all - j, SCALAR(2e30));
+            #pragma unroll
+            for (int k = 0; k < 8; ++k) before -= __builtin_convertvector(others[k] < t, Eight);
+        }
+        const Eight given = numbers < all - i;
+        sum += given ? before : Eight{};
+        ranks[i / 8] = given ? before : i + numbers;
+    }
+    if (__builtin_reduce_add(sum) != all * (all - 1) / 2)  // some are at the same distance
+        for (int i = 0; i < all; ++i)
+            for (int j = 0; j < all; ++j)
+                ranks[i / 8][i % 8] += own_t[j] == own_t[i] && own_id[j] < own_id[i];
+    SCALAR sorted_alpha[MOST_HITS + 16];
+    for (int i = 0; i < all; i += 8) {
+        const Lanes t = read(own_t + i), alpha = padded(read(own_alpha + i), all - i, SCALAR(0));
+        const Eight rank = ranks[i / 8];
+        Eight id;
+        memcpy(&id, own_id + i, sizeof(id));
         #pragma unroll
         for (int k = 0; k < 8; ++k) {
-            before -= __builtin_convertvector(others[k] < t, Eight);
-            beside -= __builtin_convertvector(others[k] == t, Eight);
+            hit_t[rank[k]] = t[k];
+            hit_id[rank[k]] = id[k];
+            hit_alpha[rank[k]] = sorted_alpha[rank[k]] = alpha[k];
         }
     }
-    ranks[i / 8] = before;
-    ties |= (beside > 1) & (numbers < all - i);
-}
-if (__builtin_reduce_or(ties))
-    for (int i = 0; i < all; ++i)
-        for (int j = 0; j < all; ++j)
-            ranks[i / 8][i % 8] += t_of[r][j] == t_of[r][i] && id_of[r][j] < id_of[r][i];
-SCALAR sorted_alpha[MOST_HITS + 16];
-for (int i = 0; i < all; i += 8) {
-    const Lanes bare = read(alpha_of[r] + i) * bell(read(bell_of[r] + i));
-    const Lanes alpha = padded(bare < SCALAR(MAX_ALPHA) ? bare : Lanes{} + SCALAR(MAX_ALPHA), all - i, SCALAR(0));
-    const Lanes t = read(t_of[r] + i);
-    // Ranks of what follows the last hit lie behind it.
-    const Eight rank = numbers < all - i ? ranks[i / 8] : i + numbers;
-    Eight id;
-    memcpy(&id, id_of[r] + i, sizeof(id));
-    #pragma unroll
-    for (int k = 0; k < 8; ++k) {
-        hit_t[rank[k]] = t[k];
-        hit_id[rank[k]] = id[k];
-        hit_alpha[rank[k]] = sorted_alpha[rank[k]] = alpha[k];
+    int found = 0;
+    for (int i = 0; i < all; i += 8) {
+        #pragma unroll
+        for (int k = i; k < i + 8; ++k) {
+            found += rest >= stop;
+            rest *= SCALAR(1) - sorted_alpha[k];
+        }
     }
-}
-SCALAR rest = start_rest;
-int found = 0;
-for (int i = 0; i < all; i += 8) {
-    #pragma unroll
-    for (int k = i; k < i + 8; ++k) {
-        found += rest >= stop;
-        rest *= SCALAR(1) - sorted_alpha[k];
-    }
-}
-found = found < all ? found : all;
-used.data[0] += found;
-found_out.data[slot] = found;
-rest_out.data[slot] = SCALAR(FINISHED);
+    return found < all ? found : all;
+};
 
 // ---- nearest_first
 // The hits of a ray nearest first: nodes beyond the last hit that counts are not visited.
@@ -357,6 +388,7 @@ constexpr int LANES = 1;
 const int first = item * TOGETHER;
 int nodes = 0, leaf_count = 0;
 #include "together"
+#include "in_order"
 for (int r = 0; r < count; ++r) {
     const int slot = first + r, ray = rays.data[slot], place = used.data[0];
     const SCALAR start_rest = starts_rest.data[slot];
@@ -365,12 +397,15 @@ for (int r = 0; r < count; ++r) {
         rest_out.data[slot] = start_rest;
         continue;
     }
-    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
-    int* hit_id = hits_id.data + place;
     if (unfinished >> r & 1 && met[r] <= MOST_HITS) {
-#include "in_order"
+        const int found = put_in_order(r, place, start_rest);
+        used.data[0] += found;
+        found_out.data[slot] = found;
+        rest_out.data[slot] = SCALAR(FINISHED);
         continue;
     }
+    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
+    int* hit_id = hits_id.data + place;
     const SCALAR start_t = starts_t.data[slot], back_t = backs_t.data[ray];
     const int start_id = starts_id.data[slot];
 #include "ray"

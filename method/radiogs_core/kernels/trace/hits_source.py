@@ -25,6 +25,9 @@ MOST_NODES = 4096
 MOST_HITS = 248
 """Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
 
+FEW_HITS = 8
+"""Hits of a ray that are sorted together, whether or not all of them count."""
+
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
@@ -47,7 +50,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"TOGETHER": TOGETHER, "BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
+    sizes = {"TOGETHER": TOGETHER, "FEW_HITS": FEW_HITS, "BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
     sizes |= {"NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 
