@@ -86,22 +86,11 @@ const SCALAR x = d[0], y = d[1], z = d[2];
 #include "radiance"
 // Whether the ray hits the front side: radiance is that of the front, and a surfel is black from behind.
 auto visible = [&](int surfel) __attribute__((always_inline)) {
-    const SCALAR* normal = hits.surface.data + 13LL * surfel + 9;
+    const SCALAR* normal = hits.surface.data + 16LL * surfel + 12;
     return normal[0] * x + normal[1] * y + normal[2] * z < SCALAR(0);
 };
 // Entries of later rays lie behind this ray's, and are prefetched before it ends.
 const int entries = hits.surfel.shape[0];
-auto fetch = [&](int entry) __attribute__((always_inline)) {
-    if (entry < entries) {
-        const int surfel = hits.surfel.data[entry];
-        const SCALAR* sh = hits.sh.data + (long long)width * surfel;
-        FETCH(sh);
-        FETCH(sh + 16);
-        FETCH(sh + 32);
-        FETCH(hits.features.data + (long long)channels * surfel);
-        FETCH(hits.surface.data + 13LL * surfel + 9);
-    }
-};
 
 // ---- forward
 #include "ray"
@@ -121,6 +110,18 @@ if (begin == end) {
     return;
 }
 #include "towards"
+auto fetch = [&](int entry) __attribute__((always_inline)) {
+    if (entry < entries) {
+        const int surfel = hits.surfel.data[entry];
+        const SCALAR* sh = hits.sh.data + (long long)width * surfel;
+        FETCH(sh);
+        FETCH(sh + 16);
+        FETCH(sh + 32);
+        FETCH(hits.features.data + (long long)channels * surfel);
+        FETCH(hits.surface.data + 16LL * surfel);
+    }
+};
+const bool kept = out_lit.shape[0] > 0;
 SCALAR left = SCALAR(1), depth = SCALAR(0);
 SCALAR total[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
 for (int entry = begin; entry < end; ++entry) {
@@ -131,6 +132,8 @@ for (int entry = begin; entry < end; ++entry) {
     const SCALAR* features = hits.features.data + (long long)channels * surfel;
     SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
     if (visible(surfel)) radiance_of(hits.sh.data + (long long)width * surfel, colour);
+    if (kept)
+        for (int c = 0; c < 3; ++c) out_lit.data[3LL * entry + c] = colour[c];
     // Zero times a negative radiance, not zero: NaN stays NaN (and raises an error that names the surfel), not black.
     for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) * colour[c] : colour[c]);
     for (int k = 0; k < channels; ++k) blended[k] += weight * features[k];
@@ -173,43 +176,40 @@ for (int c = 0; c < 3; ++c) behind += pull[c] * colour_out[c];
 for (int k = 0; k < channels; ++k) behind += blended_pull[k] * blended_out[k];
 SCALAR left = SCALAR(1);
 SCALAR origin_pull[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
-auto fetch_sums = [&](int entry) __attribute__((always_inline)) {
+auto fetch = [&](int entry) __attribute__((always_inline)) {
     if (entry < entries) {
         const long long surfel = hits.surfel.data[entry];
         SCALAR* to_sh = grad_sh.data + width * surfel;
         FETCH(to_sh);
         FETCH(to_sh + 16);
         FETCH(to_sh + 32);
-        FETCH(hits.surface.data + 13 * surfel);
-        FETCH(hits.surface.data + 13 * surfel + 12);
-        FETCH(grad_surface.data + 13 * surfel);
-        FETCH(grad_surface.data + 13 * surfel + 12);
+        FETCH(hits.surface.data + 16 * surfel);
+        FETCH(grad_surface.data + 16 * surfel);
+        FETCH(hits.features.data + channels * surfel);
         FETCH(grad_features.data + channels * surfel);
     }
 };
+const SCALAR along_ray[4] = {x, y, z, SCALAR(0)};
 for (int entry = begin; entry < end; ++entry) {
     fetch(entry + HITS_AHEAD);
-    fetch_sums(entry + HITS_AHEAD);
-    const int surfel = hits.surfel.data[entry];
-    const SCALAR* surface = hits.surface.data + 13LL * surfel;
-    const SCALAR *axis_u = surface + 3, *axis_v = surface + 6, *normal = surface + 9;
-    SCALAR towards[3], offset[3], u = SCALAR(0), v = SCALAR(0);
+    const long long surfel = hits.surfel.data[entry];
+    SCALAR surface[16], towards[4], offset[4], pull_point[4];
+    for (int c = 0; c < 16; ++c) surface[c] = hits.surface.data[16 * surfel + c];
+    const SCALAR *axis_u = surface + 4, *axis_v = surface + 8, *normal = surface + 12;
     for (int c = 0; c < 3; ++c) towards[c] = surface[c] - o[c];
+    towards[3] = SCALAR(0);
     const SCALAR inverse = SCALAR(1) / (normal[0] * x + normal[1] * y + normal[2] * z);
     const SCALAR depth = (normal[0] * towards[0] + normal[1] * towards[1] + normal[2] * towards[2]) * inverse;
-    for (int c = 0; c < 3; ++c) {
-        offset[c] = depth * d[c] - towards[c];
-        u += axis_u[c] * offset[c];
-        v += axis_v[c] * offset[c];
-    }
+    for (int c = 0; c < 4; ++c) offset[c] = depth * along_ray[c] - towards[c];
+    const SCALAR u = axis_u[0] * offset[0] + axis_u[1] * offset[1] + axis_u[2] * offset[2];
+    const SCALAR v = axis_v[0] * offset[0] + axis_v[1] * offset[1] + axis_v[2] * offset[2];
     // Where alpha was clipped at MAX_ALPHA it has no gradient, and its unclipped value is not needed.
     const SCALAR alpha = hits.alpha.data[entry];
     const bool free = alpha < SCALAR(MAX_ALPHA);
     const SCALAR weight = left * alpha;
-    const SCALAR* features = hits.features.data + (long long)channels * surfel;
-    SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)}, lit[3];
-    if (visible(surfel)) radiance_of(hits.sh.data + (long long)width * surfel, colour);
-    SCALAR value = depth_pull * depth;
+    const SCALAR* features = hits.features.data + channels * surfel;
+    const SCALAR* colour = out_lit.data + 3LL * entry;
+    SCALAR lit[3], value = depth_pull * depth;
     for (int c = 0; c < 3; ++c) {
         const bool positive = colour[c] > SCALAR(0);
         value += positive ? pull[c] * colour[c] : SCALAR(0);
@@ -219,28 +219,24 @@ for (int entry = begin; entry < end; ++entry) {
     behind -= weight * value;
     const SCALAR pull_alpha = left * value - (behind + rest_pull) / (SCALAR(1) - alpha);
 
-    add_to_harmonics(grad_sh.data + (long long)width * surfel, lit);
-    SCALAR* to_features = grad_features.data + (long long)channels * surfel;
+    add_to_harmonics(grad_sh.data + width * surfel, lit);
+    SCALAR* to_features = grad_features.data + channels * surfel;
     for (int k = 0; k < channels; ++k) ADD(to_features + k, weight * blended_pull[k]);
 
     const SCALAR pull_log = free ? pull_alpha * alpha : SCALAR(0);
     const SCALAR pull_u = -pull_log * u, pull_v = -pull_log * v;
-    SCALAR pull_point[3], along = weight * depth_pull;
-    for (int c = 0; c < 3; ++c) {
-        pull_point[c] = pull_u * axis_u[c] + pull_v * axis_v[c];
-        along += pull_point[c] * d[c];
-    }
+    for (int c = 0; c < 4; ++c) pull_point[c] = pull_u * axis_u[c] + pull_v * axis_v[c];
+    const SCALAR along = weight * depth_pull + pull_point[0] * x + pull_point[1] * y + pull_point[2] * z;
     const SCALAR pull_depth = along * inverse;
-    SCALAR* to_surface = grad_surface.data + 13LL * surfel;
-    for (int c = 0; c < 3; ++c) {
-        const SCALAR pull_centre = pull_depth * normal[c] - pull_point[c];
-        ADD(to_surface + c, pull_centre);
-        ADD(to_surface + 3 + c, pull_u * offset[c]);
-        ADD(to_surface + 6 + c, pull_v * offset[c]);
-        ADD(to_surface + 9 + c, -pull_depth * offset[c]);
-        origin_pull[c] -= pull_centre;
-    }
-    ADD(to_surface + 12, pull_log / surface[12]);
+    SCALAR pull_centre[4];
+    for (int c = 0; c < 4; ++c) pull_centre[c] = pull_depth * normal[c] - pull_point[c];
+    for (int c = 0; c < 3; ++c) origin_pull[c] -= pull_centre[c];
+    pull_centre[3] = pull_log / surface[3];
+    SCALAR* to_surface = grad_surface.data + 16 * surfel;
+    for (int c = 0; c < 4; ++c) ADD(to_surface + c, pull_centre[c]);
+    for (int c = 0; c < 4; ++c) ADD(to_surface + 4 + c, pull_u * offset[c]);
+    for (int c = 0; c < 4; ++c) ADD(to_surface + 8 + c, pull_v * offset[c]);
+    for (int c = 0; c < 4; ++c) ADD(to_surface + 12 + c, -pull_depth * offset[c]);
     left *= SCALAR(1) - alpha;
 }
 for (int c = 0; c < 3; ++c) grad_origin.data[3 * ray + c] = origin_pull[c];

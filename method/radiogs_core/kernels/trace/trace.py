@@ -68,7 +68,8 @@ def trace(
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
-    columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
+    none = torch.zeros_like(geometry.opacity)[:, None]
+    columns = [geometry.centre, geometry.opacity[:, None], geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
     radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
     fire(full_rays=(scalars[:, 0].detach() < stop).sum())
     require_finite_blend("traced radiance", radiance, {"sh": sh})
@@ -85,12 +86,13 @@ class _Blend(torch.autograd.Function):
         kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         rays = len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
-        arguments = [_hits(kernels, lists, direction, inputs), *outputs]
+        lit = origin.new_empty(3 * len(lists.surfel) if any(ctx.needs_input_grad) else 0)
+        arguments = [_hits(kernels, lists, direction, inputs), *outputs, lit]
         launch_in_parallel(kernels.forward, rays, origin.device, lambda _: arguments)
         read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
         count(bytes_read=len(lists.surfel) * read_of_surfel)
         ctx.given = arguments[0]
-        ctx.save_for_backward(*inputs, *outputs)
+        ctx.save_for_backward(*inputs, *outputs, lit)
         return outputs
 
     @staticmethod

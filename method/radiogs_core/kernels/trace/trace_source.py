@@ -53,6 +53,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
     ): ...
 
     @wp.func_native(backward_text)
@@ -62,6 +63,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
         pull_colour: wp.array(dtype=scalar),
         pull_scalars: wp.array(dtype=scalar),
         pull_features: wp.array(dtype=scalar),
@@ -78,8 +80,9 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
     ):
-        blend(first + wp.tid(), hits, out_colour, out_scalars, out_features)
+        blend(first + wp.tid(), hits, out_colour, out_scalars, out_features, out_lit)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def backward(
@@ -88,6 +91,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
         pull_colour: wp.array(dtype=scalar),
         pull_scalars: wp.array(dtype=scalar),
         pull_features: wp.array(dtype=scalar),
@@ -97,8 +101,8 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         grad_features: wp.array(dtype=scalar),
     ):
         pull_back(
-            first + wp.tid(), hits, out_colour, out_scalars, out_features, pull_colour, pull_scalars, pull_features,
-            grad_origin, grad_surface, grad_sh, grad_features,
+            first + wp.tid(), hits, out_colour, out_scalars, out_features, out_lit, pull_colour, pull_scalars,
+            pull_features, grad_origin, grad_surface, grad_sh, grad_features,
         )  # fmt: skip
 
     return SimpleNamespace(Hits=Hits, forward=forward, backward=backward)
