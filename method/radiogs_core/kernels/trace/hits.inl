@@ -71,10 +71,15 @@ constexpr int LANES = 8;
 #include "lanes.inl:squeeze"
 typedef unsigned EightRays __attribute__((vector_size(32)));
 auto squeezed_lanes = [&](Lanes values, int bits) -> Lanes {
-    if constexpr (sizeof(SCALAR) == sizeof(int)) return (Lanes)squeezed((Eight)values, bits);
     Lanes kept = Lanes{};
-    for (int lane = 0, at = 0; lane < 8; ++lane)
-        if (bits >> lane & 1) kept[at++] = values[lane];
+    if (sizeof(SCALAR) == sizeof(int)) {
+        Eight words;
+        memcpy(&words, &values, sizeof(words));
+        words = squeezed(words, bits);
+        memcpy(&kept, &words, sizeof(words));
+    } else
+        for (int lane = 0, at = 0; lane < 8; ++lane)
+            if (bits >> lane & 1) kept[at++] = values[lane];
     return kept;
 };
 auto padded = [&](Lanes values, int some, SCALAR other) -> Lanes {

@@ -50,7 +50,14 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"TOGETHER": TOGETHER, "FEW_HITS": FEW_HITS, "BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
+    sizes = {
+        "TOGETHER": TOGETHER,
+        "FEW_HITS": FEW_HITS,
+        "BUFFER": BUFFER,
+        "STACK": STACK,
+        "MOST_NODES": MOST_NODES,
+        "MOST_HITS": MOST_HITS,
+    }
     sizes |= {"NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 

@@ -111,6 +111,7 @@ const SCALAR x = d[0], y = d[1], z = d[2];
 const int entries = hits.surfel.shape[0];
 
 // ---- forward
+for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits.ray.shape[0]; ++slot) {
 #include "ray"
 if (slot + RAYS_AHEAD < hits.ray.shape[0]) {
     const long long later = hits.ray.data[slot + RAYS_AHEAD];
@@ -125,7 +126,7 @@ if (begin == end) {
     for (int c = 0; c < 3; ++c) out_colour.data[3 * ray + c] = SCALAR(0);
     out_scalars.data[2 * ray] = SCALAR(1);
     out_scalars.data[2 * ray + 1] = SCALAR(0);
-    return;
+    continue;
 }
 #include "towards"
 #include "fours"
@@ -168,8 +169,10 @@ for (int entry = begin; entry < end; ++entry) {
 for (int c = 0; c < 3; ++c) out_colour.data[3 * ray + c] = total[c];
 out_scalars.data[2 * ray] = left;
 out_scalars.data[2 * ray + 1] = depth;
+}
 
 // ---- backward
+for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits.ray.shape[0]; ++slot) {
 #include "ray"
 if (slot + RAYS_AHEAD < hits.ray.shape[0]) {
     const long long later = hits.ray.data[slot + RAYS_AHEAD];
@@ -185,7 +188,7 @@ if (slot + RAYS_AHEAD < hits.ray.shape[0]) {
 }
 if (begin == end) {
     for (int c = 0; c < 3; ++c) grad_origin.data[3 * ray + c] = SCALAR(0);
-    return;
+    continue;
 }
 #include "towards"
 #include "fours"
@@ -265,3 +268,4 @@ for (int entry = begin; entry < end; ++entry) {
     left *= SCALAR(1) - alpha;
 }
 for (int c = 0; c < 3; ++c) grad_origin.data[3 * ray + c] = origin_pull[c];
+}

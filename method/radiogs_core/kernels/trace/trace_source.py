@@ -19,6 +19,14 @@ from ..surfel.harmonics_source import HARMONICS
 
 _TEXT = native_file(__package__, "trace.inl", lanes=LANES, harmonics=HARMONICS)
 
+RAYS_OF_A_RUN = 32
+"""Rays of an item on the CPU: for each item Warp copies the kernel's arguments, a kilobyte, twice."""
+
+
+def rays_of_a_run(on_cuda: bool) -> int:
+    """Rays of an item: one on CUDA."""
+    return 1 if on_cuda else RAYS_OF_A_RUN
+
 
 @cache
 def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
@@ -28,7 +36,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """
     start_warp()
     scalar = scalar_type(dtype)
-    words = {"MAX_ALPHA": str(MAX_ALPHA)}
+    words = {"MAX_ALPHA": str(MAX_ALPHA), "RUN": str(rays_of_a_run(on_cuda))}
     forward_text, backward_text = (native_text(_TEXT[part], dtype, on_cuda, words) for part in ("forward", "backward"))
 
     @wp.struct
@@ -48,7 +56,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func_native(forward_text)
     def blend(
-        slot: wp.int32,
+        run: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
@@ -58,7 +66,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func_native(backward_text)
     def pull_back(
-        slot: wp.int32,
+        run: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
