@@ -7,31 +7,36 @@ There are two w_o: the direction towards the camera, and one drawn uniformly ove
 directions, dw_i their solid angles; V and L_ind are traced through the surfels.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.shade.shade import consistency_of
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.sampling import random_hemisphere_direction
-from radiogs_core.transport.shading import shade_materials
-from radiogs_core.transport.splatting import towards
+from radiogs_core.transport.shading import lambert_albedo
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .settings import Variant
 
-Residual = Callable[[Tensor, Tensor], Tensor]
-"""The difference L_G - L_PBR, with gradient to both sides or to one."""
+class Residual(NamedTuple):
+    """Which sides of the difference L_G - L_PBR have gradient."""
+
+    own: bool = True
+    """Whether L_G has gradient."""
+    physical: bool = True
+    """Whether L_PBR has gradient."""
+
 
 RESIDUALS: Mapping[str, Residual] = {
-    "none": lambda own, physical: own - physical,
-    "pbr": lambda own, physical: own - physical.detach(),
-    "surfel": lambda own, physical: own.detach() - physical,
+    "none": Residual(),
+    "pbr": Residual(physical=False),
+    "surfel": Residual(own=False),
 }
 """The residual by ``Variant.detach``, which names the side without gradient."""
 
@@ -41,7 +46,7 @@ class RadiometricConsistency:
     """L_rad with traced incident light (paper, Eq. 9)."""
 
     residual: Residual = RESIDUALS["none"]
-    """L_G - L_PBR, with gradient to one side or both."""
+    """The sides of L_G - L_PBR that have gradient."""
     light_learns: bool = True
     """Whether the light has gradient."""
 
@@ -66,19 +71,13 @@ class RadiometricConsistency:
         for surfels that face it. ``environment``: linear radiance of the light. ``specular_at``: mask, over all
         surfels, of those with a specular lobe (None: all).
         """
-        chosen = surfels.among(index)
-        normal = chosen.frame[..., 2]
-        with torch.no_grad():
-            to_camera = towards(camera, chosen)
-            outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)
-            facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
-        physical = shade_materials(
-            normal, chosen.albedo, chosen.roughness, outgoing, incident,
-            environment if self.light_learns else environment.detach(),
-            None if specular_at is None else specular_at[index],
-        ).sum(2)  # fmt: skip
-        residual = self.residual(surfel_radiance(chosen.sh, outgoing), physical)
-        return torch.where(facing, residual, 0.0).abs().sum(1).mean()
+        drawn = torch.randn(len(index), 3, generator=generator, dtype=surfels.centre.dtype, device=index.device)
+        return consistency_of(
+            index, camera.centre, drawn, surfels.centre, surfels.sh, surfels.frame,
+            lambert_albedo(surfels.albedo, surfels.roughness, specular_at), surfels.roughness,
+            incident.direction, incident.weight, incident.visibility, incident.radiance,
+            environment if self.light_learns else environment.detach(), specular_at, *self.residual,
+        )  # fmt: skip
 
 
 def split_sum_consistency_loss(

@@ -5,17 +5,19 @@
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.shade.shade import arrive, shade_total
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import shade_surfels, towards
+from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import Masking, PrefilteredLight, split_sum_radiance
 
 from .consistency import RadiometricConsistency, split_sum_consistency_loss
@@ -42,17 +44,43 @@ class Shader(Protocol):
         """Continue from a state that ``state`` returned."""
 
 
+@dataclass(frozen=True)
+class Arriving:
+    """V Env + L_ind of all cached samples under a light that is not learnt, and what it was computed from."""
+
+    radiance: Float[Tensor, "surfels samples 3"]
+    """The incident radiance, linear RGB."""
+    indirect: Float[Tensor, "surfels samples 3"]
+    """The cached L_ind, which holds other samples after each tracing of all surfels."""
+    traced_at: int
+    """The step of that tracing."""
+    log_environment: Float[Tensor, "height width 3"]
+    """The light."""
+    version: int
+    """How often the light had been changed in place."""
+
+    def stands(self, cache: IncidentCache, light: Float[Tensor, "height width 3"]) -> bool:
+        """Whether it is still that of a cache, and of a light given by its logarithm."""
+        traced = self.indirect is cache.incident.radiance and self.traced_at == cache.traced_at
+        return traced and self.log_environment is light and self.version == light._version
+
+
 class MonteCarlo:
     """Eq. 8 over traced rays: L_rad from new rays of N_g random surfels, L_PBR from the cached light of all surfels."""
 
     def __init__(self, radiometric: RadiometricConsistency, cache: IncidentCache) -> None:
         self.radiometric, self.cache = radiometric, cache
+        self.arriving: Arriving | None = None
 
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over N_g random surfels, from rays traced now."""
-        index = self.drawn(model.surfels)
+        index, environment = self.drawn(model.surfels), model.environment
         incident = self.cache.light_on(index, model.surfels, iteration)
-        return self.radiometric.loss(model.surfels, model.environment, camera, index, incident, self.cache.generator)
+        if self.arriving is not None and self.arriving.stands(self.cache, model.log_environment):
+            arrive(
+                self.arriving.radiance, index, incident.direction, incident.visibility, incident.radiance, environment
+            )
+        return self.radiometric.loss(model.surfels, environment, camera, index, incident, self.cache.generator)
 
     def drawn(self, surfels: Surfels) -> Int[Tensor, " chosen"]:
         """Indices of N_g surfels, drawn without repetition; of all surfels if there are fewer."""
@@ -65,7 +93,23 @@ class MonteCarlo:
     ) -> Float[Tensor, "surfels 3"]:
         """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
         surfels, incident = model.surfels, self.cache.incident
-        return shade_surfels(surfels, surfels.albedo, incident, outgoing[:, None], model.environment)[:, 0].sum(1)
+        if model.log_environment.requires_grad:
+            radiance = (incident.visibility, incident.radiance, model.environment)
+        else:
+            radiance = (None, self.arrived(model), None)
+        return shade_total(
+            surfels.frame, surfels.albedo, surfels.roughness, outgoing[:, None],
+            incident.direction, incident.weight, *radiance,
+        )[:, 0]  # fmt: skip
+
+    def arrived(self, model: Model) -> Float[Tensor, "surfels samples 3"]:
+        """V Env + L_ind of all cached samples, under a light that is not learnt; steps keep it, but for new rays."""
+        incident, light = self.cache.incident, model.log_environment
+        if self.arriving is None or not self.arriving.stands(self.cache, light):
+            made, every = torch.empty_like(incident.radiance), torch.arange(len(incident.weight), device=light.device)
+            arrive(made, every, incident.direction, incident.visibility, incident.radiance, model.environment)
+            self.arriving = Arriving(made, incident.radiance, self.cache.traced_at, light, light._version)
+        return self.arriving.radiance
 
     def state(self) -> dict[str, Any]:
         """The cached light."""
@@ -73,7 +117,7 @@ class MonteCarlo:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
-        self.cache.incident = Incident(**state["incident"])
+        self.cache.incident, self.arriving = Incident(**state["incident"]), None
 
 
 class SplitSum:

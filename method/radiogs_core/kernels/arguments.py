@@ -86,7 +86,7 @@ class Arguments:
     def write(self, values: Sequence[Any]) -> None:
         """Write a value for each parameter: contiguous tensors as arrays, other values as they are.
 
-        An array of vectors takes a tensor of scalars. Tensors are not kept alive. Raises UsageError for a tensor with
+        An array of vectors takes a tensor of scalars; None is an array without memory. Tensors are not kept alive. Raises UsageError for a tensor with
         more entries than a kernel can count, and TypeError for a tensor that is not contiguous or not of the declared
         type.
         """
@@ -100,6 +100,8 @@ class Arguments:
                     require_countable(entries, "entries of an array", "Use fewer surfels, samples or pixels.")
                 addresses[address] = value.data_ptr()
                 lengths[length] = entries // width
+            elif value is None and dtype is not None:
+                addresses[address] = lengths[length] = 0
             else:
                 setattr(self.structure, name, value.__ctype__() if hasattr(value, "__ctype__") else value)
 
@@ -114,7 +116,7 @@ class Struct:
 
     Args:
         kind: Type of the struct.
-        values: A value for each field: contiguous tensors for arrays. Raises as ``Arguments.write`` does, and TypeError
+        values: A value for each field: contiguous tensors for arrays, or None. Raises as ``Arguments.write`` does, and TypeError
             if a field is missing or unknown.
     """
 

@@ -4,9 +4,10 @@ With s = wo + wi along the half-vector and F, V and D the terms of ``brdf``, eac
 
     weight (n.wi) { albedo / pi, D F V } x { visibility Env(wi), L_ind }
 
-to the four sums. The backward pass evaluates the same terms again instead of storing them.
+to the four sums, or to their total. The backward pass evaluates the same terms again instead of storing them. L_rad
+(``consistency_kernels``) is the sums of two views, and their distance from the surfel's own radiance.
 
-Both passes are native snippets that process samples in blocks of LANES and finish each step for a whole block before
+All passes are native snippets that process samples in blocks of LANES and finish each step for a whole block before
 the next. These are plain loops over the lanes, which the CPU compiler vectorises (one sample at a time, with the
 library's atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane without a
 sample, or with a sample below the horizon, uses the normal as its direction and weight zero, so its terms are finite
@@ -15,7 +16,7 @@ and contribute zero.
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import torch
 import warp as wp
@@ -23,10 +24,11 @@ import warp as wp
 from ..lanes import LANES
 from ..native_text import native_file, native_text
 from ..runtime import NATIVE, scalar_type, start_warp
+from ..surfel.harmonics_source import HARMONICS
 from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
 
-_TEXT = native_file(__package__, "shade.inl", lanes=LANES, angle=ANGLE)
+_TEXT = native_file(__package__, "shade.inl", lanes=LANES, angle=ANGLE, harmonics=HARMONICS)
 
 LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
@@ -37,13 +39,32 @@ EXP_TERMS = {torch.float32: 8, torch.float64: 15}
 TEXEL = 4
 """Numbers of a texel of the light in memory: three channels and one for padding, so that it is a vector of four."""
 
+Kind = Literal["parts", "total", "given"]
+"""What the kernels of ``shade_kernels`` sum. "parts": the four sums, from normals. "total": the sum of them all, from
+frames, whose third columns are normals. "given": the same, where V Env + L_ind of each sample is given."""
+
+_ALL_TOGETHER = {
+    "CHANNELS": "3", "VIEW": "3", "SPECULAR": "0", "KNOWN": "0",
+    "NORMAL_STRIDE": "9", "NORMAL_STEP": "3", "NORMAL_FIRST": "2",
+}  # fmt: skip
+
+_WORDS: dict[Kind, dict[str, str]] = {
+    "parts": {
+        "CHANNELS": "6", "VIEW": "12", "SPECULAR": "6", "KNOWN": "0",
+        "NORMAL_STRIDE": "3", "NORMAL_STEP": "1", "NORMAL_FIRST": "0",
+    },
+    "total": _ALL_TOGETHER,
+    "given": {**_ALL_TOGETHER, "KNOWN": "1"},
+}  # fmt: skip
+"""Channels of incident radiance, numbers of a view and the first of them that is specular, whether the incident
+radiance is known, and where the numbers of a normal lie."""
+
 
 @cache
-def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
-    """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat."""
+def inputs_struct(dtype: torch.dtype) -> Any:
+    """The struct of what all kernels of shading read, for a scalar type; all arrays are flat."""
     start_warp()
-    scalar = scalar_type(dtype)
-    flat = wp.array(dtype=scalar)
+    flat = wp.array(dtype=scalar_type(dtype))
 
     @wp.struct
     class Inputs:
@@ -51,6 +72,7 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
         samples: wp.int32
         height: wp.int32
         width: wp.int32
+        lobes_everywhere: wp.int32
         normal: flat
         albedo: flat
         roughness: flat
@@ -62,14 +84,23 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
         environment: flat
         specular_at: wp.array(dtype=wp.int32)
 
-    @wp.func_native(_written_for(_TEXT["forward"], dtype, on_cuda))
+    return Inputs
+
+
+@cache
+def shade_kernels(dtype: torch.dtype, on_cuda: bool, kind: Kind = "parts") -> Any:
+    """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat."""
+    Inputs = inputs_struct(dtype)  # noqa: N806
+    flat = wp.array(dtype=scalar_type(dtype))
+
+    @wp.func_native(_written_for("forward", dtype, on_cuda, kind))
     def shade_surfel(surfel: wp.int32, given: Inputs, out: flat): ...
 
-    @wp.func_native(_written_for(_TEXT["backward"], dtype, on_cuda))
+    @wp.func_native(_written_for("backward", dtype, on_cuda, kind))
     def pull_surfel(
         surfel: wp.int32,
         given: Inputs,
-        pull: flat,
+        pulls: flat,
         wants_incident: wp.int32,
         wants_environment: wp.int32,
         grad_normal: flat,
@@ -88,7 +119,7 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     def backward(
         begin: wp.int32,
         given: Inputs,
-        pull: flat,
+        pulls: flat,
         wants_incident: wp.int32,
         wants_environment: wp.int32,
         grad_normal: flat,
@@ -99,19 +130,90 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
         grad_environment: flat,
     ):
         pull_surfel(
-            begin + wp.tid(), given, pull, wants_incident, wants_environment,
+            begin + wp.tid(), given, pulls, wants_incident, wants_environment,
             grad_normal, grad_albedo, grad_roughness, grad_visibility, grad_indirect, grad_environment,
         )  # fmt: skip
 
     return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward)
 
 
-def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
+@cache
+def arrival_kernel(dtype: torch.dtype, on_cuda: bool) -> Any:
+    """``arrive`` for a scalar type: V Env + L_ind of the samples of some surfels, into rows ``index``."""
+    Inputs = inputs_struct(dtype)  # noqa: N806
+    flat, rows = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.int64)
+
+    @wp.func_native(_written_for("arrive", dtype, on_cuda, "total"))
+    def add_up(surfel: wp.int32, given: Inputs, index: rows, arriving: flat): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def arrive(begin: wp.int32, given: Inputs, index: rows, arriving: flat):
+        add_up(begin + wp.tid(), given, index, arriving)
+
+    return SimpleNamespace(Inputs=Inputs, arrive=arrive)
+
+
+@cache
+def consistency_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
+    """The pair ``forward``, ``backward`` of L_rad for a scalar type; all arrays are flat.
+
+    An item is one of the surfels ``index``; its samples are in the item's row, its values in that of the surfel.
+    """
+    Inputs = inputs_struct(dtype)  # noqa: N806
+    scalar = scalar_type(dtype)
+    flat, rows = wp.array(dtype=scalar), wp.array(dtype=wp.int64)
+
+    @wp.func_native(_written_for("consistency", dtype, on_cuda, "total"))
+    def compare(
+        surfel: wp.int32, given: Inputs, index: rows, camera: flat, drawn: flat, centre: flat,
+        coefficients: wp.int32, sh: flat, scale: scalar, keeps_light: wp.int32,
+        losses: flat, slopes: flat, lights: flat,
+    ): ...  # fmt: skip
+
+    @wp.func_native(_written_for("pull_consistency", dtype, on_cuda, "total"))
+    def pull_apart(
+        surfel: wp.int32, given: Inputs, index: rows, camera: flat, drawn: flat, centre: flat,
+        coefficients: wp.int32, sh: flat, slopes: flat, lights: flat, pulls: flat,
+        wants_own: wp.int32, wants_physical: wp.int32, wants_incident: wp.int32, wants_environment: wp.int32,
+        has_light: wp.int32, grad_normal: flat, grad_albedo: flat, grad_roughness: flat, grad_sh: flat,
+        grad_visibility: flat, grad_indirect: flat, grad_environment: flat,
+    ): ...  # fmt: skip
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def forward(
+        begin: wp.int32, given: Inputs, index: rows, camera: flat, drawn: flat, centre: flat,
+        coefficients: wp.int32, sh: flat, scale: scalar, keeps_light: wp.int32,
+        losses: flat, slopes: flat, lights: flat,
+    ):  # fmt: skip
+        compare(
+            begin + wp.tid(), given, index, camera, drawn, centre, coefficients, sh, scale, keeps_light,
+            losses, slopes, lights,
+        )  # fmt: skip
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def backward(
+        begin: wp.int32, given: Inputs, index: rows, camera: flat, drawn: flat, centre: flat,
+        coefficients: wp.int32, sh: flat, slopes: flat, lights: flat, pulls: flat,
+        wants_own: wp.int32, wants_physical: wp.int32, wants_incident: wp.int32, wants_environment: wp.int32,
+        has_light: wp.int32, grad_normal: flat, grad_albedo: flat, grad_roughness: flat, grad_sh: flat,
+        grad_visibility: flat, grad_indirect: flat, grad_environment: flat,
+    ):  # fmt: skip
+        pull_apart(
+            begin + wp.tid(), given, index, camera, drawn, centre, coefficients, sh, slopes, lights, pulls,
+            wants_own, wants_physical, wants_incident, wants_environment, has_light,
+            grad_normal, grad_albedo, grad_roughness, grad_sh, grad_visibility, grad_indirect, grad_environment,
+        )  # fmt: skip
+
+    return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward)
+
+
+def _written_for(section: str, dtype: torch.dtype, on_cuda: bool, kind: Kind) -> str:
     words = {
         "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
         "ATAN_TERMS": str(ATAN_TERMS[dtype]),
         "EXP_TERMS": str(EXP_TERMS[dtype]),
         "F0": repr(FRESNEL_NORMAL),
         "TEXEL": str(TEXEL),
+        **_WORDS[kind],
     }
-    return native_text(snippet, dtype, on_cuda, words)
+    return native_text(_TEXT[section], dtype, on_cuda, words)
