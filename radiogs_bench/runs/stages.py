@@ -15,7 +15,7 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
-from ..store.folder import Store, checkpoint_name, product_name
+from ..store.folder import Store, checkpoint_name, product_name, stage_claim
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
 from ..store.seal import strict_json
@@ -224,7 +224,7 @@ def _kept(bench: Bench, key: str, work: Callable[[], Outcome], scene: Scene) -> 
     if stored is not None:
         return stored
     name = product_name(key)
-    with bench.store.claim(name.replace("/", "-")):
+    with bench.store.claim(stage_claim(key)):
         stored = _stored_outcome(bench, key)  # somebody else may have finished it meanwhile
         if stored is not None:
             return stored

@@ -1,6 +1,7 @@
 """The start of a stage is made once for all cells that agree in what it reads, and its cost is every cell's own."""
 
 import gc
+import time
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -32,7 +33,7 @@ class Starting(Chain):
 
     def __init__(self) -> None:
         super().__init__(("coarse", "fine"))
-        self.made = 0
+        self.made, self.takes = 0, 0.0
         self.first: weakref.ref[torch.Tensor] | None = None
         self.left: list[bool] = []
 
@@ -52,6 +53,7 @@ class Starting(Chain):
         self.first = weakref.ref(before["value"])
         generator = torch.Generator().manual_seed(run.seed)
         count(searched=7)
+        time.sleep(self.takes)
         value = before["value"] + torch.rand(1, generator=generator)
         return {"value": value, "generator": generator.get_state()}
 
@@ -99,6 +101,7 @@ def test_cells_that_share_a_start_make_it_once_and_end_as_without_a_store(tmp_pa
 
 def test_its_cost_is_that_of_every_cell(tmp_path: Path) -> None:
     chain = Starting()
+    chain.takes = 0.3
     bench = bench_of(chain, tmp_path)
     fine = [trained(bench, cell(chain, weight), SCENE)[1]["fine"] for weight in (1.0, 2.0)]
     start = bench.store.tensors(product_name(str(cell(chain).stages[1].start)), CPU)
