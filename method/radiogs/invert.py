@@ -1,6 +1,6 @@
 """Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11).
 
-It starts with the surfels and radiance of stage 1, new materials and a new light (``start_of``).
+It starts with the surfels and radiance of stage 1, new materials and a new light (``start``).
 """
 
 from collections.abc import Mapping
@@ -13,32 +13,31 @@ from radiogs_core.contract import Run
 from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
 from radiogs_core.learning.losses import environment_smoothness, light_prior
 from radiogs_core.learning.views import TrainingView
-from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import StartingModel, starting_model
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.splatting import own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from .consistency import RadiometricConsistency
 from .incident_cache import IncidentCache, IncidentPolicy
-from .model import Model, constant_light
-from .oracle import Start, given_geometry, with_given_parts
+from .model import Model
+from .oracle import Start, with_given_parts
 from .rays import RaySettings
-from .settings import START_RADIANCE, Budget, Variant
+from .settings import Budget, Variant
 from .shaders import MonteCarlo, Shader, SplitSum
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. It keeps the geometry and radiance of stage 1, and starts with new materials and a new light."""
 
-    def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
+    def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any]) -> None:
+        """``made``: what ``start.make_start`` returned. The stage goes on with the random numbers of its generator."""
         variant = run.variant
         super().__init__(run, run.budget.inverse_iterations, variant.view_share)
+        self.generator.set_state(made["generator"])
         self.geometry, self.surrounded = variant.surfel_learning, run.scene.surrounded
-        self.start = start_of(run, surfels_of(initialised, run.device), self.views, self.generator)
+        self.start = start_of(run, made)
         light = {"log_environment": self.start.log_environment}
         self.optimiser = SurfelOptimiser(self.start.surfels, light, self.start.rates)
         self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
@@ -134,35 +133,15 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return self.model.tensors()
 
 
-def start_of(
-    run: Run[Variant, Budget], learnt: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> Start:
+def start_of(run: Run[Variant, Budget], made: Mapping[str, Any]) -> Start:
     """The start of stage 2: new materials, a new light, and the given parts of the truth.
 
-    ``learnt``: the surfels of stage 1. Raises DataError if the truth of a given part is not known.
+    ``made``: what ``start.make_start`` returned. Raises DataError if the truth of a given part is not known.
     """
     scene, variant = run.scene, run.variant
-    model = _materials_and_light(given_geometry(learnt, variant.given, scene), run, views, generator)
-    rates = rates_of(variant, scene.extent, run.budget.inverse_iterations, model.searched)
-    start = Start(model.surfels, model.log_environment, rates)
+    rates = rates_of(variant, scene.extent, run.budget.inverse_iterations, made["searched"])
+    start = Start(Surfels.of(made["surfels"]), made["log_environment"], rates)
     return with_given_parts(start, variant.given, scene, run.seed)
-
-
-def _materials_and_light(
-    learnt: Surfels, run: Run[Variant, Budget], views: tuple[TrainingView, ...], generator: torch.Generator
-) -> StartingModel:
-    """The surfels with initial materials, and the initial light.
-
-    The search for the light simulates what stage 2 simulates: split-sum shading has neither visibility nor indirect
-    light.
-    """
-    variant, start, rows = run.variant, run.variant.materials.start, run.budget.light_height
-    if "start-light" in variant.deviations:
-        surfels = learnt.with_material(start.albedo, start.roughness)
-        return StartingModel(surfels, constant_light(rows, START_RADIANCE, run.device), searched=False)
-    two_sided = RaySettings.of(variant).back_offset is not None
-    plan = plan_of(() if variant.shading == "split-sum" else variant.effects)
-    return starting_model(learnt, views, rows, start, generator, two_sided, plan)
 
 
 def rates_of(variant: Variant, extent: float, steps: int, searched: bool = True) -> dict[str, float]:

@@ -1,11 +1,11 @@
 """``RADIOGS``, the method for the harness: its stages with their dependencies, and its trained model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, TrainingImages, require_truth
-from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
+from radiogs_core.contract import Run, SharedStart, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
 from .constants import recipe_table
@@ -18,6 +18,7 @@ from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import memory_of, short_run, sizes
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
+from .start import StartSettings, make_start
 
 
 class RadioGS:
@@ -65,6 +66,13 @@ class RadioGS:
                 begin=inverse_rendering,
                 compiles=True,
                 uses_surfaces=any(part != "light" for part in variant.given),
+                start=SharedStart(
+                    reads=asdict(StartSettings.of(variant, budget)),
+                    sources=("radiogs.start",),
+                    make=make_start,
+                    begin=_from_start,
+                    uses_surfaces="geometry" in variant.given,
+                ),
             ),
         )
 
@@ -111,8 +119,12 @@ def _initialise(run: Run[Variant, Budget], before: Mapping[str, Any]) -> Stage:
 
 def inverse_rendering(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> InverseRendering:
     """Stage 2 of a run, from the product of stage 1; with a choice of effects, the stage that follows a plan."""
+    return _from_start(run, make_start(run, initialised))
+
+
+def _from_start(run: Run[Variant, Budget], made: Mapping[str, Any]) -> InverseRendering:
     stage = InverseRendering if run.variant.effects == "all" else PlannedInverseRendering
-    return stage(run, initialised)
+    return stage(run, made)
 
 
 RADIOGS = RadioGS()

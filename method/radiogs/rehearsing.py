@@ -205,10 +205,10 @@ def memory_of(
     learnt = views + filters_bytes(min(budget.light_height, LARGEST_HEIGHT))
     alone = surfels * SURFEL
     model = alone + surfels * 3 * FLOAT
-    # Stage 2 also keeps the tree of the ray tracer and, for probes of effects, the product of stage 1.
-    kept_product = 0 if variant.effects == "all" else LEARNT
+    # Stage 2 also keeps the tree of the ray tracer and, for probes of effects, the model of stage 1.
+    probed = SURFEL if variant.effects == "auto" else 0
     initialised = learnt + surfels * (LEARNT + 3 * FLOAT)
-    inverted = learnt + surfels * (LEARNT + kept_product + 600 + SAMPLE * samples)
+    inverted = learnt + surfels * (LEARNT + probed + 600 + SAMPLE * samples)
     filtered = filters_bytes(LARGEST_HEIGHT) + model
     relit = filtered + surfels * SAMPLE * directions
     finetuning = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples

@@ -100,6 +100,29 @@ class Stage(Protocol):
 
 
 @dataclass(frozen=True)
+class SharedStart(Generic[VariantT, BudgetT]):
+    """The part of a stage's beginning that variants share: a harness makes it once and stores it.
+
+    ``begin(run, make(run, before))`` is the stage that ``StageSpec.begin(run, before)`` makes, to the last bit, whether
+    the product of ``make`` was made in this process or read from a file.
+    """
+
+    reads: Mapping[str, Any]
+    """The fields of variant and budget that decide the product, with their values."""
+    sources: tuple[str, ...]
+    """Names of modules whose files, with those of all modules that they import, decide the product."""
+    make: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], dict[str, Any]]
+    """Makes the product, tensors and plain values, from a run and the product of the previous stage.
+
+    If it draws random numbers, the state of its generator is part of the product: the stage draws on from there.
+    """
+    begin: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], Stage]
+    """Makes the stage from a run and the product of ``make``."""
+    uses_surfaces: bool = False
+    """Whether ``make`` reads the scene's true surfaces (as in ``StageSpec``)."""
+
+
+@dataclass(frozen=True)
 class StageSpec(Generic[VariantT, BudgetT]):
     """One stage of a method: its name, its dependencies, and how it begins."""
 
@@ -123,6 +146,8 @@ class StageSpec(Generic[VariantT, BudgetT]):
     """Whether the outcome consists of files in ``Run.workspace``; if so, later stages run on the same machine."""
     uses_surfaces: bool = False
     """Whether the stage reads the scene's true surfaces; if so, the modules that compute them count as sources too."""
+    start: SharedStart[VariantT, BudgetT] | None = None
+    """The part of the beginning that runs of other variants share, if there is one."""
 
 
 @dataclass(frozen=True)

@@ -357,7 +357,7 @@ def run_as_worker(request: "Request", store: "Store", device: "torch.device", op
         bench = Bench(
             store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
-        return report_failures(run_worker(request, bench, *options.worker).failures)
+        return report_failures(run_worker(request, bench, options.worker[1]).failures)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from radiogs_core.contract import Method
+from radiogs_core.contract import Method, SharedStart, StageSpec
 from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 
@@ -19,12 +19,16 @@ from ..suites.experiment import EXPERIMENTS, TRAINING, Experiment
 
 @dataclass(frozen=True)
 class StageKey:
-    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product."""
+    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product.
+
+    ``start``: key of what it begins with, if that is stored too, for other cells (``contract.SharedStart``).
+    """
 
     name: str
     title: str
     steps: int
     key: str
+    start: str | None = None
 
 
 @dataclass(frozen=True)
@@ -120,20 +124,16 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
     begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}
     stages: list[StageKey] = []
     for spec in specs:
+        before = stages[-1].key if stages else None
         with calling(method.name, f"the reads and sources of stage '{spec.name}'"):
-            depends = {
-                **begin,
-                "before": stages[-1].key if stages else None,
-                "owner": spec.owner,
-                "stage": spec.name,
-                "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
-                "code": code_digest(*spec.sources),
-            }
-            if spec.uses_surfaces:
-                depends |= {"surfaces": code_digest(*scene.surfaces_by)}
+            start = None
+            if spec.start is not None:
+                depends = {**begin, "before": before, "owner": spec.owner, "start of": spec.name}
+                before = start = content_key(depends | _read_by(spec.start, scene))
+            depends = {**begin, "before": before, "owner": spec.owner, "stage": spec.name} | _read_by(spec, scene)
         if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
             depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
-        stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends)))
+        stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends), start))
     return Cell(
         scene=scene.name,
         checksum=scene.checksum,
@@ -153,6 +153,12 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
         settings=work.settings,
         found_as=found_as or method.name,
     )
+
+
+def _read_by(spec: StageSpec | SharedStart, scene: Scene) -> dict[str, Any]:
+    """Fields and digests of sources that a stage, or its start, depends on beside its input."""
+    read = {"reads": json.loads(json.dumps(spec.reads, allow_nan=False)), "code": code_digest(*spec.sources)}
+    return read | ({"surfaces": code_digest(*scene.surfaces_by)} if spec.uses_surfaces else {})
 
 
 def evaluation_code(experiment: Experiment, method: Method | None = None) -> str:

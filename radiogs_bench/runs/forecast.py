@@ -71,6 +71,26 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
     return expected
 
 
+def lengths_of(store: Store, cells: Sequence[Cell]) -> list[float]:
+    """How long each cell takes in comparison with the others, for the order in which they are run.
+
+    Seconds where they can be estimated for all, else steps; a stage that cells share counts in the first of them.
+    """
+    expected = forecast(store, cells)
+    seconds = [0.0 if each is None else each.seconds for each in expected]
+    known = [each for each in seconds if each is not None]
+    if len(known) == len(cells):
+        return known
+    counted: set[str] = set()
+    steps: list[float] = []
+    for cell in cells:
+        new = [stage for stage in cell.stages if stage.key not in counted]
+        taken = sum(stage.steps for stage in new if not store.has_tensors(product_name(stage.key)))
+        steps.append(float(taken))
+        counted |= {stage.key for stage in new}
+    return steps
+
+
 def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
     """Sum of the known seconds, and the number of cells whose seconds are unknown."""
     missing = [each for each in expected if each is not None]

@@ -2,19 +2,20 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, TypedDict
 
 import torch
 
 from radiogs_core.capabilities import Closing
-from radiogs_core.contract import Method, Run, Stage, StageSpec, Trained
+from radiogs_core.contract import Method, Run, SharedStart, Stage, StageSpec, Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
-from ..store.folder import Store, checkpoint_name, product_name
+from ..store.folder import Store, checkpoint_name, product_name, stage_claim
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
 from ..store.seal import strict_json
@@ -143,7 +144,25 @@ def stage_outcome(
     with calling(cell.method, "stages()"):
         spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[index]
     run = run_of(bench, cell, scene)
-    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, held.pop()), scene, score)
+    start, rest = None, spec
+    if spec.start is not None and stage.start is not None:
+        start = partial(_put_start, bench, cell.method, stage, spec.start, run, held)
+        rest = replace(spec, begin=spec.start.begin)
+    return completed(bench, cell.method, stage, lambda: begun(cell.method, rest, run, held.pop()), scene, score, start)
+
+
+def _put_start(bench: Bench, method: str, stage: StageKey, start: SharedStart, run: Run, held: Held) -> Ledger:
+    """Put what a stage begins with, made now or stored, in the place of the previous product; returns its cost."""
+
+    def make() -> dict[str, Any]:
+        with calling(method, f"start.make() of stage '{stage.name}'"):
+            made = dict(start.make(run, held.pop()))
+        require_storable(method, made, "start.make()", stage.name)
+        return made
+
+    outcome = _kept(bench, str(stage.start), lambda: _timed(bench, make), run.scene)
+    held[:] = [outcome["product"]]
+    return outcome["ledger"]
 
 
 def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:
@@ -167,37 +186,68 @@ def completed(
     begin: Callable[[], Stage],
     scene: Scene,
     score: StageScore | None = None,
+    start: Callable[[], Ledger] | None = None,
 ) -> Outcome:
     """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
 
-    ``score`` is as in ``trained``, but takes the stage. Raises DataError where the files of ``scene`` changed
-    meanwhile; then nothing that may have been made from others is kept.
+    ``score`` is as in ``trained``, but takes the stage. ``start`` makes or reads what the stage begins with, if cells
+    share that; its cost counts as the stage's own, whichever cell has made it. Raises DataError where the files of
+    ``scene`` changed meanwhile; then nothing that may have been made from others is kept.
     """
-    stored = _stored_outcome(bench, key.key)
-    if stored is not None:
-        return stored
-    name = product_name(key.key)
-    with bench.store.claim(name.replace("/", "-")):
-        stored = _stored_outcome(bench, key.key)  # somebody else may have finished it meanwhile
-        if stored is not None:
-            return stored
+
+    def work() -> Outcome:
+        before = start() if start is not None else None
         reset_peaks(bench.device)
         with recording() as instruments:
             started = time.perf_counter()
+            if before is not None:
+                instruments.restore(before)
+                started -= before["seconds"]
             stage = begin()
             try:
-                ledger = _StageLoop(bench, method, key, stage, scene, instruments, started, score).to_the_end()
+                loop = _StageLoop(bench, method, key, stage, scene, instruments, started, score)
+                loop.earlier = [] if before is None else before["sessions"]
+                ledger = loop.to_the_end()
                 with calling(method, f"product() of stage '{key.name}'"):
                     product = dict(stage.product())
             finally:
                 close_stage(method, stage)
             require_storable(method, product, "product()", key.name)
-            outcome = Outcome(product=product, ledger=ledger)
+            return Outcome(product=product, ledger=ledger)
+
+    return _kept(bench, key.key, work, scene)
+
+
+def _kept(bench: Bench, key: str, work: Callable[[], Outcome], scene: Scene) -> Outcome:
+    """The outcome that is stored under ``key``; if there is none, that of ``work``, which is stored."""
+    stored = _stored_outcome(bench, key)
+    if stored is not None:
+        return stored
+    name = product_name(key)
+    with bench.store.claim(stage_claim(key)):
+        stored = _stored_outcome(bench, key)  # somebody else may have finished it meanwhile
+        if stored is not None:
+            return stored
+        outcome = work()
         require_unchanged(scene, bench.digest)
         bench.store.put_tensors(name, {**outcome})
-        bench.store.drop_tensors(checkpoint_name(key.key))
+        bench.store.drop_tensors(checkpoint_name(key))
     bench.interruption.check()
     return outcome
+
+
+def _timed(bench: Bench, make: Callable[[], dict[str, Any]]) -> Outcome:
+    """The product that ``make`` returns, and its cost."""
+    reset_peaks(bench.device)
+    with recording() as instruments:
+        started = time.perf_counter()
+        product = make()
+        seconds = time.perf_counter() - started
+    cost = instruments.plain()
+    return Outcome(
+        product=product,
+        ledger=Ledger(**cost, seconds=seconds, losses={}, trail=[], since={}, sessions=[session(bench.device)]),
+    )
 
 
 def close_stage(method: str, stage: Stage) -> None:

@@ -17,7 +17,7 @@ import io
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,7 +27,7 @@ import torch
 from ..errors import MethodFailed, StoreError
 from .aside import set_aside
 from .atomic import write_atomically
-from .claim import claim, patient_claim
+from .claim import Claimed, claim, patient_claim
 from .keys import content_key
 from .names import plain_name
 from .schema import RESULT_SCHEMA, Failure, Result
@@ -51,6 +51,15 @@ class Store:
     def claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, until the block ends or the process dies. Raises Claimed."""
         return claim(self.folder / "locks" / name)
+
+    def is_claimed(self, name: str) -> bool:
+        """Whether another process holds the claim at this moment."""
+        path = self.folder / "locks" / name
+        try:
+            with claim(path) if path.exists() else nullcontext():
+                return False
+        except Claimed:
+            return True
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, waiting until it is free; for short work."""
@@ -247,6 +256,11 @@ class Store:
 def product_name(key: str) -> str:
     """Name of a stage's product in a store."""
     return f"stages/{key}"
+
+
+def stage_claim(key: str) -> str:
+    """Name of the claim on a stage, or on its start, while it is being made."""
+    return f"stages-{key}"
 
 
 def checkpoint_name(key: str) -> str:

@@ -16,6 +16,7 @@ from radiogs.settings import DEVIATIONS, INVERSE_ONLY, PRESETS, Budget, Variant
 from radiogs_bench.runs.cell import Cell, Work, cell_of, evaluation_code
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
+from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.contract import StageSpec, values_of
 from radiogs_core.plain_values import flat, with_values
 
@@ -70,6 +71,17 @@ def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_aft
     value = "other" if name == "name" else 2 * flat(dataclasses.asdict(smoke))[name]
     found = changed(radiogs_cell(budget=with_values(smoke, {name: value})), radiogs_cell())
     assert found == [place >= first for place in range(3)]
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Variant)])
+def test_the_start_of_stage_2_is_shared_by_variants_that_differ_in_what_it_does_not_read(name: str) -> None:
+    start = radiogs_cell(Variant(**{name: OTHER_VALUES[name]})).stages[1].start
+    assert (start != radiogs_cell().stages[1].start) == (name in (*FROM_STAGE_1, "shading", "effects"))
+
+
+def test_the_ablations_of_radiometric_consistency_share_the_start_of_stage_2_but_for_the_other_stage_1() -> None:
+    rows = {row.key: radiogs_cell(Variant(**row.variant)).stages[1].start for row in ABLATIONS.rows}
+    assert [key for key, start in rows.items() if start != rows["ours"]] == ["nvs-init"]
 
 
 def test_deviations_that_stage_1_does_not_make_leave_it_shared() -> None:

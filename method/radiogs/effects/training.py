@@ -14,7 +14,6 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.instruments import part
-from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
@@ -42,14 +41,14 @@ NO_RAYS = EffectPlan(visibility=False, indirect=False)
 class PlannedInverseRendering(InverseRendering):
     """Stage 2 that simulates the effects of a plan."""
 
-    def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
+    def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any]) -> None:
         variant, budget = run.variant, run.budget
         self.planner = Planner(
             variant.effects, run.seed, budget.inverse_iterations, budget.incident_samples,
             RaySettings.of(variant), variant.straight,
         )  # fmt: skip
-        self.initialised = initialised
-        super().__init__(run, initialised)
+        self.initialised = made.get("initialised")
+        super().__init__(run, made)
 
     def make_shader(self) -> Shader:
         """Eq. 8 with the effects of the plan."""
@@ -79,8 +78,8 @@ class PlannedInverseRendering(InverseRendering):
             self._plan_anew(self.model if self.iteration else self._initial_model())
 
     def _initial_model(self) -> Model:
-        light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
-        return Model(surfels_of(self.initialised, self.device), light)
+        assert self.initialised is not None  # kept for variants that probe (``start.StartSettings.probed``)
+        return Model(Surfels.of(self.initialised["surfels"]), self.initialised["log_environment"])
 
     def _plan_anew(self, model: Model) -> None:
         """Probe ``model`` and adopt the resulting plan; a plan with other rays starts with new incident light."""

@@ -22,7 +22,7 @@ from radiogs_core.errors import ExplainedError, UsageError
 from ...errors import CellFailed, Interrupted
 from ...extras import extra_library
 from ...store.claim import Claimed
-from ...store.folder import Store
+from ...store.folder import Store, stage_claim
 from ..cell import Cell
 from ..interruption import STOPPING_SIGNALS, Interruption
 from ..progress import Progress
@@ -127,7 +127,7 @@ class Cluster:
             if self.store.result(cell.key) is not None:
                 return
             for stage in cell.stages[-1:]:
-                held.enter_context(self.store.claim(f"stages-{stage.key}"))
+                held.enter_context(self.store.claim(stage_claim(stage.key)))
             names = [name for stage in cell.stages[-1:] for name in names_of(stage)]
             flight = self._finish.remote(self._remote_cell(cell), self._given(names), self._first(cell))
             self.flights[flight] = Flight(task, held.pop_all(), tuple(names[1::2]))
@@ -158,7 +158,7 @@ class Cluster:
             names = [name for stage in shared for name in names_of(stage)]
             with ExitStack() as held:
                 for stage in shared:
-                    held.enter_context(self.store.claim(f"stages-{stage.key}"))
+                    held.enter_context(self.store.claim(stage_claim(stage.key)))
                 given = self._given(names)
                 if file_of(names[-2]) in given:
                     self.firsts[key] = self.ray.put(RemoteResult(given, None, ""))

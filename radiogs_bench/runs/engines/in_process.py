@@ -9,7 +9,7 @@ from radiogs_core.errors import DataError, ExplainedError
 
 from ...errors import Interrupted, MethodFailed, StoreError, exit_code
 from ...store.claim import Claimed
-from ...store.folder import Store
+from ...store.folder import Store, product_name, stage_claim
 from ...store.provenance import now
 from ...store.schema import RESULT_SCHEMA
 from ..cell import Cell
@@ -18,7 +18,7 @@ from ..progress import Progress
 
 logger = logging.getLogger(__name__)
 
-POLL_SECONDS = 1.0
+POLL_SECONDS = 0.25
 
 STOPPING = (Interrupted, DataError, StoreError)
 """Failures that the next cell would have as well."""
@@ -37,8 +37,9 @@ def run_cells(
 ) -> list[ExplainedError]:
     """Run every cell with ``run``, which stores the result; returns the errors of those that failed.
 
-    Finished cells are skipped. Cells that another process works on are waited for once nothing else is left. A failure
-    is recorded and the other cells go on, unless they would fail in the same way: then it is raised.
+    Finished cells are skipped. After each cell the first one that can be run is taken: cells that another process works
+    on, or that need a stage which another process trains, are waited for once nothing else is left. A failure is
+    recorded and the other cells go on, unless they would fail in the same way: then it is raised.
     """
     failures: list[ExplainedError] = []
     waiting = [task for task in tasks if store.result(task.cell.key) is None]
@@ -49,6 +50,8 @@ def run_cells(
         interruption.check()
         if store.result(task.cell.key) is not None:
             return True
+        if waits_for_others(store, task.cell):
+            return False
         started = time.perf_counter()
         try:
             with store.claim(task.cell.key):
@@ -66,20 +69,25 @@ def run_cells(
             failures.append(failure)
         return True
 
-    left = len(waiting)
-    progress.advance("cells", len(tasks) - left, len(tasks))
+    progress.advance("cells", len(tasks) - len(waiting), len(tasks))
     while waiting:
-        held = []
-        for task in waiting:
-            if attempt(task):
-                left -= 1
-                progress.advance("cells", len(tasks) - left, len(tasks))
-            else:
-                held.append(task)
-        if len(held) == len(waiting):
+        ended = next((task for task in waiting if attempt(task)), None)
+        if ended is None:
             time.sleep(POLL_SECONDS)
-        waiting = held
+            continue
+        waiting.remove(ended)
+        progress.advance("cells", len(tasks) - len(waiting), len(tasks))
     return failures
+
+
+def waits_for_others(store: Store, cell: Cell) -> bool:
+    """Whether another process works on the stage of the cell that is next, or on what that stage begins with."""
+    for stage in cell.stages:
+        if store.has_tensors(product_name(stage.key)):
+            continue
+        begun = stage.start is None or store.has_tensors(product_name(stage.start))
+        return store.is_claimed(stage_claim(stage.key if begun else str(stage.start)))
+    return False
 
 
 def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedError | None:

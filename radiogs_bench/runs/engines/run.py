@@ -23,6 +23,7 @@ from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
 from ...store.folder import Store
 from ...store.pace import Pace, pace_of
 from ..cell import Cell
+from ..forecast import lengths_of
 from ..interruption import Interruption
 from ..kept_pace import KeptPace
 from ..preflight import COMPILED_ON, preflight
@@ -61,18 +62,26 @@ def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
     return Ended(run_tasks(request, tasks, bench))
 
 
-def run_worker(request: Request, bench: Bench, number: int, count: int) -> Ended:
-    """Run the cells as one of several workers, each starting at another place in the list.
+def run_worker(request: Request, bench: Bench, count: int) -> Ended:
+    """Run the cells as one of ``count`` workers. All take the next one from the same list (``in_turn``)."""
+    ordered = in_turn(request.own_cells(), bench.store, count)
+    return Ended(run_tasks(request, [Task(cell, label(ref)) for ref, cell in ordered], bench))
 
-    Cells that share their first stage stay together, so that workers rarely wait for each other.
+
+def in_turn(cells: Sequence[tuple[CellRef, Cell]], store: Store, count: int) -> list[tuple[CellRef, Cell]]:
+    """The cells in the order in which ``count`` workers take them.
+
+    Scene by scene and seed by seed, so that complete comparisons finish early; the last ``count`` of these are mixed,
+    the longest cells first, so that the workers end together. A cell that trains a stage for others is long.
     """
-    groups: dict[str, list[Task]] = {}
-    for ref, cell in request.own_cells():
-        groups.setdefault(cell.first_key, []).append(Task(cell, label(ref)))
-    ordered = list(groups.values())
-    first = number * len(ordered) // count
-    tasks = [task for group in (*ordered[first:], *ordered[:first]) for task in group]
-    return Ended(run_tasks(request, tasks, bench))
+    blocks: dict[tuple[str, int], list[tuple[CellRef, Cell]]] = {}
+    for ref, cell in cells:
+        blocks.setdefault((ref["scene"], ref["seed"]), []).append((ref, cell))
+    parts = list(blocks.values())
+    last = [each for part in parts[-count:] for each in part]
+    lengths = lengths_of(store, [cell for _, cell in last])
+    longest_first = sorted(range(len(last)), key=lambda place: -lengths[place])
+    return [*(each for part in parts[:-count] for each in part), *(last[place] for place in longest_first)]
 
 
 def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:

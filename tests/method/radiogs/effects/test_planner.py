@@ -75,8 +75,9 @@ def planned(initialised: dict[str, Any]) -> InverseRendering:
 def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
     stage.planner.plan = EffectPlan().without("indirect").without("visibility")
-    stage.initialised = copy.deepcopy(initialised)
-    stage.initialised["optimiser"]["tensors"]["sh"][:] = torch.nan
+    stage.initialised = copy.deepcopy(stage.initialised)
+    assert stage.initialised is not None
+    stage.initialised["surfels"]["sh"][:] = torch.nan
     stage.step()
     assert stage.planner.plan == EffectPlan()
     assert "failed" in stage.planner.evidence[-1].why

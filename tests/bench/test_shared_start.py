@@ -1,0 +1,185 @@
+"""The start of a stage is made once for all cells that agree in what it reads, and its cost is every cell's own."""
+
+import gc
+import time
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from bench.chain_method import SOURCES, Chain, ChainStage, ChainTrained, Steps, Turned
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench, trained
+from radiogs_bench.store.claim import Claimed
+from radiogs_bench.store.folder import Store, product_name
+from radiogs_core.contract import Run, SharedStart, StageSpec
+from radiogs_core.instruments import count
+from scenes import sphere_scene
+
+CPU = torch.device("cpu")
+SCENE = sphere_scene(views=2, size=16)
+
+
+class Starting(Chain):
+    """A chain whose last stage begins with a random start that no field of the variant decides."""
+
+    def __init__(self) -> None:
+        super().__init__(("coarse", "fine"))
+        self.made, self.takes = 0, 0.0
+        self.first: weakref.ref[torch.Tensor] | None = None
+        self.left: list[bool] = []
+
+    def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
+        coarse, fine = super().stages(variant, budget)
+        alike = replace(coarse, reads={}, begin=self.coarse)
+        return alike, replace(fine, begin=self.whole, start=SharedStart({}, SOURCES, self.make, self.begin))
+
+    def coarse(self, run: Run, before: Mapping[str, Any]) -> ChainStage:
+        return ChainStage(self, 0, replace(run, variant=Turned()), before)
+
+    def whole(self, run: Run, before: Mapping[str, Any]) -> ChainStage:
+        return self.begin(run, self.make(run, before))
+
+    def make(self, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+        self.made += 1
+        self.first = weakref.ref(before["value"])
+        generator = torch.Generator().manual_seed(run.seed)
+        count(searched=7)
+        time.sleep(self.takes)
+        value = before["value"] + torch.rand(1, generator=generator)
+        return {"value": value, "generator": generator.get_state()}
+
+    def begin(self, run: Run, made: Mapping[str, Any]) -> ChainStage:
+        stage = ChainStage(self, 1, run, made)
+        stage.generator.set_state(made["generator"])
+        return stage
+
+
+def cell(chain: Chain, weight: float = 1.0, seed: int = 0) -> Cell:
+    return cell_of(chain, SCENE, Work(Turned(weight), chain.presets["smoke"], seed))
+
+
+def bench_of(chain: Chain, folder: Path, stopping: bool = False) -> Bench:
+    interruption = Interruption()
+    interruption.requested = stopping
+    return Bench(Store(folder), CPU, LogProgress(), interruption, lambda _: chain, checksum_now, checkpoint_seconds=0.0)
+
+
+def value_of(model: object) -> float:
+    assert isinstance(model, ChainTrained)
+    return float(model.value)
+
+
+def by_hand(chain: Chain, weight: float) -> float:
+    """The chain without a store: every stage begun as a whole."""
+    product: Mapping[str, Any] = {}
+    for spec in chain.stages(Turned(weight), chain.presets["smoke"]):
+        stage = spec.begin(Run(SCENE, Turned(weight), chain.presets["smoke"], 0, CPU), product)
+        while stage.iteration < stage.iterations:
+            stage.step()
+        product = stage.product()
+    return float(product["value"])
+
+
+def test_cells_that_share_a_start_make_it_once_and_end_as_without_a_store(tmp_path: Path) -> None:
+    chain = Starting()
+    bench = bench_of(chain, tmp_path)
+    ended = {weight: trained(bench, cell(chain, weight), SCENE) for weight in (1.0, 2.0)}
+    assert chain.made == 1
+    assert {weight: value_of(model) for weight, (model, _) in ended.items()} == {
+        weight: by_hand(Starting(), weight) for weight in ended
+    }
+
+
+def test_its_cost_is_that_of_every_cell(tmp_path: Path) -> None:
+    chain = Starting()
+    chain.takes = 0.3
+    bench = bench_of(chain, tmp_path)
+    fine = [trained(bench, cell(chain, weight), SCENE)[1]["fine"] for weight in (1.0, 2.0)]
+    start = bench.store.tensors(product_name(str(cell(chain).stages[1].start)), CPU)
+    assert start is not None
+    for ledger in fine:
+        assert ledger["work"] == {"searched": 7, "steps": 3}
+        assert ledger["seconds"] > start["ledger"]["seconds"] > 0
+        assert ledger["trail"][0]["seconds"] > start["ledger"]["seconds"]
+        assert ledger["sessions"][0] == start["ledger"]["sessions"][0]
+
+
+def test_stopping_anywhere_gives_the_same_and_makes_the_start_once(tmp_path: Path) -> None:
+    chain, stops = Starting(), 0
+    while True:
+        try:
+            model, ledgers = trained(bench_of(chain, tmp_path, stopping=stops < 7), cell(chain), SCENE)
+            break
+        except Interrupted:
+            stops += 1
+    assert stops == 7  # after two steps of each stage and after storing it, and after storing the start
+    assert chain.made == 1
+    assert value_of(model) == by_hand(Starting(), 1.0)
+    assert ledgers["fine"]["work"] == {"searched": 7, "steps": 3}
+
+
+def test_a_start_that_another_process_makes_is_left_to_it(tmp_path: Path) -> None:
+    chain = Starting()
+    bench = bench_of(chain, tmp_path)
+    with bench.store.claim(f"stages-{cell(chain).stages[1].start}"), pytest.raises(Claimed):
+        trained(bench, cell(chain), SCENE)
+    assert chain.made == 0
+
+
+def test_the_product_before_a_start_is_freed_when_it_is_made(tmp_path: Path) -> None:
+    chain = Starting()
+    step = ChainStage.step
+
+    def watched(stage: ChainStage) -> Mapping[str, float]:
+        if chain.first is not None:
+            chain.left.append(chain.first() is not None)
+        return step(stage)
+
+    gc.collect()
+    gc.disable()
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(ChainStage, "step", watched)
+            trained(bench_of(chain, tmp_path), cell(chain), SCENE)
+    finally:
+        gc.enable()
+    assert chain.left == [False, False, False]
+
+
+def test_the_key_of_a_start_is_over_what_it_reads_and_the_stage_before(tmp_path: Path) -> None:
+    chain = Starting()
+    whole, other = cell(chain).stages[1], cell(chain, weight=2.0).stages[1]
+    assert (whole.start == other.start, whole.key == other.key) == (True, False)
+    assert cell(chain, seed=1).stages[1].start != whole.start
+
+    class Changed(Starting):
+        """Another start or another first stage."""
+
+        def __init__(self, place: int, **changes: Any) -> None:
+            super().__init__()
+            self.place, self.changes = place, changes
+
+        def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
+            coarse, fine = super().stages(variant, budget)
+            if self.place == 0:
+                return replace(coarse, **self.changes), fine
+            assert fine.start is not None
+            return coarse, replace(fine, start=replace(fine.start, **self.changes))
+
+    for place, changes in [
+        (0, {"reads": {"a": 1}}),
+        (1, {"reads": {"a": 1}}),
+        (1, {"sources": ("radiogs_core.guards",)}),
+    ]:
+        changed = cell(Changed(place, **changes)).stages[1]
+        assert changed.start != whole.start
+        assert changed.key != whole.key
