@@ -277,7 +277,7 @@ def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
         )
     device, ours, theirs = chosen_device(options), {}, {}
     given = (options.method, options.scene, options.device, str(options.stages or 0))
-    with worker(options.against, given) as other, worker(None, given) as this:
+    with worker(options.against, given, options.sizes) as other, worker(None, given, options.sizes) as this:
         for size in sizes:
             passes = options.passes or size.passes
             theirs[size.name], ours[size.name] = measured([other, this], size, passes, complain)

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import math
-import shutil
 import subprocess
 import sys
 import time
@@ -15,7 +14,6 @@ from typing import Any
 
 import pytest
 import torch
-from scipy import stats
 
 from bench.chain_method import Chain
 from bench.fake_method import FAKE
@@ -24,7 +22,6 @@ from radiogs_bench.lab.kernels.clock import processor_seconds
 from radiogs_bench.lab.kernels.scenes import OVERLAP, SPREAD, sphere_and_plane
 from radiogs_bench.lab.steps import yardsticks
 from radiogs_bench.lab.steps.document import table_of, with_tables
-from radiogs_bench.lab.steps.estimates import exponent_of, median_of, ratio_of_medians
 from radiogs_bench.lab.steps.history import append, read_history
 from radiogs_bench.lab.steps.measure import PARTS, Looking, counting, placed
 from radiogs_bench.lab.steps.passes import one_pass
@@ -250,45 +247,6 @@ def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
     assert total.item() == 6
 
 
-def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:
-    values = [float(each) for each in range(20)]
-    found = median_of([values[10:], values[:10]])
-    assert (found.value, found.low, found.high) == (9.5, 5, 14)
-    assert 1 - 2 * stats.binom.cdf(5, 20, 0.5) >= 0.95
-    assert 1 - 2 * stats.binom.cdf(6, 20, 0.5) < 0.95
-    assert median_of([values[:5]])[1:] == (None, None)
-
-
-def test_an_exponent_is_the_slope_of_logarithms() -> None:
-    sizes, amounts = [10, 20, 40, 80], [1.0, 2.1, 3.8, 8.3]
-    found, line = (
-        exponent_of(sizes, amounts),
-        stats.linregress(*(torch.tensor(each).log() for each in (sizes, amounts))),
-    )
-    assert found is not None
-    reach = stats.t.ppf(0.975, 2) * line.stderr
-    assert found == pytest.approx((line.slope, line.slope - reach, line.slope + reach), rel=1e-4)
-    assert exponent_of([1, 2, 3], [1.0, 0.0, 1.0]) is None
-
-
-def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
-    loads = [1.0, 3.0, 2.0, 5.0, 1.5, 4.0, 2.5, 1.2]
-    before, after = [[2 * load] for load in loads], [[load] for load in loads]
-    paired, apart = (ratio_of_medians(before, after, each) for each in (True, False))
-    assert paired == (2.0, 2.0, 2.0)
-    assert apart.value == 2.0
-    assert apart.low is not None
-    assert apart.low < 1.5
-    assert ratio_of_medians(before[:1], after[:1], True) == (2.0, None, None)
-
-
-def test_times_below_a_clock_tick_have_no_ratio() -> None:
-    some, none = [[1.0], [2.0], [3.0]], [[0.0], [0.0], [4.0]]
-    assert ratio_of_medians(some, none, True) is None
-    assert ratio_of_medians(none, some, True) is None
-    assert ratio_of_medians([[0.0], *some], some, False) == (0.75, None, None)
-
-
 def test_records_are_compared_on_one_machine_and_tell_of_other_work(measured: tuple[Path, Path]) -> None:
     record = read_record(measured[0])
     size = record["sizes"]["smoke"]
@@ -372,25 +330,6 @@ def test_parts_are_printed_largest_first() -> None:
 def test_a_document_without_a_place_is_an_error() -> None:
     with pytest.raises(DataError, match="no place for 'growth'"):
         with_tables("# Performance\n", {"growth": []})
-
-
-@pytest.mark.slow
-def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A copy whose optimiser waits for 20 ms is slower where the optimiser steps, and nowhere else."""
-    for room in ("method", "datasets", "baselines"):
-        shutil.copytree(ROOT / room, tmp_path / "other" / room, ignore=shutil.ignore_patterns("__pycache__"))
-    optimiser = tmp_path / "other" / "method" / "radiogs_core" / "surfels" / "optimiser.py"
-    wait = "import time\n        until = time.process_time() + 0.05\n        while time.process_time() < until: pass\n"
-    changed = optimiser.read_text().replace("        self.adam.step()\n", f"        {wait}        self.adam.step()\n")
-    assert changed != optimiser.read_text()
-    optimiser.write_text(changed)
-    record = tmp_path / "against.json"
-    given = ["--against", str(tmp_path / "other"), "--sizes", "smoke", "--passes", "2", "--json", str(record)]
-    assert main(["bench", "steps", *given]) == 0
-    ratios = {each["title"]: each["value"] for each in json.loads(record.read_text())["ratios"]["smoke"]}
-    assert ratios["stage 1, initialisation: step"] > 2
-    assert ratios["relighting by rays, split sum: preparing"] < 2
-    assert "times as fast" in capsys.readouterr().out
 
 
 def test_times_below_a_clock_tick_have_no_trend(measured: tuple[Path, Path], tmp_path: Path) -> None:
