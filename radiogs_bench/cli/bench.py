@@ -100,6 +100,7 @@ def _add_steps(subjects: "Commands") -> None:
         subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
     )
     growth.set_defaults(command=bench_growth, threads=1)
+    growth.add_argument("--passes", type=positive, metavar="N", help="Measure every step N times (default: 2).")
     for each in (steps, growth):
         each.add_argument("--method", default=METHOD, metavar="NAME", help=f"Measure this method (default: {METHOD}).")
         each.add_argument("--scene", default="corner", help="Enlarge this scene to each size (default: corner).")
@@ -213,10 +214,10 @@ def bench_steps(options: argparse.Namespace) -> int:
 
 
 def bench_growth(options: argparse.Namespace) -> int:
-    """Measure along every axis, print the exponents, and write the record."""
+    """Measure along every axis, print how seconds and bytes grow, and write the record."""
     from radiogs_datasets import load_scene
 
-    from ..lab.steps.growth import SCHEMA, bench_growth
+    from ..lab.steps.growth import PASSES, SCHEMA, bench_growth
     from ..lab.steps.growth_table import growth_table
     from ..methods import method
     from ..store.provenance import session
@@ -224,7 +225,8 @@ def bench_growth(options: argparse.Namespace) -> int:
 
     device = chosen_device(options)
     began = session(device)
-    rows = list(bench_growth(method(options.method), load_scene(options.scene), device, complain))
+    passes = PASSES if options.passes is None else options.passes
+    rows = list(bench_growth(method(options.method), load_scene(options.scene), device, passes, complain))
     show(growth_table(rows))
     _write(options.json, {"schema": SCHEMA, **began, **_place(options), "rows": rows})
     return 0
