@@ -78,7 +78,7 @@ def _add_steps(subjects: "Commands") -> None:
     steps.set_defaults(command=bench_steps, threads=1)
     steps.add_argument(
         "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
-        help="Choose sizes among floor, tiny, long, 20k, small, paper and smoke (default: tiny,20k).",
+        help="Measure these sizes in this order: floor, tiny, long, 20k, small, paper, smoke (default: tiny,20k).",
     )  # fmt: skip
     steps.add_argument(
         "--passes", type=positive, metavar="N", help="Measure everything N times (default: 1 to 4, by size)."
@@ -237,7 +237,7 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     from ..lab.steps.history import append, line_of
     from ..lab.steps.measure import Here, measured
     from ..lab.steps.ratios import read_record, require_comparable
-    from ..lab.steps.record import as_table, record_of, yardstick_said
+    from ..lab.steps.record import as_table, frames_said, record_of, yardstick_said
     from ..lab.steps.worker import named_subject
     from ..lab.steps.yardsticks import Yardsticks
     from ..store.provenance import session
@@ -254,6 +254,8 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
         yardsticks.measure()
         (found[size.name],) = measured([here], size, options.passes or size.passes, complain)
         show(as_table(size.name, found[size.name]))
+        for sentence in frames_said(found[size.name]):
+            say(sentence)
     yardsticks.measure()
     record = record_of(began, _place(options), yardsticks, found)
     say(yardstick_said(record))

@@ -2,12 +2,11 @@
 
 import importlib.util
 import json
-import math
+import mmap
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -15,26 +14,25 @@ from typing import Any
 import pytest
 import torch
 
-from bench.chain_method import Chain
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.clock import processor_seconds
-from radiogs_bench.lab.kernels.scenes import OVERLAP, SPREAD, sphere_and_plane
+from radiogs_bench.lab.kernels.scenes import sphere_and_plane
 from radiogs_bench.lab.steps import yardsticks
 from radiogs_bench.lab.steps.document import table_of, with_tables
 from radiogs_bench.lab.steps.history import append, read_history
-from radiogs_bench.lab.steps.measure import PARTS, Looking, counting, placed
+from radiogs_bench.lab.steps.measure import PARTS, Looking, Times, counting, placed
 from radiogs_bench.lab.steps.passes import one_pass
 from radiogs_bench.lab.steps.ratios import as_table, compared, read_record, require_comparable
-from radiogs_bench.lab.steps.record import parts_said
+from radiogs_bench.lab.steps.record import frames_said, parts_said
 from radiogs_bench.lab.steps.sizes import SIZES
-from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
+from radiogs_bench.lab.steps.subject import (
+    ON_SURFACES,
+    OWN_START,
+    subject_of,
+)
 from radiogs_bench.methods import method, substitutes
-from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.instruments import recording
-from radiogs_core.on_surfels.fit_geometry import FitGeometry
-from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 
 ROOT = Path(__file__).parents[2]
@@ -75,7 +73,9 @@ def test_all_kinds_of_steps_beginnings_of_stages_and_frames_are_measured(measure
         assert row["median"] > 0 or "a frame" in title, "a frame may take less than a tick of the processor's clock"
         assert row["operations"] > 50
         assert sum(row["parts"].values()) == pytest.approx(1) or not row["parts"]
+        assert row["page faults"] is None or row["page faults"] >= 0
     assert rows[f"{one}: step"]["launches"] > 10
+    assert isinstance(rows[f"{one}: step"]["page faults"], int)
     assert "rays" not in rows[f"{one}: step"]["work"]
     anew, usual = (rows[f"{two}: {kind}"]["work"]["rays"] for kind in ("step that traces all light anew", "step"))
     count, rest = divmod(anew - usual, 8)
@@ -105,77 +105,11 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
     assert any(title.endswith(": step") for title in done)
 
 
-@dataclass(frozen=True)
-class Geometry:
-    steps: int = 9
-    initial_surfels: int = 100
-    maximum_surfels: int = 300
-
-
-@dataclass(frozen=True)
-class NestedBudget:
-    name: str
-    geometry: Geometry = field(default_factory=Geometry)
-    consistency_surfels: int = 7
-
-
-@dataclass(frozen=True)
-class BudgetOfAField:
-    name: str
-    cells: int = 9
-    surfels_a_step: int = 7
-
-
-def chain_with(kind: type) -> Chain:
-    """A method that cannot be rehearsed, with a budget of this kind."""
-    chain = Chain(("fit",))
-    chain.presets = {name: kind(name) for name in ("smoke", "tiny", "small")}
-    chain.stages = lambda variant, budget: ()  # type: ignore[method-assign,assignment]
-    return chain
-
-
-def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
-    """Surfels of a step are no size of a model."""
-    chain, scene = chain_with(NestedBudget), load_scene("corner")
-    subject = subject_of(chain, scene, SIZES["20k"], CPU)
-    assert subject.surfels == 20_000
-    assert subject.short.budget == NestedBudget("small", Geometry(9, 20_000, 20_000), 7)
-    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels == 300, "the preset's largest model"
-    irgs = method("irgs")
-    assert subject_of(irgs, scene, SIZES["20k"], CPU).surfels == 20_000
-    assert subject_of(irgs, scene, SIZES["smoke"], CPU).surfels == 400
-
-
-def test_a_size_that_cannot_be_set_is_refused() -> None:
-    chain, scene = chain_with(BudgetOfAField), load_scene("corner")
-    with pytest.raises(UsageError, match="size 20k has 20,000 surfels, which chain cannot be given") as caught:
-        subject_of(chain, scene, SIZES["20k"], CPU)
-    assert caught.value.remedy == "Choose sizes that are a preset's own:  --sizes tiny,small"
-    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels is None
-    assert subject_of(chain, scene, SIZES["smoke"], CPU).surfels is None, "for warming up"
-
-
-def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
-    """Surfels that fill the hull are met by 48 a ray."""
-    scene = load_scene("corner")
-    surfels = surfels_over(scene, 3000)
-    assert len(surfels) == 3000
-    area = float(scene.true_surfaces(0.05 * scene.extent).size.prod(-1).sum())
-    covered = float(surfels.log_scale.sum(-1).exp().sum()) / math.exp(SPREAD**2)  # the mean of lognormal areas
-    assert covered / area == pytest.approx(OVERLAP**2, rel=0.1)
-    with recording() as found:
-        gather_incident(SurfelTracer(surfels), surfels, 4, None)
-    assert 3.5 < found.work["hits"] / found.work["rays"] < 7
-
-
-def test_as_many_surfels_are_laid_as_the_size_asks_for_wherever_a_method_starts() -> None:
-    subject = replace(subject_of(method("irgs"), load_scene("corner"), SIZES["smoke"], CPU), surfels=500)
-    run = Run(subject.scene, subject.short.variant, subject.short.budget, 0, CPU)
-    stage = subject.method.stages(run.variant, run.budget)[0].begin(run, {})
-    assert isinstance(stage, FitGeometry)
-    assert len(stage.surfels) != 500
-    assert lay_on_surfaces(stage, subject) == ON_SURFACES
-    assert len(stage.surfels) == 500
+def test_the_help_names_every_size(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["bench", "steps", "--help"])
+    said = capsys.readouterr().out
+    assert all(size in said for size in SIZES)
 
 
 def test_every_part_names_modules_that_exist() -> None:
@@ -233,6 +167,34 @@ def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
     assert shares["tracing, backward"] == pytest.approx(0.75, abs=0.15)
     assert shares["image losses, forward"] == pytest.approx(0.25, abs=0.15)
     assert placed(None) == ("other", "forward")
+
+
+def test_page_faults_are_those_of_memory_that_is_new() -> None:
+    times, pages = Times(CPU, counts=False), 4096
+    kept = mmap.mmap(-1, pages * mmap.PAGESIZE)
+
+    def touch() -> None:
+        for page in range(pages):
+            kept[page * mmap.PAGESIZE] = 1
+
+    times(("first",), touch)
+    times(("again",), touch)
+    assert times.faults["first"][0] >= pages
+    assert times.faults["again"][0] < pages / 10
+
+
+def test_frames_by_rays_are_told_beside_those_by_surfels_alone() -> None:
+    def frames(way: str, seconds: float) -> dict[str, Any]:
+        return {"title": f"relighting {way}: a frame", "passes": [[seconds], [1.1 * seconds], [0.9 * seconds]]}
+
+    alone, rays = frames("by surfels alone, fine-tuned", 0.01), frames("by rays, split sum", 0.055)
+    preparing = {**rays, "title": "relighting by rays, split sum: preparing"}
+    assert list(frames_said({"rows": [preparing, rays, alone]})) == [
+        "A frame of relighting by rays, split sum takes 5.5 (5.5 to 5.5) times as long as one of relighting by surfels"
+        " alone, fine-tuned."
+    ]
+    assert list(frames_said({"rows": [rays]})) == []
+    assert list(frames_said({"rows": [rays, {**alone, "passes": [[0.0]]}]})) == []
 
 
 def test_operations_are_counted_with_those_of_the_backward_pass() -> None:

@@ -21,7 +21,7 @@ from .growth_table import constant_said, exponent_said, ranged, within
 from .history import read_history, titles_of
 from .ratios import AGAINST
 from .record import SCHEMA as STEPS
-from .record import ends, headline, milliseconds, parts_said, yardstick_said
+from .record import ends, frames_said, headline, milliseconds, parts_said, yardstick_said
 from .sizes import SIZES
 
 END = "<!-- end of measured -->"
@@ -77,6 +77,8 @@ def steps_lines(record: Mapping[str, Any]) -> Iterator[str]:
                 f"| {row['title']} | {milliseconds(row['median'])} | {ends(row['low'], row['high'])}"
                 f" | {row['operations']:,} | {row['launches']:,} | {parts_said(row['parts'])} |"
             )
+        if said := " ".join(frames_said(size)):
+            yield from ["", said]
     yield ""
 
 
