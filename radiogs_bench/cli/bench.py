@@ -100,7 +100,7 @@ def _add_steps(subjects: "Commands") -> None:
         subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
     )
     growth.set_defaults(command=bench_growth, threads=1)
-    growth.add_argument("--passes", type=positive, metavar="N", help="Measure every step N times (default: 2).")
+    growth.add_argument("--passes", type=positive, metavar="N", help="Measure every step N times (default: 3).")
     for each in (steps, growth):
         each.add_argument("--method", default=METHOD, metavar="NAME", help=f"Measure this method (default: {METHOD}).")
         each.add_argument("--scene", default="corner", help="Enlarge this scene to each size (default: corner).")

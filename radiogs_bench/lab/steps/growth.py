@@ -25,8 +25,9 @@ SCHEMA = "radiogs-bench/growth/2"
 REPETITIONS = 5
 """How often a kernel is measured at each size."""
 
-PASSES = 2
-"""How often everything that ``bench steps`` does is done at each size."""
+PASSES = 3
+"""How often everything that ``bench steps`` does is done at each size. Stages begin once a pass, and the first time
+finds the peak of memory."""
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
 """Sizes of a kernel's input while another size grows."""

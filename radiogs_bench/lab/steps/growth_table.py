@@ -14,11 +14,11 @@ FLAT = "flat"
 
 def within(row: Mapping[str, Any]) -> bool | None:
     """Whether seconds grow no faster than expected between the last two sizes, as far as the interval tells; None where
-    nothing is expected."""
+    nothing is expected, and without an interval."""
     last = row["last exponent"]
-    if row["at most"] is None or last is None:
+    if row["at most"] is None or last is None or last["low"] is None:
         return None
-    return bool((last["value"] if last["low"] is None else last["low"]) <= row["at most"])
+    return bool(last["low"] <= row["at most"])
 
 
 def constant_said(row: Mapping[str, Any]) -> str:

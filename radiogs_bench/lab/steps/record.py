@@ -15,7 +15,7 @@ MOST_PARTS = 3
 """Parts of a step that a table shows."""
 
 FRAME, SURFELS_ALONE = ": a frame", "by surfels alone"
-"""What the titles of frames end with, and what those without rays contain."""
+"""Ending of the titles of frames, and words in the title of those that need no rays."""
 
 Plain = dict[str, Any]
 
