@@ -78,7 +78,7 @@ def _add_steps(subjects: "Commands") -> None:
     steps.set_defaults(command=bench_steps, threads=1)
     steps.add_argument(
         "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
-        help="Choose sizes among floor, tiny, long, 20k, small, paper and smoke (default: tiny,20k).",
+        help="Measure these sizes in this order: floor, tiny, long, 20k, small, paper, smoke (default: tiny,20k).",
     )  # fmt: skip
     steps.add_argument(
         "--passes", type=positive, metavar="N", help="Measure everything N times (default: 1 to 4, by size)."
@@ -100,6 +100,7 @@ def _add_steps(subjects: "Commands") -> None:
         subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
     )
     growth.set_defaults(command=bench_growth, threads=1)
+    growth.add_argument("--passes", type=positive, metavar="N", help="Measure every step N times (default: 3).")
     for each in (steps, growth):
         each.add_argument("--method", default=METHOD, metavar="NAME", help=f"Measure this method (default: {METHOD}).")
         each.add_argument("--scene", default="corner", help="Enlarge this scene to each size (default: corner).")
@@ -213,10 +214,10 @@ def bench_steps(options: argparse.Namespace) -> int:
 
 
 def bench_growth(options: argparse.Namespace) -> int:
-    """Measure along every axis, print the exponents, and write the record."""
+    """Measure along every axis, print how seconds and bytes grow, and write the record."""
     from radiogs_datasets import load_scene
 
-    from ..lab.steps.growth import SCHEMA, bench_growth
+    from ..lab.steps.growth import PASSES, SCHEMA, bench_growth
     from ..lab.steps.growth_table import growth_table
     from ..methods import method
     from ..store.provenance import session
@@ -224,7 +225,8 @@ def bench_growth(options: argparse.Namespace) -> int:
 
     device = chosen_device(options)
     began = session(device)
-    rows = list(bench_growth(method(options.method), load_scene(options.scene), device, complain))
+    passes = PASSES if options.passes is None else options.passes
+    rows = list(bench_growth(method(options.method), load_scene(options.scene), device, passes, complain))
     show(growth_table(rows))
     _write(options.json, {"schema": SCHEMA, **began, **_place(options), "rows": rows})
     return 0
@@ -235,7 +237,7 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     from ..lab.steps.history import append, line_of
     from ..lab.steps.measure import Here, measured
     from ..lab.steps.ratios import read_record, require_comparable
-    from ..lab.steps.record import as_table, record_of, yardstick_said
+    from ..lab.steps.record import as_table, frames_said, record_of, yardstick_said
     from ..lab.steps.worker import named_subject
     from ..lab.steps.yardsticks import Yardsticks
     from ..store.provenance import session
@@ -252,6 +254,8 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
         yardsticks.measure()
         (found[size.name],) = measured([here], size, options.passes or size.passes, complain)
         show(as_table(size.name, found[size.name]))
+        for sentence in frames_said(found[size.name]):
+            say(sentence)
     yardsticks.measure()
     record = record_of(began, _place(options), yardsticks, found)
     say(yardstick_said(record))
@@ -277,7 +281,7 @@ def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
         )
     device, ours, theirs = chosen_device(options), {}, {}
     given = (options.method, options.scene, options.device, str(options.stages or 0))
-    with worker(options.against, given) as other, worker(None, given) as this:
+    with worker(options.against, given, options.sizes) as other, worker(None, given, options.sizes) as this:
         for size in sizes:
             passes = options.passes or size.passes
             theirs[size.name], ours[size.name] = measured([other, this], size, passes, complain)

@@ -2,44 +2,39 @@
 
 import importlib.util
 import json
-import math
-import shutil
+import mmap
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import pytest
 import torch
-from scipy import stats
 
-from bench.chain_method import Chain
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.clock import processor_seconds
-from radiogs_bench.lab.kernels.scenes import OVERLAP, SPREAD, sphere_and_plane
+from radiogs_bench.lab.kernels.scenes import sphere_and_plane
 from radiogs_bench.lab.steps import yardsticks
 from radiogs_bench.lab.steps.document import table_of, with_tables
-from radiogs_bench.lab.steps.estimates import exponent_of, median_of, ratio_of_medians
 from radiogs_bench.lab.steps.history import append, read_history
-from radiogs_bench.lab.steps.measure import PARTS, Looking, counting, placed
+from radiogs_bench.lab.steps.measure import PARTS, Looking, Times, counting, placed
 from radiogs_bench.lab.steps.passes import one_pass
 from radiogs_bench.lab.steps.ratios import as_table, compared, read_record, require_comparable
-from radiogs_bench.lab.steps.record import parts_said
+from radiogs_bench.lab.steps.record import frames_said, parts_said
 from radiogs_bench.lab.steps.sizes import SIZES
-from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
+from radiogs_bench.lab.steps.subject import (
+    ON_SURFACES,
+    OWN_START,
+    subject_of,
+)
 from radiogs_bench.methods import method, substitutes
-from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.footprint import frames
-from radiogs_core.on_surfels.fit_geometry import FitGeometry
-from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 
 ROOT = Path(__file__).parents[2]
@@ -80,7 +75,9 @@ def test_all_kinds_of_steps_beginnings_of_stages_and_frames_are_measured(measure
         assert row["median"] > 0 or "a frame" in title, "a frame may take less than a tick of the processor's clock"
         assert row["operations"] > 50
         assert sum(row["parts"].values()) == pytest.approx(1) or not row["parts"]
+        assert row["page faults"] is None or row["page faults"] >= 0
     assert rows[f"{one}: step"]["launches"] > 10
+    assert isinstance(rows[f"{one}: step"]["page faults"], int)
     assert "rays" not in rows[f"{one}: step"]["work"]
     anew, usual = (rows[f"{two}: {kind}"]["work"]["rays"] for kind in ("step that traces all light anew", "step"))
     count, rest = divmod(anew - usual, 8)
@@ -110,77 +107,11 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
     assert any(title.endswith(": step") for title in done)
 
 
-@dataclass(frozen=True)
-class Geometry:
-    steps: int = 9
-    initial_surfels: int = 100
-    maximum_surfels: int = 300
-
-
-@dataclass(frozen=True)
-class NestedBudget:
-    name: str
-    geometry: Geometry = field(default_factory=Geometry)
-    consistency_surfels: int = 7
-
-
-@dataclass(frozen=True)
-class BudgetOfAField:
-    name: str
-    cells: int = 9
-    surfels_a_step: int = 7
-
-
-def chain_with(kind: type) -> Chain:
-    """A method that cannot be rehearsed, with a budget of this kind."""
-    chain = Chain(("fit",))
-    chain.presets = {name: kind(name) for name in ("smoke", "tiny", "small")}
-    chain.stages = lambda variant, budget: ()  # type: ignore[method-assign,assignment]
-    return chain
-
-
-def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
-    """Surfels of a step are no size of a model."""
-    chain, scene = chain_with(NestedBudget), load_scene("corner")
-    subject = subject_of(chain, scene, SIZES["20k"], CPU)
-    assert subject.surfels == 20_000
-    assert subject.short.budget == NestedBudget("small", Geometry(9, 20_000, 20_000), 7)
-    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels == 300, "the preset's largest model"
-    irgs = method("irgs")
-    assert subject_of(irgs, scene, SIZES["20k"], CPU).surfels == 20_000
-    assert subject_of(irgs, scene, SIZES["smoke"], CPU).surfels == 400
-
-
-def test_a_size_that_cannot_be_set_is_refused() -> None:
-    chain, scene = chain_with(BudgetOfAField), load_scene("corner")
-    with pytest.raises(UsageError, match="size 20k has 20,000 surfels, which chain cannot be given") as caught:
-        subject_of(chain, scene, SIZES["20k"], CPU)
-    assert caught.value.remedy == "Choose sizes that are a preset's own:  --sizes tiny,small"
-    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels is None
-    assert subject_of(chain, scene, SIZES["smoke"], CPU).surfels is None, "for warming up"
-
-
-def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
-    """Surfels that fill the hull are met by 48 a ray."""
-    scene = load_scene("corner")
-    surfels = surfels_over(scene, 3000)
-    assert len(surfels) == 3000
-    area = float(scene.true_surfaces(0.05 * scene.extent).size.prod(-1).sum())
-    covered = float(surfels.log_scale.sum(-1).exp().sum()) / math.exp(SPREAD**2)  # the mean of lognormal areas
-    assert covered / area == pytest.approx(OVERLAP**2, rel=0.1)
-    with recording() as found:
-        gather_incident(SurfelTracer(surfels), surfels, 4, None)
-    assert 3.5 < found.work["hits"] / found.work["rays"] < 7
-
-
-def test_as_many_surfels_are_laid_as_the_size_asks_for_wherever_a_method_starts() -> None:
-    subject = replace(subject_of(method("irgs"), load_scene("corner"), SIZES["smoke"], CPU), surfels=500)
-    run = Run(subject.scene, subject.short.variant, subject.short.budget, 0, CPU)
-    stage = subject.method.stages(run.variant, run.budget)[0].begin(run, {})
-    assert isinstance(stage, FitGeometry)
-    assert len(stage.surfels) != 500
-    assert lay_on_surfaces(stage, subject) == ON_SURFACES
-    assert len(stage.surfels) == 500
+def test_the_help_names_every_size(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["bench", "steps", "--help"])
+    said = capsys.readouterr().out
+    assert all(size in said for size in SIZES)
 
 
 def test_every_part_names_modules_that_exist() -> None:
@@ -240,6 +171,34 @@ def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
     assert placed(None) == ("other", "forward")
 
 
+def test_page_faults_are_those_of_memory_that_is_new() -> None:
+    times, pages = Times(CPU, counts=False), 4096
+    kept = mmap.mmap(-1, pages * mmap.PAGESIZE)
+
+    def touch() -> None:
+        for page in range(pages):
+            kept[page * mmap.PAGESIZE] = 1
+
+    times(("first",), touch)
+    times(("again",), touch)
+    assert times.faults["first"][0] >= pages
+    assert times.faults["again"][0] < pages / 10
+
+
+def test_frames_by_rays_are_told_beside_those_by_surfels_alone() -> None:
+    def frames(way: str, seconds: float) -> dict[str, Any]:
+        return {"title": f"relighting {way}: a frame", "passes": [[seconds], [1.1 * seconds], [0.9 * seconds]]}
+
+    alone, rays = frames("by surfels alone, fine-tuned", 0.01), frames("by rays, split sum", 0.055)
+    preparing = {**rays, "title": "relighting by rays, split sum: preparing"}
+    assert list(frames_said({"rows": [preparing, rays, alone]})) == [
+        "A frame of relighting by rays, split sum takes 5.5 (5.5 to 5.5) times as long as one of relighting by surfels"
+        " alone, fine-tuned."
+    ]
+    assert list(frames_said({"rows": [rays]})) == []
+    assert list(frames_said({"rows": [rays, {**alone, "passes": [[0.0]]}]})) == []
+
+
 def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
     value = torch.ones(3, requires_grad=True)
     with counting() as forward:
@@ -258,45 +217,6 @@ def test_each_launch_of_a_kernel_is_counted() -> None:
         for _ in range(3):
             frames(torch.ones(2, 4))
     assert counts.launches == 3
-
-
-def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:
-    values = [float(each) for each in range(20)]
-    found = median_of([values[10:], values[:10]])
-    assert (found.value, found.low, found.high) == (9.5, 5, 14)
-    assert 1 - 2 * stats.binom.cdf(5, 20, 0.5) >= 0.95
-    assert 1 - 2 * stats.binom.cdf(6, 20, 0.5) < 0.95
-    assert median_of([values[:5]])[1:] == (None, None)
-
-
-def test_an_exponent_is_the_slope_of_logarithms() -> None:
-    sizes, amounts = [10, 20, 40, 80], [1.0, 2.1, 3.8, 8.3]
-    found, line = (
-        exponent_of(sizes, amounts),
-        stats.linregress(*(torch.tensor(each).log() for each in (sizes, amounts))),
-    )
-    assert found is not None
-    reach = stats.t.ppf(0.975, 2) * line.stderr
-    assert found == pytest.approx((line.slope, line.slope - reach, line.slope + reach), rel=1e-4)
-    assert exponent_of([1, 2, 3], [1.0, 0.0, 1.0]) is None
-
-
-def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
-    loads = [1.0, 3.0, 2.0, 5.0, 1.5, 4.0, 2.5, 1.2]
-    before, after = [[2 * load] for load in loads], [[load] for load in loads]
-    paired, apart = (ratio_of_medians(before, after, each) for each in (True, False))
-    assert paired == (2.0, 2.0, 2.0)
-    assert apart.value == 2.0
-    assert apart.low is not None
-    assert apart.low < 1.5
-    assert ratio_of_medians(before[:1], after[:1], True) == (2.0, None, None)
-
-
-def test_times_below_a_clock_tick_have_no_ratio() -> None:
-    some, none = [[1.0], [2.0], [3.0]], [[0.0], [0.0], [4.0]]
-    assert ratio_of_medians(some, none, True) is None
-    assert ratio_of_medians(none, some, True) is None
-    assert ratio_of_medians([[0.0], *some], some, False) == (0.75, None, None)
 
 
 def test_records_are_compared_on_one_machine_and_tell_of_other_work(measured: tuple[Path, Path]) -> None:
@@ -382,25 +302,6 @@ def test_parts_are_printed_largest_first() -> None:
 def test_a_document_without_a_place_is_an_error() -> None:
     with pytest.raises(DataError, match="no place for 'growth'"):
         with_tables("# Performance\n", {"growth": []})
-
-
-@pytest.mark.slow
-def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A copy whose optimiser waits for 20 ms is slower where the optimiser steps, and nowhere else."""
-    for room in ("method", "datasets", "baselines"):
-        shutil.copytree(ROOT / room, tmp_path / "other" / room, ignore=shutil.ignore_patterns("__pycache__"))
-    optimiser = tmp_path / "other" / "method" / "radiogs_core" / "surfels" / "optimiser.py"
-    wait = "import time\n        until = time.process_time() + 0.05\n        while time.process_time() < until: pass\n"
-    changed = optimiser.read_text().replace("        self.adam.step()\n", f"        {wait}        self.adam.step()\n")
-    assert changed != optimiser.read_text()
-    optimiser.write_text(changed)
-    record = tmp_path / "against.json"
-    given = ["--against", str(tmp_path / "other"), "--sizes", "smoke", "--passes", "2", "--json", str(record)]
-    assert main(["bench", "steps", *given]) == 0
-    ratios = {each["title"]: each["value"] for each in json.loads(record.read_text())["ratios"]["smoke"]}
-    assert ratios["stage 1, initialisation: step"] > 2
-    assert ratios["relighting by rays, split sum: preparing"] < 2
-    assert "times as fast" in capsys.readouterr().out
 
 
 def test_times_below_a_clock_tick_have_no_trend(measured: tuple[Path, Path], tmp_path: Path) -> None:

@@ -17,11 +17,11 @@ from radiogs_core.errors import DataError
 
 from ..kernels.record import SCHEMA as KERNELS
 from .growth import SCHEMA as GROWTH
-from .growth_table import within
+from .growth_table import constant_said, exponent_said, ranged, within
 from .history import read_history, titles_of
 from .ratios import AGAINST
 from .record import SCHEMA as STEPS
-from .record import ends, headline, milliseconds, parts_said, yardstick_said
+from .record import ends, frames_said, headline, milliseconds, parts_said, yardstick_said
 from .sizes import SIZES
 
 END = "<!-- end of measured -->"
@@ -77,6 +77,8 @@ def steps_lines(record: Mapping[str, Any]) -> Iterator[str]:
                 f"| {row['title']} | {milliseconds(row['median'])} | {ends(row['low'], row['high'])}"
                 f" | {row['operations']:,} | {row['launches']:,} | {parts_said(row['parts'])} |"
             )
+        if said := " ".join(frames_said(size)):
+            yield from ["", said]
     yield ""
 
 
@@ -103,16 +105,18 @@ def against_lines(record: Mapping[str, Any]) -> Iterator[str]:
 def growth_lines(record: Mapping[str, Any]) -> Iterator[str]:
     """A line for each thing and what grows."""
     yield from [_where(record), ""]
-    yield "| | grows | while | seconds: from | to | exponent | bytes: from | to | exponent |"
-    yield "|---|---|---|---:|---:|---:|---:|---:|---:|"
+    yield "| | grows | while | seconds: from | to | constant | exponent | at the end | bytes: from | to | at the end |"
+    yield "|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     for row in record["rows"]:
         mark = {True: "", False: " **above what is expected**", None: ""}[within(row)]
         low, high = row["values"][0], row["values"][-1]
+        of_bytes = row["last exponent of bytes"]
+        by_bytes = "n/a" if of_bytes is None else f"{of_bytes:.2f}"
         yield (
             f"| {row['title']} | {row['grows']}, {low:,} to {high:,} | {row['fixed']}"
             f" | {milliseconds(row['seconds'][0])} | {milliseconds(row['seconds'][-1])}"
-            f" | {_exponent(row['seconds exponent'])}{mark}"
-            f" | {_mebibytes(row['bytes'][0])} | {_mebibytes(row['bytes'][-1])} | {_exponent(row['bytes exponent'])} |"
+            f" | {constant_said(row)} | {exponent_said(row)} | {ranged(row['last exponent'])}{mark}"
+            f" | {_mebibytes(row['bytes'][0])} | {_mebibytes(row['bytes'][-1])} | {by_bytes} |"
         )
     yield ""
 
@@ -166,13 +170,6 @@ def _course(values: Sequence[float | None]) -> str:
     if len(known) < 2 or not any(known):
         return ""
     return "".join(" " if value is None else BLOCKS[round(7 * value / max(known))] for value in values)
-
-
-def _exponent(exponent: Mapping[str, float | None] | None) -> str:
-    if exponent is None:
-        return "n/a"
-    value, low, high = exponent["value"], exponent["low"], exponent["high"]
-    return f"{value:.2f}" if low is None or high is None else f"{value:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _mebibytes(amount: int) -> str:

@@ -1,11 +1,11 @@
-"""Growth of seconds and bytes with surfels, pixels, rays and views, each varied alone, as exponents (``bench
-growth``)."""
+"""Growth of seconds and bytes with surfels, pixels, rays and views, each varied alone, as a constant and a power law
+(``bench growth``)."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import torch
 
@@ -15,22 +15,34 @@ from radiogs_core.scene.scene import Scene
 from ..kernels.cases import Case, rasterize_case, trace_case
 from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
-from .estimates import exponent_of
+from .estimates import GrowthLaw, last_exponent, law_of
 from .passes import one_pass
 from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
 
-SCHEMA = "radiogs-bench/growth/1"
+SCHEMA = "radiogs-bench/growth/2"
 
-REPETITIONS = 3
+REPETITIONS = 5
+"""How often a kernel is measured at each size."""
+
+PASSES = 3
+"""How often everything that ``bench steps`` does is done at each size. Stages begin once a pass, and the first time
+finds the peak of memory."""
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
 """Sizes of a kernel's input while another size grows."""
 
 LEAST_BYTES = 1 << 20
-"""Peaks below it are pages and rounding; an exponent is of those above it."""
+"""Peaks below it are pages and rounding; exponents are of those above it."""
 
 Plain = dict[str, Any]
+
+
+class Measured(NamedTuple):
+    """Seconds of every time that something was done at one size, and peak bytes."""
+
+    seconds: list[float]
+    bytes: int
 
 
 @dataclass(frozen=True)
@@ -66,25 +78,30 @@ USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
 
 
 def bench_growth(
-    method: Method, scene: Scene, device: torch.device, announce: Callable[[str], None]
+    method: Method, scene: Scene, device: torch.device, passes: int, announce: Callable[[str], None]
 ) -> Iterator[Plain]:
-    """Every axis in turn: what grew, the values, seconds and bytes at each, and the two exponents."""
+    """Every axis in turn: what grew, the values, seconds and bytes at each, and how they grow.
+
+    Sizes take turns, ``passes`` times for steps, so that all of them see what load there is.
+    """
     for axis in KERNELS:
         announce(f"{axis.what}: {axis.grows}")
-        yield from _rows(axis, {axis.what: [_kernel(_case(axis, value, device), device) for value in axis.values]})
+        yield from _rows(axis, {axis.what: _kernels([_case(axis, value, device) for value in axis.values], device)})
     one_pass(subject_of(method, scene, WARM_UP, device), lambda titles, work: work())
     sized = can_be_sized(method, method.presets[USUAL.preset])
     if not sized:
         announce(f"{method.name} is measured at its preset's own size, not along surfels: its budget counts none")
     for axis in STEPS if sized else [axis for axis in STEPS if axis.grows != "surfels"]:
-        found: defaultdict[str, list[tuple[float, int]]] = defaultdict(list)
-        for value in axis.values:
-            announce(f"steps: {value:,} {axis.grows}")
-            watching = Watching(device)
-            size = _size(axis, value)
-            one_pass(subject_of(method, scene, size if sized else replace(size, surfels=None), device), watching)
-            for title, pair in watching.found().items():
-                found[title].append(pair)
+        watching = [Watching(device) for _ in axis.values]
+        for number in range(passes):
+            for value, observe in zip(axis.values, watching, strict=True):
+                announce(f"steps: {value:,} {axis.grows}, pass {number + 1} of {passes}")
+                size = _size(axis, value)
+                one_pass(subject_of(method, scene, size if sized else replace(size, surfels=None), device), observe)
+        found: defaultdict[str, list[Measured]] = defaultdict(list)
+        for observe in watching:
+            for title, each in observe.found().items():
+                found[title].append(each)
         yield from _rows(axis, {title: each for title, each in found.items() if len(each) == len(axis.values)})
 
 
@@ -96,11 +113,14 @@ def _case(axis: Axis, value: int, device: torch.device) -> Case:
     return rasterize_case(blob(False, surfels, 1), side, torch.float32, device, dense=False)
 
 
-def _kernel(case: Case, device: torch.device) -> tuple[float, int]:
-    """Median seconds and peak bytes of the forward pass."""
-    case.forward()
-    taken = [seconds(case.forward, device) for _ in range(REPETITIONS)]
-    return median(taken), peak_bytes(case.forward, device)
+def _kernels(cases: Sequence[Case], device: torch.device) -> list[Measured]:
+    """Seconds and peak bytes of the forward pass of each case."""
+    for case in cases:
+        case.forward()
+    taken = [[seconds(case.forward, device) for case in cases] for _ in range(REPETITIONS)]
+    return [
+        Measured([each[place] for each in taken], peak_bytes(case.forward, device)) for place, case in enumerate(cases)
+    ]
 
 
 def _size(axis: Axis, value: int) -> Size:
@@ -108,23 +128,30 @@ def _size(axis: Axis, value: int) -> Size:
     return replace(USUAL, **changed[axis.grows])
 
 
-def _rows(axis: Axis, found: Mapping[str, Sequence[tuple[float, int]]]) -> Iterator[Plain]:
+def _rows(axis: Axis, found: Mapping[str, Sequence[Measured]]) -> Iterator[Plain]:
     for title, each in found.items():
-        taken, peaks = [pair[0] for pair in each], [pair[1] for pair in each]
-        large = [(value, peak) for value, peak in zip(axis.values, peaks, strict=True) if peak >= LEAST_BYTES]
-        by_time = exponent_of(axis.values, taken)
-        by_bytes = exponent_of(*zip(*large, strict=True)) if len(large) > 2 else None
+        taken, peaks = [measured.seconds for measured in each], [measured.bytes for measured in each]
+        law, last = law_of(axis.values, taken), last_exponent(axis.values, taken)
+        large = len(peaks) > 1 and min(peaks[-2:]) >= LEAST_BYTES
+        by_bytes = last_exponent(axis.values, [[float(peak)] for peak in peaks]) if large else None
         yield {
             "title": title,
             "grows": axis.grows,
             "fixed": axis.fixed,
             "values": list(axis.values),
-            "seconds": taken,
+            "seconds": [median(values) for values in taken],
+            "seconds each": taken,
             "bytes": peaks,
-            "seconds exponent": None if by_time is None else by_time._asdict(),
-            "bytes exponent": None if by_bytes is None else by_bytes._asdict(),
+            "law": None if law is None else _plain(law),
+            "last exponent": None if last is None else last._asdict(),
+            "last exponent of bytes": None if by_bytes is None else by_bytes.value,
             "at most": axis.at_most,
         }
+
+
+def _plain(law: GrowthLaw) -> Plain:
+    """The law as plain values, for storage."""
+    return {name: None if each is None else each._asdict() for name, each in law._asdict().items()}
 
 
 Result = TypeVar("Result")
@@ -164,6 +191,6 @@ class Watching:
             self.first.setdefault(title, taken[0])
         return results[0]
 
-    def found(self) -> dict[str, tuple[float, int]]:
-        """Median seconds and peak bytes by title."""
-        return {title: (median(self.seconds[title] or [self.first[title]]), peak) for title, peak in self.bytes.items()}
+    def found(self) -> dict[str, Measured]:
+        """Seconds and peak bytes by title."""
+        return {title: Measured(self.seconds[title] or [self.first[title]], peak) for title, peak in self.bytes.items()}

@@ -1,8 +1,9 @@
 """Passes over a method at one size, as plain values that a process can hand to another.
 
-For each piece of work: its seconds, the parts of the code that took them, PyTorch's operations, launches of our own
-kernels, and work counters. Seconds by part come from the Python stack, which is looked at every few milliseconds:
-nothing has to be marked in the code that is measured, so that one account fits every method and every version of it.
+For each piece of work: its seconds, the parts of the code that took them, page faults, PyTorch's operations, launches
+of our own kernels, and work counters. Seconds by part come from the Python stack, which is looked at every few
+milliseconds: nothing has to be marked in the code that is measured, so that one account fits every method and every
+version of it.
 """
 
 import gc
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
+from statistics import median
 from types import FrameType, TracebackType
 from typing import Any, Protocol, TypeVar, runtime_checkable
 from unittest.mock import patch
@@ -23,7 +25,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.recorded import Recorded
 
-from ..kernels.clock import processor_seconds, seconds
+from ..kernels.clock import page_faults, processor_seconds, seconds
 from .estimates import median_of
 from .passes import one_pass
 from .sizes import WARM_UP, Size
@@ -38,6 +40,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.transport.splatting",
         "radiogs_core.transport.maps",
         "radiogs_core.transport.blending_weights",
+        "radiogs_core.on_surfels.seen_points",
     ),
     "tracing": (
         "radiogs_core.kernels.trace",
@@ -45,6 +48,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.transport.incident",
         "radiogs_core.transport.sampling",
         "radiogs_core.transport.hit_surface",
+        "radiogs.incident_cache",
+        "radiogs.rays",
     ),
     "shading": (
         "radiogs_core.kernels.shade",
@@ -52,9 +57,23 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.transport.splitsum",
         "radiogs_core.transport.light_filters",
         "radiogs_core.scene.light",
+        "radiogs_core.on_surfels.model",
+        "radiogs_core.on_surfels.split_sum",
+        "radiogs.shaders",
+        "radiogs.relighting",
     ),
-    "surfels' values": ("radiogs_core.kernels.surfel", "radiogs_core.surfels.surfels"),
-    "image losses": ("radiogs_core.kernels.image", "radiogs_core.learning.losses"),
+    "consistency": ("radiogs.consistency",),
+    "surfels' values": (
+        "radiogs_core.kernels.surfel",
+        "radiogs_core.surfels.surfels",
+        "radiogs_core.surfels.harmonics",
+    ),
+    "image losses": (
+        "radiogs_core.kernels.image",
+        "radiogs_core.learning.losses",
+        "radiogs_core.on_surfels.fit_geometry",
+        "radiogs.invert",
+    ),
     "optimiser": ("radiogs_core.surfels.optimiser",),
     "density": ("radiogs_core.surfels.density",),
     "starting points": (
@@ -63,11 +82,16 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.surfels.swept_depth",
         "radiogs_core.surfels.swept_points",
         "radiogs_core.surfels.surroundings",
+        "radiogs_core.on_surfels.start_values",
     ),
     "light's start": ("radiogs_core.on_surfels.light_start", "radiogs_core.learning.radiance_solver"),
     "images": ("radiogs_datasets", "radiogs_core.learning.views"),
 }
-"""Packages and modules of each part, of which the most specific counts. The innermost one on the stack counts."""
+"""Packages and modules of each part, of which the most specific counts. The innermost one on the stack counts.
+
+Modules that serve any part have none: ``kernels.runtime`` and its like, Warp and PyTorch are charged to what called
+them. ``on_surfels.stage`` and ``learning.backward`` have none either, as everything runs within them.
+"""
 
 OTHER = "other"
 
@@ -188,6 +212,7 @@ def _rows(passes: Sequence[Plain]) -> Iterator[Plain]:
         for each in passes:
             for part, value in each["parts"].get(title, {}).items():
                 parts[part] = parts.get(part, 0.0) + value
+        faults = [value for each in passes for value in each.get("page faults", {}).get(title, [])]
         taken = taken or [[passes[0]["counted seconds"][title]]]
         middle = median_of(taken)
         yield {
@@ -197,6 +222,7 @@ def _rows(passes: Sequence[Plain]) -> Iterator[Plain]:
             "low": middle.low,
             "high": middle.high,
             **counted,
+            "page faults": round(median(faults)) if faults else None,
             "parts": shares_of(parts),
         }
 
@@ -220,7 +246,7 @@ class Counted:
 
 
 class Times:
-    """Seconds of every time that something was done, by title, and seconds by part.
+    """Seconds and page faults of every time that something was done, by title, and seconds by part.
 
     ``counts``: whether the first time of each title is counted as well. To count takes time: such seconds are kept
     apart, in ``counted_seconds``, for titles that have no others.
@@ -229,6 +255,7 @@ class Times:
     def __init__(self, device: torch.device, counts: bool) -> None:
         self.device, self.counts = device, counts
         self.seconds: defaultdict[str, list[float]] = defaultdict(list)
+        self.faults: defaultdict[str, list[int]] = defaultdict(list)
         self.counted_seconds: dict[str, float] = {}
         self.counted: dict[str, Counted] = {}
         self.parts: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
@@ -239,9 +266,12 @@ class Times:
             return work()
         if self.counts and any(title not in self.counted for title in titles):
             return self._count(titles, work)
+        before = page_faults()
         found, taken, looking = self._timed(work)
+        faults = page_faults() - before
         for title in titles:
             self.seconds[title].append(taken)
+            self.faults[title].append(faults)
             self._add_parts(title, looking)
         return found
 
@@ -269,6 +299,7 @@ class Times:
         """The times as plain values, for another process."""
         return {
             "seconds": dict(self.seconds),
+            "page faults": dict(self.faults),
             "counted seconds": self.counted_seconds,
             "counts": {title: asdict(each) for title, each in self.counted.items()},
             "parts": {title: dict(parts) for title, parts in self.parts.items()},

@@ -1,8 +1,9 @@
 """Measurements of steps as JSON and as a table."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from .estimates import ratio_of_medians
 from .yardsticks import Yardsticks
 
 if TYPE_CHECKING:
@@ -12,6 +13,9 @@ SCHEMA = "radiogs-bench/steps/1"
 
 MOST_PARTS = 3
 """Parts of a step that a table shows."""
+
+FRAME, SURFELS_ALONE = ": a frame", "by surfels alone"
+"""Ending of the titles of frames, and words in the title of those that need no rays."""
 
 Plain = dict[str, Any]
 
@@ -47,6 +51,18 @@ def parts_said(parts: Mapping[str, float], most: int = MOST_PARTS) -> str:
     return ", ".join(f"{part} {100 * share:.0f} %" for part, share in largest[:most])
 
 
+def frames_said(size: Mapping[str, Any]) -> Iterator[str]:
+    """How much longer frames take by rays than by surfels alone, a sentence each, for a method that has both ways."""
+    frames = [row for row in size["rows"] if row["title"].endswith(FRAME)]
+    for alone in (row for row in frames if SURFELS_ALONE in row["title"]):
+        for row in (row for row in frames if SURFELS_ALONE not in row["title"]):
+            ratio = ratio_of_medians(row["passes"], alone["passes"], paired=True)
+            if ratio is not None:
+                interval = "" if ratio.low is None else f" ({ratio.low:.1f} to {ratio.high:.1f})"
+                way, other = (each["title"].removesuffix(FRAME) for each in (row, alone))
+                yield f"A frame of {way} takes {ratio.value:.1f}{interval} times as long as one of {other}."
+
+
 def headline(name: str, size: Mapping[str, Any]) -> str:
     """A size in words."""
     surfels = "its own number of surfels" if size["surfels"] is None else f"{size['surfels']:,} surfels"
@@ -63,12 +79,13 @@ def as_table(name: str, size: Mapping[str, Any]) -> "Table":
     from rich.table import Table
 
     table = Table("", title=headline(name, size), title_justify="left")
-    for heading in ("median", "95 % interval", "operations", "launches"):
+    for heading in ("median", "95 % interval", "operations", "launches", "page faults"):
         table.add_column(heading, justify="right")
     table.add_column("where its time goes")
     for row in size["rows"]:
         table.add_row(
             row["title"], milliseconds(row["median"]), ends(row["low"], row["high"]),
-            f"{row['operations']:,}", f"{row['launches']:,}", parts_said(row["parts"]),
+            f"{row['operations']:,}", f"{row['launches']:,}",
+            "" if row["page faults"] is None else f"{row['page faults']:,}", parts_said(row["parts"]),
         )  # fmt: skip
     return table

@@ -50,9 +50,6 @@ WARM_UP = SIZES["smoke"]
 OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
 """Those with as many surfels as a preset's largest model: any method can be measured at them."""
 
-DEFAULT = ("tiny", "20k")
-"""Sizes that take seconds."""
-
 
 def size_of(name: str) -> Size:
     """A size by its name. Raises UsageError for one that is not there."""
