@@ -1,0 +1,32 @@
+"""Freed memory is kept for the next buffer."""
+
+import platform
+import resource
+
+import pytest
+import torch
+
+from radiogs_core.kernels.runtime import keep_freed_memory, start_warp
+
+start_warp()
+
+
+def page_faults() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc's allocator")
+def test_a_large_buffer_takes_the_pages_of_the_one_before() -> None:
+    """64 MiB are 16,384 pages of 4 KiB; a larger buffer has made room for them and for what lies between."""
+    torch.ones(2**25)
+    before = page_faults()
+    for _ in range(10):
+        torch.ones(2**24)
+    assert page_faults() - before < 2 * 2**14
+
+
+@pytest.mark.parametrize(
+    "environment", [{"MALLOC_TRIM_THRESHOLD_": "1000"}, {"GLIBC_TUNABLES": "glibc.malloc.mmap_threshold=1000"}]
+)
+def test_settings_of_the_user_stay(environment: dict[str, str]) -> None:
+    assert not keep_freed_memory(environment)
