@@ -34,7 +34,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Numbers of the settings in glibc's malloc.h."""
 
 MAPPED_FROM, TRIMMED_FROM = 2**30, 2**31 - 1
-"""Bytes from which on a buffer is mapped by itself, and free memory at the end of the heap is returned to the system."""
+"""Bytes from which on a buffer is mapped by itself, and free memory at the end of the heap is returned."""
 
 
 def keep_freed_memory(environment: Mapping[str, str]) -> bool:
@@ -48,8 +48,9 @@ def keep_freed_memory(environment: Mapping[str, str]) -> bool:
     if own or "glibc.malloc" in environment.get("GLIBC_TUNABLES", "") or platform.libc_ver()[0] != "glibc":
         return False
     library = ctypes.CDLL(None)
-    settings = {M_MMAP_THRESHOLD: MAPPED_FROM, M_TRIM_THRESHOLD: TRIMMED_FROM}
-    return all([library.mallopt(*setting) for setting in settings.items()])
+    mapped = library.mallopt(M_MMAP_THRESHOLD, MAPPED_FROM)
+    trimmed = library.mallopt(M_TRIM_THRESHOLD, TRIMMED_FROM)
+    return bool(mapped and trimmed)
 
 
 @contextmanager
