@@ -1,16 +1,56 @@
 """Launches that are recorded once for a kernel, a device and a thread, and then repeated with other arguments."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
-from threading import get_ident
+from pathlib import Path
+from threading import Lock, get_ident
 from typing import Any
 
 import torch
 import warp as wp
+from filelock import FileLock
 
 from .arguments import Arguments, Layout, parameters_of
-from .compiling import compile_for
+
+_ready: set[tuple[wp.Module, torch.device]] = set()
+"""Modules that are loaded on a device."""
+
+_locks: dict[wp.Module, Lock] = {}
+
+
+def compile_for(device: torch.device, kernel: wp.Kernel) -> None:
+    """Compile a kernel or load it from Warp's cache, unless it is loaded.
+
+    While another thread or process compiles it, this waits, and then loads it.
+    """
+    module = kernel.module
+    with _locks.setdefault(module, Lock()):
+        if (module, device) not in _ready:
+            with _one_process(module):
+                # Not Module.load: on the CPU that compiles a second time, for blocks of threads, which no launch has.
+                wp.force_load(wp.device_from_torch(device), [module])
+            _ready.add((module, device))
+
+
+@contextmanager
+def _one_process(module: wp.Module) -> Iterator[None]:
+    """Let no other process compile the module within the block.
+
+    Where files cannot be locked, as in a cache that may only be read, processes do not wait: Warp moves what it has
+    compiled to its place as a whole, so they compile in vain but do not disturb each other.
+    """
+    lock = FileLock(Path(wp.config.kernel_cache_dir) / f"{module.name}.lock", fallback_to_soft=False)
+    try:
+        lock.acquire()
+    except (OSError, NotImplementedError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 class Recorded:

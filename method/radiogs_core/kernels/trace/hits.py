@@ -16,7 +16,6 @@ from torch import Tensor
 from ...instruments import count
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
-from ..compiling import compile_for
 from ..runtime import CHUNKS_PER_WORKER, in_parallel, launch, launch_in_parallel, workers
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, TOGETHER, hit_kernels
@@ -116,7 +115,6 @@ def find_hits(
     """
     on_cuda = as_on_cuda(origin.device)
     kernels = hit_kernels(origin.dtype, on_cuda)
-    compile_for(origin.device, kernels.gather, kernels.pack)
     order = coherent_order(origin, direction)
     rays = [value.contiguous() for value in (origin, direction)]
     tree = [bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order]
