@@ -14,7 +14,8 @@ for (int k = 0; k < 3; ++k) {
 }
 
 // ---- bounds
-// Bounds of the surfel that support.inl measures; ``is_touched``: whether they meet the image. With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z is a tangent
+// Bounds of the surfel that support.inl measures; ``is_touched``: whether they meet the image. With the ellipse
+// C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z is a tangent
 // if (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2, which is quadratic in q. If the ellipse crosses the camera's
 // plane, its image is unbounded, and every pixel may see it.
 bool is_touched = false;

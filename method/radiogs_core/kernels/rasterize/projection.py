@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ...instruments import fire
 from ...scene.camera import Camera
-from ..arguments import require_countable
+from ..arguments import MOST_ENTRIES, require_countable
 from ..arrangement import as_on_cuda
 from ..runtime import launch, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
@@ -221,6 +221,8 @@ def tile_lists(camera: Camera, bounds: Bounds) -> TileLists:
 def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
     """``starts`` and ``members`` by sorting and counting in one thread, for the CPU."""
     across, count = _grid(camera)
+    if count > MOST_ENTRIES:
+        _require_countable(int(_pairs(bounds.tiles).sum()))
     down, surfels, kernels = count // across, len(bounds.depth), binning_kernels()
     scratch = torch.empty(4, surfels, dtype=torch.int32)
     corners = torch.zeros(down + 1, across + 1, dtype=torch.int32)
@@ -246,8 +248,7 @@ def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_an
     )
     drawn = torch.nonzero(bounds.touched)[:, 0]
     nearest_first = drawn[_in_order(bounds.depth[drawn]).argsort(stable=True)]
-    first, last = tiles[nearest_first].view(-1, 2, 2).unbind(1)
-    counts = (last - first + 1).prod(-1)
+    counts = _pairs(tiles[nearest_first])
     begins = counts.cumsum(0) - counts
     entries = int(counts.sum())
     _require_countable(entries)
@@ -258,6 +259,12 @@ def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_an
     tile, order = tile.sort(stable=True)
     starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)
     return starts, member[order]
+
+
+def _pairs(tiles: Int[Tensor, "surfels 4"]) -> Int64[Tensor, " surfels"]:
+    """Number of tiles of each surfel."""
+    first, last = tiles.long().view(-1, 2, 2).unbind(1)
+    return (last - first + 1).prod(-1)
 
 
 def _require_countable(entries: int) -> None:

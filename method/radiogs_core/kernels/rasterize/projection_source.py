@@ -62,7 +62,8 @@ def geometry_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
     @wp.func_native(_written_for("geometry_backward", dtype, on_cuda))
     def pull_back(
-        item: wp.int32, surfels: wp.int32, pose: flat, centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat, pull: flat,
+        item: wp.int32, surfels: wp.int32, pose: flat,
+        centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat, pull: flat,
         to_centre: flat, to_u: flat, to_v: flat, to_normal: flat, to_opacity: flat,
     ): ...  # fmt: skip
 
@@ -79,7 +80,8 @@ def geometry_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
     @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def backward(
-        begin: wp.int32, surfels: wp.int32, pose: flat, centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat, pull: flat,
+        begin: wp.int32, surfels: wp.int32, pose: flat,
+        centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat, pull: flat,
         to_centre: flat, to_u: flat, to_v: flat, to_normal: flat, to_opacity: flat,
     ):  # fmt: skip
         pull_back(
@@ -105,8 +107,9 @@ def seen_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
     @wp.func_native(_written_for("raw_forward", dtype, on_cuda))
     def project(
-        item: wp.int32, surfels: wp.int32, pose: flat, size_of_pixel: scalar, lens: wp.vec4d, size: wp.vec2i, coefficients: wp.int32,
-        shown_only: wp.int32, centre: flat, rotation: flat, log_scale: flat, opacity_logit: flat, sh: flat,
+        item: wp.int32, surfels: wp.int32, pose: flat, size_of_pixel: scalar, lens: wp.vec4d, size: wp.vec2i,
+        coefficients: wp.int32, shown_only: wp.int32,
+        centre: flat, rotation: flat, log_scale: flat, opacity_logit: flat, sh: flat,
         out_records: flat, out_normal: flat, out_radiance: flat, out_sent: flat,
         out_tiles: integers, out_depth: doubles, out_kind: kinds, out_touched: flags,
     ): ...  # fmt: skip
@@ -121,8 +124,9 @@ def seen_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
     @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def forward(
-        begin: wp.int32, surfels: wp.int32, pose: flat, size_of_pixel: scalar, lens: wp.vec4d, size: wp.vec2i, coefficients: wp.int32,
-        shown_only: wp.int32, centre: flat, rotation: flat, log_scale: flat, opacity_logit: flat, sh: flat,
+        begin: wp.int32, surfels: wp.int32, pose: flat, size_of_pixel: scalar, lens: wp.vec4d, size: wp.vec2i,
+        coefficients: wp.int32, shown_only: wp.int32,
+        centre: flat, rotation: flat, log_scale: flat, opacity_logit: flat, sh: flat,
         out_records: flat, out_normal: flat, out_radiance: flat, out_sent: flat,
         out_tiles: integers, out_depth: doubles, out_kind: kinds, out_touched: flags,
     ):  # fmt: skip

@@ -129,7 +129,7 @@ def _zero_if(absent: bool, values: Tensor) -> Tensor:
 
 
 def _view(kernels: Any, seen: Projection, depth_unit: float) -> list[Any]:
-    """What both kernels take of a projection, apart from the records."""
+    """The arguments of both kernels that a projection gives, apart from the records."""
     camera = seen.camera
     lens = kernels.Lens(camera.fx, camera.fy, camera.cx, camera.cy)
     size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))
