@@ -10,7 +10,7 @@ from radiogs.model import Model
 from radiogs.settings import Variant
 from radiogs.showing import Renderer
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.rasterize.projection import project
+from radiogs_core.kernels.rasterize.projection import project, tile_lists
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import begins_of, number_of_entries
@@ -58,7 +58,7 @@ def test_more_pairs_than_an_index_holds_are_counted_in_64_bits_and_refused() -> 
     camera = looking_along_z(1_000_000, 1_000_000, focal=1e6)
     given = facing(torch.full((10,), 2.0), 0.9, scale=100.0)
     with pytest.raises(UsageError, match="625000000000 pairs"):
-        project(camera, SplatGeometry(*(given[name] for name in FIELDS))).lists
+        tile_lists(camera, project(camera, SplatGeometry(*(given[name] for name in FIELDS))).bounds)
 
 
 @pytest.mark.case(23)

@@ -113,7 +113,8 @@ def own_radiance_twice(
 ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
     """``own_radiance`` with its full gradient, and the same values with gradient to the harmonics only."""
     seen = surfels.seen_by(camera, radiance=True)
-    assert seen.radiance is not None and seen.sent is not None
+    assert seen.radiance is not None
+    assert seen.sent is not None
     return seen.radiance, seen.sent
 
 

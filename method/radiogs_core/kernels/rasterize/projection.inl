@@ -1,39 +1,37 @@
 // Surfels projected into a camera: homographies of pixel rays, and bounds on the screen; see projection_source.py.
 
+// ---- each
+// The surfels of an item; the loop's end closes what includes this. A call for each would copy all arguments.
+const int after = (item + 1) * SURFELS_AN_ITEM < surfels ? (item + 1) * SURFELS_AN_ITEM : surfels;
+for (int surfel = item * SURFELS_AN_ITEM; surfel < after; ++surfel) {
+
+// ---- away
+// ``away``, from the eye to the centre ``c``, and the cosine ``facing`` to the normal ``n`` times its length.
+double away[3], facing = 0.0;
+for (int k = 0; k < 3; ++k) {
+    away[k] = double(c[k]) - double(p[4 * k + 3]);
+    facing += double(n[k]) * away[k];
+}
+
 // ---- bounds
-// Bounds of the surfel with centre ``c``, ``axes``, normal ``n``, and what support.inl measures; ``is_touched``: whether
-// they meet the image. With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z is a tangent
+// Bounds of the surfel that support.inl measures; ``is_touched``: whether they meet the image. With the ellipse
+// C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z is a tangent
 // if (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2, which is quadratic in q. If the ellipse crosses the camera's
 // plane, its image is unbounded, and every pixel may see it.
 bool is_touched = false;
 {
-    double away[3], position[3] = {0.0, 0.0, 0.0}, facing = 0.0;
-    for (int k = 0; k < 3; ++k) {
-        away[k] = double(c[k]) - double(p[4 * k + 3]);
-        facing += double(n[k]) * away[k];
-    }
+    double position[3] = {0.0, 0.0, 0.0};
     for (int axis = 0; axis < 3; ++axis)
         for (int k = 0; k < 3; ++k) position[axis] += double(p[4 * k + axis]) * away[k];
     int low[2] = {0, 0}, high[2] = {size[0] - 1, size[1] - 1};
     if (kind_of >= REGULAR && facing < 0.0) {
         double span[2][3];
-        for (int axis = 0; axis < 2; ++axis) {
-            const SCALAR *own = axes[axis], *other = axes[1 - axis];
-            double product = 0.0, square = 0.0, across = 0.0, step[3];
-            for (int k = 0; k < 3; ++k) {
-                product += double(own[k]) * double(other[k]);
-                square += double(other[k]) * double(other[k]);
-            }
-            for (int k = 0; k < 3; ++k) {
-                step[k] = double(own[k]) - double(other[k]) * (product / square);
-                across += step[k] * step[k];
-            }
+        for (int axis = 0; axis < 2; ++axis)
             for (int along = 0; along < 3; ++along) {
                 double sum = 0.0;
-                for (int k = 0; k < 3; ++k) sum += double(p[4 * k + along]) * step[k];
-                span[axis][along] = sum * (double(reach) / across);
+                for (int k = 0; k < 3; ++k) sum += double(p[4 * k + along]) * double(dual[axis][k]);
+                span[axis][along] = sum * double(reach);
             }
-        }
         const double depth_reach = sqrt(span[0][2] * span[0][2] + span[1][2] * span[1][2]);
         if (position[2] - depth_reach > 0.0) {
             const double square = (position[2] - depth_reach) * (position[2] + depth_reach);
@@ -127,12 +125,16 @@ const SCALAR* axes[2] = {axis_u.data + 3LL * surfel, axis_v.data + 3LL * surfel}
 const SCALAR o = opacity.data[surfel];
 
 // ---- geometry_forward
+#include "each"
 #include "geometry"
+#include "away"
 #include "support.inl:measure"
 #include "bounds"
 #include "record"
+}
 
 // ---- geometry_backward
+#include "each"
 #include "geometry"
 const SCALAR* r = pull.data + 12LL * surfel;
 #include "pull"
@@ -144,20 +146,23 @@ for (int k = 0; k < 3; ++k) {
     to_centre.data[place] = by_c[k];
 }
 to_opacity.data[surfel] = by_opacity;
+}
 
-// ---- raw
+// ---- turned
 const SCALAR *c = centre.data + 3LL * surfel, *p = pose.data;
 SCALAR m[9];
 {
     const SCALAR* given = rotation.data + 4LL * surfel;
 #include "frame.inl:matrix"
 }
+
+// ---- widened
 const SCALAR s_u = wp::exp(log_scale.data[2LL * surfel]), s_v = wp::exp(log_scale.data[2LL * surfel + 1]);
 const SCALAR peak = SCALAR(1) / (SCALAR(1) + wp::exp(-opacity_logit.data[surfel]));
 #include "footprint.inl:root"
-SCALAR to_u[3], to_v[3], to_n[3];
+SCALAR to_u[3], to_v[3];
 #include "footprint.inl:axes"
-const SCALAR *n = to_n, *axes[2] = {to_u, to_v};
+const SCALAR* axes[2] = {to_u, to_v};
 const SCALAR o = peak * share;
 
 // ---- sent
@@ -170,11 +175,24 @@ for (int k = 0; k < coefficients; ++k)
     for (int channel = 0; channel < 3; ++channel) sum[channel] += harmonic[k] * of_surfel[3 * k + channel];
 
 // ---- raw_forward
-#include "raw"
+#include "each"
+#include "turned"
+const SCALAR to_n[3] = {m[2], m[5], m[8]}, *n = to_n;
+for (int k = 0; k < 3; ++k) out_normal.data[3LL * surfel + k] = n[k];
+#include "away"
+if (shown_only && !(facing < 0.0)) {
+    // What faces away is not drawn, and of what is not drawn no more is wanted.
+    for (int k = 0; k < 4; ++k) out_tiles.data[4LL * surfel + k] = k < 2 ? 0 : -1;
+    for (int k = 0; k < 3; ++k) out_radiance.data[3LL * surfel + k] = SCALAR(0);
+    out_depth.data[surfel] = 0.0;
+    out_kind.data[surfel] = REGULAR;
+    out_touched.data[surfel] = false;
+    continue;
+}
+#include "widened"
 #include "support.inl:measure"
 #include "bounds"
 #include "record"
-for (int k = 0; k < 3; ++k) out_normal.data[3LL * surfel + k] = n[k];
 if (coefficients > 0) {
     SCALAR light[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
     if (is_touched || !shown_only) {
@@ -186,8 +204,10 @@ if (coefficients > 0) {
         out_sent.data[3LL * surfel + channel] = light[channel];
     }
 }
+}
 
 // ---- raw_backward
+#include "each"
 // ``pulled`` has a bit for each pull that is given: of records, normals, radiance, and the copy of the radiance.
 const SCALAR none[12] = {};
 const SCALAR* r = pulled & 1 ? pull_records.data + 12LL * surfel : none;
@@ -206,9 +226,11 @@ if (!is_pulled) {
     for (int k = 0; k < 3; ++k) to_centre[k] = SCALAR(0);
     for (int k = 0; k < 4; ++k) to_given[k] = SCALAR(0);
     to_scale[0] = to_scale[1] = *to_opacity = SCALAR(0);
-    return;
+    continue;
 }
-#include "raw"
+#include "turned"
+const SCALAR to_n[3] = {m[2], m[5], m[8]}, *n = to_n;
+#include "widened"
 #include "pull"
 for (int k = 0; k < 3; ++k) by_n[k] += of_normal[k];
 SCALAR to_frame[9];
@@ -238,3 +260,4 @@ if (coefficients > 0) {
     for (int k = 0; k < 3; ++k) by_c[k] += (slopes[k] - ray[k] * along_ray) * turned;
 }
 for (int k = 0; k < 3; ++k) to_centre[k] = by_c[k];
+}

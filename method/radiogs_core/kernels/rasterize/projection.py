@@ -15,13 +15,13 @@ from torch import Tensor
 
 from ...instruments import fire
 from ...scene.camera import Camera
-from ..arguments import require_countable
+from ..arguments import MOST_ENTRIES, require_countable
 from ..arrangement import as_on_cuda
 from ..runtime import launch, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from ..surfel.support_source import DEGENERATE, FAINT, SATURABLE
 from .binning_source import binning_kernels
-from .projection_source import geometry_kernels, seen_kernels
+from .projection_source import geometry_kernels, seen_kernels, surfels_an_item
 from .rasterize_source import RECORD, TILE
 
 
@@ -126,6 +126,10 @@ def _lens(camera: Camera) -> tuple[Any, Any]:
     return wp.vec4d(camera.fx, camera.fy, camera.cx, camera.cy), wp.vec2i(camera.width, camera.height)
 
 
+def _items(surfels: Tensor) -> int:
+    return -(-len(surfels) // surfels_an_item(as_on_cuda(surfels.device)))
+
+
 def _new_bounds(like: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     count, device = len(like), like.device
     return (
@@ -141,9 +145,9 @@ class _FromGeometry(torch.autograd.Function):
     def forward(ctx: Any, camera: Camera, *surfels: Tensor) -> tuple[Tensor, ...]:
         given, pose = [value.contiguous() for value in surfels], camera.camera_to_world.contiguous()
         records, bounds = given[0].new_empty(len(given[0]), RECORD), _new_bounds(given[0])
-        arguments = [pose, *_lens(camera), *given, records, *bounds]
-        kernels = geometry_kernels(records.dtype)
-        launch_in_parallel(kernels.forward, len(records), records.device, lambda _: arguments)
+        arguments = [len(records), pose, *_lens(camera), *given, records, *bounds]
+        kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
+        launch_in_parallel(kernels.forward, _items(records), records.device, lambda _: arguments)
         ctx.pose = pose
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
@@ -156,8 +160,9 @@ class _FromGeometry(torch.autograd.Function):
         if pull is None:
             return (None,) * (1 + len(given))
         out = [torch.empty_like(value) for value in given]
-        arguments = [ctx.pose, *given, pull.contiguous(), *out]
-        launch_in_parallel(geometry_kernels(pull.dtype).backward, len(pull), pull.device, lambda _: arguments)
+        arguments = [len(pull), ctx.pose, *given, pull.contiguous(), *out]
+        kernels = geometry_kernels(pull.dtype, as_on_cuda(pull.device))
+        launch_in_parallel(kernels.backward, _items(pull), pull.device, lambda _: arguments)
         return None, *out
 
 
@@ -175,10 +180,11 @@ class _FromSurfels(torch.autograd.Function):
         sent = torch.empty_like(centre) if sh is not None and any(ctx.needs_input_grad) else radiance
         bounds, pixel = _new_bounds(centre), 2 / (camera.fx + camera.fy)
         arguments = [
-            pose, pixel, *_lens(camera), coefficients, int(shown_only), *given,
+            len(centre), pose, pixel, *_lens(camera), coefficients, int(shown_only), *given,
             records, normal, radiance, sent, *bounds,
         ]  # fmt: skip
-        launch_in_parallel(seen_kernels(centre.dtype).forward, len(centre), centre.device, lambda _: arguments)
+        kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))
+        launch_in_parallel(kernels.forward, _items(centre), centre.device, lambda _: arguments)
         ctx.settings = pose, pixel, coefficients
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
@@ -193,8 +199,9 @@ class _FromSurfels(torch.autograd.Function):
         pulled = sum(1 << bit for bit, pull in enumerate(pulls[:4]) if pull is not None)
         by = [absent if pull is None else pull.contiguous() for pull in pulls[:4]]
         out = [torch.empty_like(value) for value in given]
-        arguments = [pose, pixel, coefficients, pulled, *given, *by, *out]
-        launch_in_parallel(seen_kernels(absent.dtype).backward, len(given[0]), device, lambda _: arguments)
+        arguments = [len(given[0]), pose, pixel, coefficients, pulled, *given, *by, *out]
+        kernels = seen_kernels(absent.dtype, as_on_cuda(device))
+        launch_in_parallel(kernels.backward, _items(given[0]), device, lambda _: arguments)
         return None, None, *out[:4], out[4] if coefficients else None
 
 
@@ -214,6 +221,8 @@ def tile_lists(camera: Camera, bounds: Bounds) -> TileLists:
 def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
     """``starts`` and ``members`` by sorting and counting in one thread, for the CPU."""
     across, count = _grid(camera)
+    if count > MOST_ENTRIES:
+        _require_countable(int(_pairs(bounds.tiles).sum()))
     down, surfels, kernels = count // across, len(bounds.depth), binning_kernels()
     scratch = torch.empty(4, surfels, dtype=torch.int32)
     corners = torch.zeros(down + 1, across + 1, dtype=torch.int32)
@@ -239,8 +248,7 @@ def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_an
     )
     drawn = torch.nonzero(bounds.touched)[:, 0]
     nearest_first = drawn[_in_order(bounds.depth[drawn]).argsort(stable=True)]
-    first, last = tiles[nearest_first].view(-1, 2, 2).unbind(1)
-    counts = (last - first + 1).prod(-1)
+    counts = _pairs(tiles[nearest_first])
     begins = counts.cumsum(0) - counts
     entries = int(counts.sum())
     _require_countable(entries)
@@ -251,6 +259,12 @@ def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_an
     tile, order = tile.sort(stable=True)
     starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)
     return starts, member[order]
+
+
+def _pairs(tiles: Int[Tensor, "surfels 4"]) -> Int64[Tensor, " surfels"]:
+    """Number of tiles of each surfel."""
+    first, last = tiles.long().view(-1, 2, 2).unbind(1)
+    return (last - first + 1).prod(-1)
 
 
 def _require_countable(entries: int) -> None:

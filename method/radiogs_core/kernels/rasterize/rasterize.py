@@ -97,7 +97,7 @@ class _Blend(torch.autograd.Function):
         count(blended_pairs=pairs, bytes_read=pairs * (records.shape[1] + together.shape[1]) * records.element_size())
         if detached:
             # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
-            together = _joined([_zero_if(index in detached, values) for index, values in enumerate(features)])
+            together = _joined(tuple(_zero_if(index in detached, values) for index, values in enumerate(features)))
         ctx.view, ctx.items, ctx.detached = view, items, detached
         ctx.save_for_backward(records, together, sums, ends, *images)
         ctx.set_materialize_grads(False)
@@ -120,7 +120,7 @@ class _Blend(torch.autograd.Function):
         return None, None, None, to_records, *(to_features.split(widths, -1) if len(widths) > 1 else [to_features])
 
 
-def _joined(features: Sequence[Tensor]) -> Tensor:
+def _joined(features: tuple[Tensor, ...]) -> Tensor:
     return torch.cat(features, -1) if len(features) > 1 else features[0].contiguous()
 
 
@@ -129,7 +129,7 @@ def _zero_if(absent: bool, values: Tensor) -> Tensor:
 
 
 def _view(kernels: Any, seen: Projection, depth_unit: float) -> list[Any]:
-    """What both kernels take of a projection, apart from the records."""
+    """The arguments of both kernels that a projection gives, apart from the records."""
     camera = seen.camera
     lens = kernels.Lens(camera.fx, camera.fy, camera.cx, camera.cy)
     size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))

@@ -49,8 +49,8 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a number of feature channels; all arrays are flat.
 
     ``lens``: fx, fy, cx, cy. ``size``: width and height of the image, and tiles in a row. ``planes``: an address for
-    each channel and each of the PLANES, so that images need not lie together; ``strides``: numbers from a channel's pixel
-    to its next.
+    each channel and each of the PLANES, so that images need not lie together. ``strides``: numbers from pixel to pixel
+    of each channel.
     """
     start_warp()
     scalar = scalar_type(dtype)

@@ -29,11 +29,10 @@ const SCALAR second = SCALAR(sqrt(s_v * s_v + variance + stretch * along[1] * al
 const SCALAR share = s_u * s_v / (first * second);
 
 // ---- axes
-// ``to_u``, ``to_v``, ``to_n``: the axes and the normal.
+// ``to_u``, ``to_v``: the axes.
 for (int k = 0; k < 3; ++k) {
     to_u[k] = m[3 * k] / first;
     to_v[k] = (m[3 * k + 1] - mixed * to_u[k]) / second;
-    to_n[k] = m[3 * k + 2];
 }
 
 // ---- pull
@@ -64,8 +63,9 @@ const SCALAR s_u = scale.data[2LL * surfel], s_v = scale.data[2LL * surfel + 1],
 
 // ---- forward
 #include "given"
-SCALAR *to_u = out_u.data + 3LL * surfel, *to_v = out_v.data + 3LL * surfel, *to_n = out_normal.data + 3LL * surfel;
+SCALAR *to_u = out_u.data + 3LL * surfel, *to_v = out_v.data + 3LL * surfel;
 #include "axes"
+for (int k = 0; k < 3; ++k) out_normal.data[3LL * surfel + k] = m[3 * k + 2];
 out_opacity.data[surfel] = peak * share;
 
 // ---- backward

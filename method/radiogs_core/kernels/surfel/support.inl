@@ -1,14 +1,14 @@
 // The support of a surfel; see support_source.py.
 
 // ---- measure
-// ``reach`` and its square, ``half_extent`` and ``kind_of`` of a surfel: centre ``c``, ``axes``, normal ``n``, opacity
-// ``o``. The reach is the radius at which the surfel's alpha falls to the threshold; NaN stays NaN.
+// ``reach`` and its square, ``dual`` and ``kind_of`` of a surfel: centre ``c``, ``axes``, normal ``n``, opacity ``o``.
+// The reach is the radius at which the surfel's alpha falls to the threshold; NaN stays NaN.
 // The dual of an axis is the step in the plane of both along which the first coordinate grows by one and the other
 // stays. Zero times a finite number is zero; times infinity or NaN it is NaN.
 const SCALAR ratio = o / SCALAR(THRESHOLD);
 const SCALAR reach_squared = ratio <= SCALAR(1) ? SCALAR(0) : SCALAR(2) * wp::log(ratio);
 const SCALAR reach = SCALAR(sqrt(reach_squared));
-SCALAR dual[2][3], half_extent[3];
+SCALAR dual[2][3];
 for (int axis = 0; axis < 2; ++axis) {
     const SCALAR *own = axes[axis], *other = axes[1 - axis];
     SCALAR product = SCALAR(0), square = SCALAR(0), across = SCALAR(0);
@@ -24,13 +24,9 @@ for (int axis = 0; axis < 2; ++axis) {
 }
 SCALAR nothing = SCALAR(0) * o;
 for (int k = 0; k < 3; ++k) {
-    const SCALAR a = dual[0][k] < SCALAR(0) ? -dual[0][k] : dual[0][k];
-    const SCALAR b = dual[1][k] < SCALAR(0) ? -dual[1][k] : dual[1][k];
-    const SCALAR longer = a > b ? a : b, shorter = a > b ? b : a, quotient = shorter / longer;
-    half_extent[k] = longer == SCALAR(0) ? SCALAR(0) : longer * SCALAR(sqrt(SCALAR(1) + quotient * quotient));
-    half_extent[k] *= reach;
-    nothing += SCALAR(0) * half_extent[k] + SCALAR(0) * c[k] + SCALAR(0) * n[k];
-    nothing += SCALAR(0) * axes[0][k] + SCALAR(0) * axes[1][k];
+    nothing += SCALAR(0) * c[k] + SCALAR(0) * n[k] + SCALAR(0) * axes[0][k] + SCALAR(0) * axes[1][k];
+    // Twice as much as an extent may be, so that extents are finite, too.
+    nothing += SCALAR(0) * (SCALAR(2) * reach * dual[0][k]) + SCALAR(0) * (SCALAR(2) * reach * dual[1][k]);
 }
 const bool finite = nothing == SCALAR(0), strong = o >= SCALAR(THRESHOLD), capped = o > SCALAR(MAX_ALPHA);
 const int kind_of = finite ? (strong ? (capped ? 3 : 2) : 1) : 0;
@@ -40,6 +36,12 @@ const SCALAR *c = centre.data + 3LL * surfel, *n = normal.data + 3LL * surfel;
 const SCALAR* axes[2] = {axis_u.data + 3LL * surfel, axis_v.data + 3LL * surfel};
 const SCALAR o = opacity.data[surfel];
 #include "measure"
-for (int k = 0; k < 3; ++k) extent.data[3LL * surfel + k] = half_extent[k];
+for (int k = 0; k < 3; ++k) {
+    const SCALAR a = dual[0][k] < SCALAR(0) ? -dual[0][k] : dual[0][k];
+    const SCALAR b = dual[1][k] < SCALAR(0) ? -dual[1][k] : dual[1][k];
+    const SCALAR longer = a > b ? a : b, shorter = a > b ? b : a, quotient = shorter / longer;
+    const SCALAR half = longer == SCALAR(0) ? SCALAR(0) : longer * SCALAR(sqrt(SCALAR(1) + quotient * quotient));
+    extent.data[3LL * surfel + k] = reach * half;
+}
 radius.data[surfel] = reach;
 kind.data[surfel] = kind_of;

@@ -41,7 +41,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         edge_kernels(dtype, on_cuda, channels=3),
     )
     footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
-    projecting, seeing = geometry_kernels(dtype), seen_kernels(dtype)
+    projecting, seeing = geometry_kernels(dtype, on_cuda), seen_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
     lookup = lookup_kernels(dtype, on_cuda)
     return [

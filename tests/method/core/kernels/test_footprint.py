@@ -128,7 +128,8 @@ def raw_surfels(count: int = 60, coefficients: int = 16) -> dict[str, torch.Tens
 def at_once(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
     centre, rotation, *others = given.values()
     seen = project_surfels(camera(), (centre, rotation), *others)
-    assert seen.radiance is not None and seen.sent is not None
+    assert seen.radiance is not None
+    assert seen.sent is not None
     return seen.records, seen.normal, seen.radiance, seen.sent
 
 
@@ -192,6 +193,7 @@ def test_the_radiance_of_surfels_beside_the_image_may_be_left_out() -> None:
     centre, rotation, *others = raw_surfels().values()
     whole, shown = (project_surfels(camera(), (centre, rotation), *others, only) for only in (False, True))
     touched = shown.bounds.touched[:, None]
-    assert whole.radiance is not None and shown.radiance is not None
+    assert whole.radiance is not None
+    assert shown.radiance is not None
     assert bool((whole.radiance[~touched[:, 0]] > 0).any())
     assert torch.equal(shown.radiance, torch.where(touched, whole.radiance, 0.0))

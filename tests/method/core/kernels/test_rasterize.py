@@ -99,6 +99,27 @@ def test_detached_channels_give_gradient_to_their_features_alone() -> None:
     assert (of_kept["centre"] - whole["centre"]).abs().max() > 0.01 * whole["centre"].abs().max()
 
 
+@in_every_arrangement
+def test_the_mean_depth_and_its_gradients_are_those_of_depth_over_coverage() -> None:
+    given, view = random_surfels(8), camera()
+
+    def mean(leaves: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
+        geometry = SplatGeometry(*(leaves[name] for name in FIELDS[:5]))
+        return (rasterize(view, geometry, leaves["features"], UNIT).mean_depth,)
+
+    def quotient(leaves: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
+        _, alpha, depth, _ = dense(leaves, view)
+        return (torch.where(alpha > 0, depth / torch.where(alpha > 0, alpha, 1.0), 0.0) + 0 * leaves["features"].sum(),)
+
+    found, expected = mean(given, view), quotient(given, view)
+    assert_same(found, expected)
+    assert 0.1 < float((found[0] == 0).double().mean()) < 0.9
+    pulls = [torch.randn_like(found[0])]
+    ours, theirs = gradients(mean, given, view, pulls), gradients(quotient, given, view, pulls)
+    for name in FIELDS:
+        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+
+
 def test_gradients_equal_central_differences_in_random_directions() -> None:
     given, view = random_surfels(12), camera(9, 7)
     pulls = [torch.randn_like(value) for value in fast(given, view)]
