@@ -80,16 +80,8 @@ def trace(
 def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
     """Each surfel's centre and opacity, axes and normal in four vectors of four, one line of the cache."""
     none = torch.zeros_like(geometry.opacity)[:, None]
-    parts = [
-        geometry.centre,
-        geometry.opacity[:, None],
-        geometry.axis_u,
-        none,
-        geometry.axis_v,
-        none,
-        geometry.normal,
-        none,
-    ]
+    centre_and_opacity = [geometry.centre, geometry.opacity[:, None]]
+    parts = [*centre_and_opacity, geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
     return torch.cat(parts, -1)
 
 
