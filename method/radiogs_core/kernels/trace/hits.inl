@@ -69,7 +69,9 @@ constexpr int LANES = 8;
 #include "lanes.inl:bits"
 #include "lanes.inl:bell"
 #include "lanes.inl:squeeze"
+// ``squeezed`` for ``Lanes``, and ``Lanes`` of which all but the first ``some`` are ``other``.
 typedef unsigned EightRays __attribute__((vector_size(32)));
+const Eight numbers = {0, 1, 2, 3, 4, 5, 6, 7};
 auto squeezed_lanes = [&](Lanes values, int bits) -> Lanes {
     Lanes kept = Lanes{};
     if (sizeof(SCALAR) == sizeof(int)) {
@@ -83,7 +85,6 @@ auto squeezed_lanes = [&](Lanes values, int bits) -> Lanes {
     return kept;
 };
 auto padded = [&](Lanes values, int some, SCALAR other) -> Lanes {
-    const Eight numbers = {0, 1, 2, 3, 4, 5, 6, 7};
     return __builtin_convertvector(numbers < some, Mask) ? values : Lanes{} + other;
 };
 // For each ray its origin, inverse direction, direction, and the distances from which it hits fronts and backs.
@@ -185,10 +186,10 @@ for (; unfinished && leaf < entered_leaves; ++leaf) {
 
 // ---- in_order
 // ``put_in_order``: writes the hits of ray ``r`` from ``place`` on, in the order of (distance, surfel); returns how many
-// of them count.
-const Eight numbers = {0, 1, 2, 3, 4, 5, 6, 7};
-auto folded = [](Lanes values, auto join) -> SCALAR {
-    const auto four = join(__builtin_shufflevector(values, values, 0, 1, 2, 3), __builtin_shufflevector(values, values, 4, 5, 6, 7));
+// of them count. ``folded``: lanes joined two by two.
+auto folded = [](Lanes all, auto join) -> SCALAR {
+    const auto four = join(
+        __builtin_shufflevector(all, all, 0, 1, 2, 3), __builtin_shufflevector(all, all, 4, 5, 6, 7));
     const auto two = join(__builtin_shufflevector(four, four, 0, 1), __builtin_shufflevector(four, four, 2, 3));
     return join(two[0], two[1]);
 };
@@ -200,7 +201,7 @@ auto put_in_order = [&](int r, int place, SCALAR rest) -> int {
         write(own_alpha + i, alpha < SCALAR(MAX_ALPHA) ? alpha : Lanes{} + SCALAR(MAX_ALPHA));
     }
     // Where the nearer hits let too little light through, the farther ones are dropped before the rest is sorted: it
-    // takes time with the square of their number.
+    // takes time with the square of their number. The product is rounded in another order than below, hence 0.999.
     while (all > FEW_HITS) {
         Lanes sum = Lanes{}, light = Lanes{} + SCALAR(1);
         for (int i = 0; i < all; i += 8) sum += padded(read(own_t + i), all - i, SCALAR(0));
@@ -233,7 +234,7 @@ auto put_in_order = [&](int r, int place, SCALAR rest) -> int {
         const Lanes t = read(own_t + i);
         Eight before = Eight{};
         for (int j = 0; j < all; j += 8) {
-            const Lanes others = padded(read(own_t + j), all - j, SCALAR(2e30));
+            const Lanes others = padded(read(own_t + j), all - j, SCALAR(__builtin_inf()));
             #pragma unroll
             for (int k = 0; k < 8; ++k) before -= __builtin_convertvector(others[k] < t, Eight);
         }

@@ -20,7 +20,7 @@ from ..runtime import CHUNKS_PER_WORKER, in_parallel, launch, launch_in_parallel
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, TOGETHER, hit_kernels
 
-RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
+RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 16, 1 << 20
 """Largest number of rays that are gathered together; it bounds the buffers (12 bytes a hit), of which the CPU touches
 only the filled part."""
 

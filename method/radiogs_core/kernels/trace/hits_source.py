@@ -20,13 +20,14 @@ TOGETHER = 32
 """Rays that go through the tree together on the CPU: the bits of an integer."""
 
 MOST_NODES = 4096
-"""Largest number of nodes, and of leaves, of a breadth-first traversal; a ray with more is traversed nearest first."""
+"""Largest number of nodes, and of leaves, that rays which go together enter; if there are more, each of these rays is
+traversed nearest first."""
 
 MOST_HITS = 248
 """Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
 
-FEW_HITS = 8
-"""Hits of a ray that are sorted together, whether or not all of them count."""
+FEW_HITS = 16
+"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones."""
 
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
@@ -39,9 +40,6 @@ FINISHED = -1.0
 
 NO_SURFEL = 2**31 - 1
 """Surfel at which the first round of a ray starts: hits exactly at its starting depth are skipped."""
-
-RAYS_AHEAD = 4
-"""Number of rays between a ray and the one whose data are prefetched meanwhile."""
 
 
 @cache

@@ -99,7 +99,7 @@ auto add_to_harmonics = [&](SCALAR* to_sh, const SCALAR* pull) __attribute__((al
 #define FETCH(address) __builtin_prefetch(address)
 #define ADD(address, value) *(address) += (value)
 #endif
-constexpr int RAYS_AHEAD = 8, HITS_AHEAD = 4;
+constexpr int RAYS_AHEAD = 8, HITS_AHEAD = 8;
 const int width = 3 * hits.coefficients, channels = hits.channels;
 const int begin = hits.begin.data[slot], end = hits.begin.data[slot + 1];
 const long long ray = hits.ray.data[slot];

@@ -32,7 +32,9 @@ def rays_of_a_run(on_cuda: bool) -> int:
 def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """Kernels ``forward`` and ``backward`` for float32 or float64, and the struct ``Hits`` that both take.
 
-    All arrays are flat; ``coefficients``: number of harmonics; ``channels``: number of features.
+    All arrays are flat; ``coefficients``: number of harmonics; ``channels``: number of features; ``surface``: 16
+    numbers a surfel, centre and opacity, then each axis and the normal with a number that does not count. ``out_lit``:
+    the colour of every hit, three numbers each, for the backward pass; none if it is empty.
     """
     start_warp()
     scalar = scalar_type(dtype)
