@@ -15,7 +15,7 @@ from torch import Tensor
 from ..errors import DataError
 from ..instruments import fire
 from ..kernels.runtime import launch_in_parallel
-from ..kernels.shade.directions_source import spread_kernel
+from ..kernels.shade.shade_source import spread_kernel
 from ..scene.light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2

@@ -13,8 +13,7 @@ from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels, record_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
-from radiogs_core.kernels.shade.directions_source import spread_kernel
-from radiogs_core.kernels.shade.shade_source import arrival_kernel, consistency_kernels, shade_kernels
+from radiogs_core.kernels.shade.shade_source import arrival_kernel, consistency_kernels, shade_kernels, spread_kernel
 from radiogs_core.kernels.shade.splitsum_source import lookup_kernels, splitsum_kernels
 from radiogs_core.kernels.surfel.footprint_source import footprint_kernels, frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels

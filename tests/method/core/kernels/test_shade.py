@@ -163,9 +163,7 @@ def compared() -> dict[str, torch.Tensor]:
     return ours | rest
 
 
-def plain_consistency(
-    given: dict[str, torch.Tensor], specular_at: torch.Tensor, detach: str
-) -> torch.Tensor:
+def plain_consistency(given: dict[str, torch.Tensor], specular_at: torch.Tensor, detach: str) -> torch.Tensor:
     """L_rad as separate operations."""
     index, camera, drawn, centre, sh, frame, albedo, roughness, *light = given.values()
     normal = frame[index][..., 2]
@@ -188,7 +186,10 @@ def plain_consistency(
 @pytest.mark.parametrize("detach", ["none", "own", "physical"])
 def test_consistency_equals_separate_operations_and_their_gradients(detach: str, light_learns: bool) -> None:
     given, specular_at = compared(), torch.rand(12) < 0.7
-    sides = {"none": ("sh", "frame", "albedo", "roughness", "visibility", "indirect", "environment"), "physical": ("sh",)}
+    sides = {
+        "none": ("sh", "frame", "albedo", "roughness", "visibility", "indirect", "environment"),
+        "physical": ("sh",),
+    }
     sides["own"] = sides["none"][1:]
     learnt = {n: given[n].requires_grad_() for n in sides[detach] if light_learns or n != "environment"}
     found = consistency_of(*given.values(), specular_at, detach != "own", detach != "physical")
