@@ -24,6 +24,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .settings import Variant
 
+
 class Residual(NamedTuple):
     """Which sides of the difference L_G - L_PBR have gradient."""
 

@@ -43,9 +43,9 @@ CHANGES = {
         "visibility = torch.where(solid, 1.0, 1 - hits.transmittance)",
     ),
     "L_rad towards the camera alone": (
-        "radiogs/consistency.py",
-        "outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)",
-        "outgoing = to_camera[:, None]",
+        "radiogs_core/kernels/shade/shade.inl",
+        "unit(any_side[0], any_side[1], any_side[2], wo_of_view + 3);",
+        "for (int i = 0; i < 3; ++i) wo_of_view[3 + i] = zero;",
     ),
 }
 

@@ -7,6 +7,7 @@ for each frequency, over the texels within one rotation step. For a light of 32 
 
 from functools import cache
 from math import gcd, prod
+from typing import Any
 
 import torch
 from jaxtyping import Complex, Float
@@ -53,6 +54,37 @@ def filtered(
     filters = filter_matrices(height, spectrum.device)[:, first * size : (first + count) * size]
     turned = torch.fft.irfft(filters @ spectrum, n=turns, dim=0)
     return turned.unflatten(1, (count, GRID_HEIGHT, columns)).permute(1, 2, 0, 3, 4).flatten(2, 3)
+
+
+def filtered_light(
+    light: Float[Tensor, "height width channels"], count: int
+) -> Float[Tensor, "{count} rows columns channels"]:
+    """The first ``count`` filters (see ``filtered``) of a light, in its type. ``width`` is 2 height."""
+    return _Filtered.apply(light, count)
+
+
+class _Filtered(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, light: Tensor, count: int) -> Tensor:
+        ctx.height = len(light)
+        return filtered(turned_spectrum(light), len(light), 0, count).to(light.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, None]:
+        # The factors by which the adjoints of both Fourier transforms differ from their inverses cancel.
+        turns = _turns(ctx.height)
+        columns = GRID_WIDTH // turns
+        spectrum = torch.fft.rfft(pull.double().unflatten(2, (turns, columns)), dim=2)
+        along = spectrum.permute(2, 0, 1, 3, 4).flatten(1, 3)
+        turned = torch.fft.irfft(_adjoint(ctx.height, len(pull), pull.device) @ along, n=turns, dim=0)
+        return turned.unflatten(1, (ctx.height, -1)).transpose(0, 1).flatten(1, 2).to(pull.dtype), None
+
+
+@cache
+def _adjoint(height: int, count: int, device: torch.device) -> Complex[Tensor, "frequencies texels grid"]:
+    """The conjugate transposes of the first ``count`` filters' matrices."""
+    size = GRID_HEIGHT * GRID_WIDTH // _turns(height)
+    return filter_matrices(height, device)[:, : count * size].mH.contiguous().resolve_conj()
 
 
 def filters_bytes(height: int) -> int:

@@ -5,6 +5,7 @@ All directions are unit vectors in the world that point away from the surface.
 
 import math
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import torch
@@ -13,6 +14,8 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..instruments import fire
+from ..kernels.runtime import launch_in_parallel
+from ..kernels.shade.shade_source import spread_kernel
 from ..scene.light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
@@ -57,22 +60,37 @@ def hemisphere_directions(
         generator: Draws a random azimuth for each surfel; None: all sets have the same azimuth.
         floor: Use the released code's heights max(1 - 2 i / (2 S - 1), sin 10 degrees) instead.
     """
-    like: dict[str, Any] = {"dtype": normal.dtype, "device": normal.device}
-    index = torch.arange(samples, **like)
+    normal, (around_z, share) = normal.contiguous(), _fibonacci(samples, floor, normal.dtype, normal.device)
+    if generator is None:
+        turn = normal.new_zeros(len(normal))
+    else:
+        # The same in either precision.
+        turn = torch.rand(len(normal), generator=generator, device=normal.device).to(normal.dtype)
+    direction = normal.new_empty(len(normal), samples, 3)
+    for some in _pieces(len(normal), samples):
+        _spread(normal[some], turn[some], around_z, direction[some])
+    return direction, share.repeat(len(normal), 1)
+
+
+def _spread(normal: Tensor, turn: Tensor, around_z: Tensor, direction: Tensor) -> None:
+    """Write the set ``around_z``, turned by ``turn`` turns and to each normal, to ``direction``."""
+    given = [len(around_z), normal, turn, around_z, direction]
+    launch_in_parallel(spread_kernel(normal.dtype), len(normal), normal.device, lambda _: given)
+
+
+@cache
+def _fibonacci(
+    samples: int, floor: bool, dtype: torch.dtype, device: torch.device
+) -> tuple[Float[Tensor, "samples 3"], Float[Tensor, "1 samples"]]:
+    """The set of ``hemisphere_directions`` around +Z, and the solid angle of each direction, in steradian."""
+    index = torch.arange(samples, dtype=torch.float64)
     height = 1 - (index + 0.5) / samples
     if floor:
         height = (1 - 2 * index / max(2 * samples - 1, 1)).clamp(min=math.sin(math.radians(10)))
-    sine = (1 - height.square()).sqrt()
-    turn = torch.zeros(len(normal), 1, **like)
-    if generator is not None:
-        drawn = torch.rand(len(normal), 1, generator=generator, device=normal.device)  # the same in either precision
-        turn = 2 * torch.pi * drawn.to(normal.dtype)
-    direction = torch.empty(len(normal), samples, 3, **like)
-    for some in _pieces(len(normal), samples):
-        azimuth = index * GOLDEN_ANGLE + turn[some]
-        local = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height.expand_as(azimuth)], -1)
-        direction[some] = local @ tangent_frame(normal[some]).mT
-    return direction, torch.full((len(normal), samples), 2 * torch.pi, **like) / samples
+    sine, azimuth = (1 - height.square()).sqrt(), index * GOLDEN_ANGLE
+    around_z = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height], -1)
+    share = torch.full((1, samples), 2 * math.pi / max(samples, 1), dtype=torch.float64)
+    return around_z.to(device, dtype), share.to(device, dtype)
 
 
 def _pieces(surfels: int, samples: int) -> Iterator[slice]:

@@ -11,7 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 from ..kernels.shade.brdf import correlated_visibility, smith_visibility
 from ..kernels.shade.splitsum import look_up, split_sum
 from ..scene.light import texel_solid_angles
-from .light_filters import LEVELS, filtered, turned_spectrum
+from .light_filters import LEVELS, filtered_light
 
 LARGEST_HEIGHT = 32
 """Largest number of rows of a light before it is filtered."""
@@ -61,7 +61,7 @@ class PrefilteredLight:
         return every[0], every[1:]
 
     def _filtered(self, count: int) -> Float[Tensor, "{count} rows columns 3"]:
-        return filtered(turned_spectrum(self.sharp), len(self.sharp), 0, count).to(self.sharp)
+        return filtered_light(self.sharp, count)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi, linear RGB: the radiance of a white Lambertian surface with that normal."""

@@ -1,5 +1,6 @@
 """Both stages, on a scene of a few pixels, learn, resume bit for bit, and stop at the first NaN."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
+from radiogs_core.transport.splitsum import PrefilteredLight
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
 
@@ -77,6 +79,20 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
         resumed.step()
     assert same(whole, resumed)
     assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
+
+
+def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_tracing(initialised: dict[str, Any]) -> None:
+    """Also across a refresh, against the radiance under the same light as if it were learnt."""
+    stage = inverse(initialised)
+    stage.optimiser.tensors["log_environment"].requires_grad_(False)
+    refresh = BUDGET.refresh_interval
+    for _ in range(refresh + 3):
+        stage.step()
+        model, outgoing = stage.model, stage.model.surfels.frame[..., 2].detach()
+        light = PrefilteredLight(model.environment)
+        learnt = replace(model, log_environment=model.log_environment.clone().requires_grad_())
+        expected = stage.shader.radiance(learnt, outgoing, light)
+        torch.testing.assert_close(stage.shader.radiance(model, outgoing, light), expected, rtol=1e-5, atol=1e-6)
 
 
 def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from ...instruments import count
 from ..arguments import MOST_ENTRIES, Struct
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, launch_in_parallel
-from .shade_source import TEXEL, Kind, arrival_kernel, consistency_kernels, inputs_struct, shade_kernels
+from .shade_source import TEXEL, Kind, arrival_kernel, consistency_kernels, shade_kernels
 
 SAMPLE_FIELDS = 8
 """Numbers of a sample in memory: direction (3), weight, visibility, indirect radiance (3)."""
@@ -69,7 +69,7 @@ def shade_total(
 
     Args:
         frame: Rotation matrices; their third columns are the unit normals.
-        visibility: V along each direction; None, as ``environment``, if ``indirect`` is the whole radiance of ``arrive``.
+        visibility: V along each direction; None, as ``environment``, if ``indirect`` is the radiance of ``arrive``.
     """
     inputs = (frame, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular_at)
     return _in_parts("given" if environment is None else "total", inputs)
@@ -79,7 +79,8 @@ def _in_parts(kind: Kind, inputs: tuple[Tensor | None, ...]) -> Tensor:
     """The sums of all surfels, in as many launches as the kernels' counts need."""
     of_surfels, environment = (*inputs[:8], inputs[9]), inputs[8]
     outgoing, weight = inputs[3], inputs[5]
-    assert outgoing is not None and weight is not None
+    assert outgoing is not None
+    assert weight is not None
     together = max(1, MOST_ENTRIES // max(3 * weight.shape[1], 12 * outgoing.shape[1]))
     if len(weight) <= together:
         return _Shade.apply(kind, *inputs)
@@ -93,7 +94,8 @@ class _Shade(torch.autograd.Function):
     def forward(ctx: Any, kind: Kind, *inputs: Tensor | None) -> Tensor:
         inputs = tuple(None if value is None else value.contiguous() for value in inputs)
         outgoing, direction, specular_at = inputs[3], inputs[4], inputs[9]
-        assert outgoing is not None and direction is not None
+        assert outgoing is not None
+        assert direction is not None
         kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device), kind)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty((surfels, views, 4, 3) if kind == "parts" else (surfels, views, 3))
@@ -115,9 +117,7 @@ class _Shade(torch.autograd.Function):
         light = _LightGradient(environment, normal, ctx.needs_input_grad[9])
         flags = [int(wants_incident), int(light.wanted)]
         arguments = [ctx.given, grad_out.contiguous(), *flags, to_normal, *own, *incident]
-        launch_in_parallel(
-            kernels.backward, len(normal), normal.device, lambda worker: [*arguments, light.of(worker)]
-        )
+        launch_in_parallel(kernels.backward, len(normal), normal.device, lambda worker: [*arguments, light.of(worker)])
         traced = incident if wants_incident else [None, None]
         return None, to_normal, *own, None, None, None, *traced, light.total(), None
 
@@ -245,9 +245,9 @@ class _Consistency(torch.autograd.Function):
         sides = [value.contiguous() for value in inputs[:5] if value is not None]
         shaded = tuple(None if value is None else value.contiguous() for value in inputs[5:])
         index, *places, sh = sides
-        frame, albedo, roughness, direction, weight, visibility, indirect, environment, specular_at = shaded
+        direction, specular_at = shaded[3], shaded[8]
         kernels = consistency_kernels(sh.dtype, as_on_cuda(sh.device))
-        given = _inputs(kernels, (frame, albedo, roughness, None, *shaded[3:]))
+        given = _inputs(kernels, (*shaded[:3], None, *shaded[3:]))
         needs = ctx.needs_input_grad
         ctx.wants_own, ctx.wants_physical = own_learns and needs[6], physical_learns and any(needs[7:])
         ctx.wants_incident, ctx.wants_environment = needs[12] or needs[13], needs[14]
@@ -279,9 +279,7 @@ class _Consistency(torch.autograd.Function):
             ctx.given, index, *places, sh.shape[1], sh, ctx.slopes, ctx.lights, grad_out.contiguous(),
             *map(int, flags), *own, to_sh, *incident,
         ]  # fmt: skip
-        launch_in_parallel(
-            ctx.kernels.backward, len(index), sh.device, lambda worker: [*arguments, light.of(worker)]
-        )
+        launch_in_parallel(ctx.kernels.backward, len(index), sh.device, lambda worker: [*arguments, light.of(worker)])
         materials = own if ctx.wants_physical else 3 * [None]
         traced = incident if wants_incident else 2 * [None]
         harmonics = to_sh if ctx.wants_own else None

@@ -40,7 +40,7 @@ TEXEL = 4
 """Numbers of a texel of the light in memory: three channels and one for padding, so that it is a vector of four."""
 
 Kind = Literal["parts", "total", "given"]
-"""What the kernels of ``shade_kernels`` sum. "parts": the four sums, from normals. "total": the sum of them all, from
+"""The sums of ``shade_kernels``. "parts": the four sums, from normals. "total": the sum of them all, from
 frames, whose third columns are normals. "given": the same, where V Env + L_ind of each sample is given."""
 
 _ALL_TOGETHER = {
@@ -90,7 +90,7 @@ def inputs_struct(dtype: torch.dtype) -> Any:
 @cache
 def shade_kernels(dtype: torch.dtype, on_cuda: bool, kind: Kind = "parts") -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat."""
-    Inputs = inputs_struct(dtype)  # noqa: N806
+    Inputs = inputs_struct(dtype)
     flat = wp.array(dtype=scalar_type(dtype))
 
     @wp.func_native(_written_for("forward", dtype, on_cuda, kind))
@@ -140,7 +140,7 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool, kind: Kind = "parts") -> An
 @cache
 def arrival_kernel(dtype: torch.dtype, on_cuda: bool) -> Any:
     """``arrive`` for a scalar type: V Env + L_ind of the samples of some surfels, into rows ``index``."""
-    Inputs = inputs_struct(dtype)  # noqa: N806
+    Inputs = inputs_struct(dtype)
     flat, rows = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.int64)
 
     @wp.func_native(_written_for("arrive", dtype, on_cuda, "total"))
@@ -159,7 +159,7 @@ def consistency_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
     An item is one of the surfels ``index``; its samples are in the item's row, its values in that of the surfel.
     """
-    Inputs = inputs_struct(dtype)  # noqa: N806
+    Inputs = inputs_struct(dtype)
     scalar = scalar_type(dtype)
     flat, rows = wp.array(dtype=scalar), wp.array(dtype=wp.int64)
 
@@ -205,6 +205,28 @@ def consistency_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
         )  # fmt: skip
 
     return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward)
+
+
+_DIRECTIONS = native_file(__package__, "directions.inl")
+
+
+@cache
+def spread_kernel(dtype: torch.dtype) -> Any:
+    """``spread`` for a scalar type: turns a set of directions to the hemisphere of each surfel; all arrays are flat.
+
+    ``turn``: azimuth of each surfel's set, in turns. ``around_z``: directions around +Z. ``direction``: the result.
+    """
+    start_warp()
+    flat = wp.array(dtype=scalar_type(dtype))
+
+    @wp.func_native(native_text(_DIRECTIONS["spread"], dtype, False, {}))
+    def spread_set(surfel: wp.int32, samples: wp.int32, normal: flat, turn: flat, around_z: flat, direction: flat): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def spread(begin: wp.int32, samples: wp.int32, normal: flat, turn: flat, around_z: flat, direction: flat):
+        spread_set(begin + wp.tid(), samples, normal, turn, around_z, direction)
+
+    return spread
 
 
 def _written_for(section: str, dtype: torch.dtype, on_cuda: bool, kind: Kind) -> str:

@@ -48,7 +48,7 @@ def split_sum(
 class _SplitSum(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, first_level: float, table: Tensor, *inputs: Tensor) -> Tensor:
-        inputs = tuple(value.detach().contiguous() for value in inputs)
+        inputs = tuple(value.contiguous() for value in inputs)
         normal, albedo, roughness, outgoing, diffuse, glossy, sharp = inputs
         kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
         given = Struct(
@@ -103,7 +103,7 @@ def look_up(
 class _Lookup(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        radiance, directions = (value.detach().contiguous() for value in inputs)
+        radiance, directions = (value.contiguous() for value in inputs)
         count, out = directions.shape[:-1].numel(), torch.empty_like(directions)
         kernels = lookup_kernels(radiance.dtype, as_on_cuda(radiance.device))
         blocks = -(-count // kernels.lanes)

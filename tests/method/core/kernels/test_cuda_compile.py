@@ -15,7 +15,7 @@ from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.projection_source import geometry_kernels, seen_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
-from radiogs_core.kernels.shade.shade_source import shade_kernels
+from radiogs_core.kernels.shade.shade_source import arrival_kernel, consistency_kernels, shade_kernels, spread_kernel
 from radiogs_core.kernels.shade.splitsum_source import lookup_kernels, splitsum_kernels
 from radiogs_core.kernels.surfel.footprint_source import footprint_kernels, frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
@@ -43,7 +43,8 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
     footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
     projecting, seeing = geometry_kernels(dtype, on_cuda), seen_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
-    lookup = lookup_kernels(dtype, on_cuda)
+    lookup, compared = lookup_kernels(dtype, on_cuda), consistency_kernels(dtype, on_cuda)
+    totals = [shade_kernels(dtype, on_cuda, kind) for kind in ("total", "given")]
     return [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.entries,
@@ -54,7 +55,9 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         footprints.forward, footprints.backward, projecting.forward, projecting.backward,
         seeing.forward, seeing.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
-        lookup.forward, lookup.backward, step_kernel(dtype, 1e-15),
+        lookup.forward, lookup.backward, step_kernel(dtype, 1e-15), compared.forward, compared.backward,
+        *(kernel for each in totals for kernel in (each.forward, each.backward)),
+        arrival_kernel(dtype, on_cuda).arrive, spread_kernel(dtype),
     ]  # fmt: skip
 
 

@@ -7,9 +7,10 @@ import torch
 
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import launch_in_parallel, use_threads
-from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.shade.shade import arrive, consistency_of, shade, shade_total
 from radiogs_core.kernels.shade.shade_source import LANES_ON_CPU
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.transport.sampling import hemisphere_directions
 from reference.differences import assert_gradients
 from reference.shade import shade as dense_shade
@@ -62,6 +63,66 @@ def test_float64_equals_the_dense_sum_and_its_gradients(views: int, samples: int
         assert (ours[name] - theirs[name]).abs().max() < 1e-9 * theirs[name].abs().max(), name
 
 
+def framed(given: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """The inputs of ``shade_total``: the normals are the third columns of frames."""
+    frame = torch.randn(len(given["normal"]), 3, 3, dtype=torch.float64)
+    frame[..., 2] = given["normal"]
+    return {"frame": frame, **{name: value for name, value in given.items() if name != "normal"}}
+
+
+def slopes_of(value: torch.Tensor, leaves: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return dict(zip(leaves, torch.autograd.grad(value, list(leaves.values())), strict=True))
+
+
+def assert_equal_slopes(found: torch.Tensor, expected: torch.Tensor, leaves: dict[str, torch.Tensor]) -> None:
+    ours, theirs = slopes_of(found, leaves), slopes_of(expected, leaves)
+    for name in leaves:
+        assert theirs[name].abs().max() > 0, f"no gradient to {name}"
+        assert (ours[name] - theirs[name]).abs().max() < 1e-9 * theirs[name].abs().max(), name
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("samples", [LANES_ON_CPU + 1, 32])
+def test_the_total_is_the_sum_of_the_parts(samples: int) -> None:
+    given = framed(inputs(samples=samples))
+    learnt = {name: value.requires_grad_() for name, value in given.items() if name in (*DIFFERENTIABLE, "frame")}
+    found = shade_total(*given.values())
+    expected = dense_shade(given["frame"][..., 2], *list(given.values())[1:]).sum(2)
+    torch.testing.assert_close(found, expected, rtol=1e-11, atol=1e-13)
+    pull = torch.randn_like(found)
+    assert_equal_slopes((found * pull).sum(), (expected * pull).sum(), learnt)
+
+
+@in_every_arrangement
+def test_radiance_that_has_arrived_is_shaded_as_the_light_that_it_comes_from() -> None:
+    """Some surfels' radiance is written among that of others, which stays."""
+    given = framed(inputs(samples=LANES_ON_CPU + 5))
+    index = torch.tensor([7, 0, 3])
+    samples = [given[name][index] for name in ("direction", "visibility", "indirect")]
+    whole = torch.full_like(given["direction"], 7.0)
+    arrive(whole, index, *samples, given["environment"])
+    others = torch.tensor([each for each in range(12) if each not in index])
+    assert bool((whole[others] == 7.0).all())
+    some = {name: value if name == "environment" else value[index] for name, value in given.items()}
+    learnt = {name: some[name].requires_grad_() for name in ("frame", "albedo", "roughness")}
+    expected = shade_total(*some.values())
+    found = shade_total(*{**some, "visibility": None, "indirect": whole[index], "environment": None}.values())
+    torch.testing.assert_close(found, expected, rtol=1e-12, atol=1e-14)
+    pull = torch.randn_like(found)
+    assert_equal_slopes((found * pull).sum(), (expected * pull).sum(), learnt)
+
+
+def test_what_arrives_at_a_surfel_does_not_depend_on_the_others_to_the_bit() -> None:
+    """A stage that goes on from a stored state computes all of it at once, and one that runs on some at a time."""
+    given = {name: value.float() for name, value in inputs(samples=LANES_ON_CPU + 5).items()}
+    names, every = ("direction", "visibility", "indirect"), torch.arange(12)
+    at_once, in_turn = torch.empty_like(given["direction"]), torch.empty_like(given["direction"])
+    arrive(at_once, every, *(given[name] for name in names), given["environment"])
+    for index in every.flip(0).split(5):
+        arrive(in_turn, index, *(given[name][index] for name in names), given["environment"])
+    assert torch.equal(at_once, in_turn)
+
+
 def test_gradients_equal_central_differences_in_random_directions() -> None:
     given = inputs(surfels=4)
     pull = torch.randn(4, 2, 4, 3, dtype=torch.float64)
@@ -81,6 +142,59 @@ def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
     for name in DIFFERENTIABLE:
         error = (ours[name].double() - exact[name]).abs() / exact[name].abs().max()
         assert (error < 1e-4).double().mean() > 0.99, name
+
+
+def compared() -> dict[str, torch.Tensor]:
+    """The inputs of ``consistency_of``: 12 surfels, of which 5 are compared; one of them is seen from behind."""
+    given, index = framed(inputs(samples=LANES_ON_CPU + 3)), torch.tensor([9, 2, 11, 5, 0])
+    normal, camera = given["frame"][..., 2], 5 * unit(3)
+    drawn = 3 * torch.randn(5, 3, dtype=torch.float64)
+    ours = {
+        "index": index,
+        "camera": camera,
+        "drawn": drawn,
+        "centre": torch.where((normal @ camera < 0)[:, None], 2 * camera, 0) + 0.1 * unit(12, 3),
+        "sh": 0.2 * torch.randn(12, 16, 3, dtype=torch.float64),
+    }
+    ours["centre"][9] = ours["camera"] + normal[9]
+    of_samples = ("direction", "weight", "visibility", "indirect")
+    rest = {name: value[index] if name in of_samples else value for name, value in given.items() if name != "outgoing"}
+    return ours | rest
+
+
+def plain_consistency(given: dict[str, torch.Tensor], specular_at: torch.Tensor, detach: str) -> torch.Tensor:
+    """L_rad as separate operations."""
+    index, camera, drawn, centre, sh, frame, albedo, roughness, *light = given.values()
+    normal = frame[index][..., 2]
+    with torch.no_grad():
+        towards = [torch.nn.functional.normalize(each, dim=-1) for each in (camera - centre[index], drawn)]
+        towards[1] = torch.where((towards[1] * normal).sum(-1, keepdim=True) < 0, -towards[1], towards[1])
+        outgoing = torch.stack(towards, 1)
+        facing = (outgoing * normal[:, None]).sum(-1, keepdim=True) > 0
+    assert 0 < int((~facing).sum()) < 5
+    parts = dense_shade(normal, albedo[index], roughness[index], outgoing, *light)
+    lobes = torch.tensor([1.0, 1, 0, 0]) + specular_at[index].double()[:, None] * torch.tensor([0.0, 0, 1, 1])
+    physical = (parts * lobes[:, None, :, None]).sum(2)
+    own = surfel_radiance(sh[index], outgoing)
+    own, physical = own.detach() if detach == "own" else own, physical.detach() if detach == "physical" else physical
+    return torch.where(facing, own - physical, 0.0).abs().sum(1).mean()
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("light_learns", [False, True])
+@pytest.mark.parametrize("detach", ["none", "own", "physical"])
+def test_consistency_equals_separate_operations_and_their_gradients(detach: str, light_learns: bool) -> None:
+    given, specular_at = compared(), torch.rand(12) < 0.7
+    sides = {
+        "none": ("sh", "frame", "albedo", "roughness", "visibility", "indirect", "environment"),
+        "physical": ("sh",),
+    }
+    sides["own"] = sides["none"][1:]
+    learnt = {n: given[n].requires_grad_() for n in sides[detach] if light_learns or n != "environment"}
+    found = consistency_of(*given.values(), specular_at, detach != "own", detach != "physical")
+    expected = plain_consistency(given, specular_at, detach)
+    torch.testing.assert_close(found, expected, rtol=1e-11, atol=0)
+    assert_equal_slopes(2 * found, 2 * expected, learnt)
 
 
 @pytest.mark.parametrize("samples", [4, 16, 64, 256])
