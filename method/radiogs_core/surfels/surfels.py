@@ -1,8 +1,7 @@
 """Gaussian surfels: their raw parameters, and the quantities that these are activated to."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from operator import is_
 from typing import Any
 
@@ -144,11 +143,29 @@ class Surfels:
 
 
 class _Framed(Surfels):
-    """Surfels that compute their frames once, because their rotations do not change, and project themselves once."""
+    """Surfels whose parameters do not change: values that several losses read are computed once, and projected once.
 
-    @cached_property
+    A value that was first read without gradient is computed again for a reader with gradient.
+    """
+
+    @property
     def frame(self) -> Float[Tensor, "surfels 3 3"]:
-        return frames(self.rotation)
+        return self._once("frame", lambda: frames(self.rotation))
+
+    @property
+    def albedo(self) -> Float[Tensor, "surfels 3"]:
+        return self._once("albedo", lambda: super(_Framed, self).albedo)
+
+    @property
+    def roughness(self) -> Float[Tensor, " surfels"]:
+        return self._once("roughness", lambda: super(_Framed, self).roughness)
+
+    def _once(self, name: str, value: Callable[[], Tensor]) -> Tensor:
+        kept: dict[tuple[str, bool], Tensor] = self.__dict__.setdefault("_values", {})
+        key = name, torch.is_grad_enabled()
+        if key not in kept:
+            kept[key] = value()
+        return kept[key]
 
     def seen_by(self, camera: Camera, radiance: bool, shown_only: bool = False) -> ProjectedSurfels:
         """``Surfels.seen_by``; a projection is used again for the same camera and tensors, with or without gradient."""
