@@ -3,16 +3,7 @@
 // ---- ray
 // Tests of a ray against a node or a leaf of the tree, eight children or surfels at once. The ray ``origin``,
 // ``direction`` starts at ``start_t`` and also hits surfels from behind beyond ``back_t``.
-#if ON_CUDA
-#define FETCH(address)
-constexpr int LANES = 1;
-#else
-#define FETCH(address) __builtin_prefetch(address)
-constexpr int LANES = 8;
-#endif
-#include "lanes.inl:vectors"
-#include "lanes.inl:bits"
-#include "lanes.inl:bell"
+const auto origin = origins.data[ray], direction = directions.data[ray];
 const SCALAR ox = origin[0], oy = origin[1], oz = origin[2];
 const SCALAR dx = direction[0], dy = direction[1], dz = direction[2];
 const SCALAR huge = SCALAR(1e30);
@@ -69,89 +60,221 @@ auto fetch_leaf = [&](int leaf) {
     for (int k = 0; k < 7; ++k) FETCH(line + 16 * k);
 };
 
-// ---- breadth_first
-// All hits of a ray at once: breadth first through the tree, then its leaves, then the hits in order; on the CPU only.
-// No node depends on the result of the previous one, and nothing branches on it, so that the processor works on several
-// of them at a time. Nearest first takes twice as long on M, although it skips nodes behind an opaque surface (there a
-// fifth of the nodes and leaves).
-#if !ON_CUDA
+// ---- together
+// All hits of up to TOGETHER rays, breadth first through the tree: each node, then each leaf, is looked at once for all
+// rays that enter it, which are the bits of a number; on the CPU only. Nothing waits for the result of the previous
+// step, so that the processor works on several of them at a time.
+constexpr int LANES = 8;
+#include "lanes.inl:vectors"
+#include "lanes.inl:bits"
+#include "lanes.inl:bell"
 #include "lanes.inl:squeeze"
-// A later round starts among hits of the previous one, which it has to skip.
-if (start_id == NO_SURFEL) {
-    int within[MOST_NODES + 8], leaf_of[MOST_NODES + 8];
-    int entered_nodes = 1, entered_leaves = 0, nodes = 0, leaf_count = 0, met = 0;
-    within[0] = 0;
-    for (; nodes < entered_nodes && entered_nodes <= MOST_NODES && entered_leaves <= MOST_NODES; ++nodes) {
-        SCALAR enter[8];
-        const int hit = entered(within[nodes], huge, enter);
-        Eight child;
-        memcpy(&child, children.data + (long long)within[nodes] * 8, sizeof(child));
-        const int of_leaves = hit & bits_of(child < 0), of_nodes = hit ^ of_leaves;
-        const Eight deeper = squeezed(child, of_nodes), reached = squeezed(-1 - child, of_leaves);
-        memcpy(within + entered_nodes, &deeper, sizeof(deeper));
-        memcpy(leaf_of + entered_leaves, &reached, sizeof(reached));
-        entered_nodes += __builtin_popcount(of_nodes);
-        entered_leaves += __builtin_popcount(of_leaves);
+// ``squeezed`` for ``Lanes``, and ``Lanes`` of which all but the first ``some`` are ``other``.
+typedef unsigned EightRays __attribute__((vector_size(32)));
+const Eight numbers = {0, 1, 2, 3, 4, 5, 6, 7};
+auto squeezed_lanes = [&](Lanes values, int bits) -> Lanes {
+    Lanes kept = Lanes{};
+    if (sizeof(SCALAR) == sizeof(int)) {
+        Eight words;
+        memcpy(&words, &values, sizeof(words));
+        words = squeezed(words, bits);
+        memcpy(&kept, &words, sizeof(words));
+    } else
+        for (int lane = 0, at = 0; lane < 8; ++lane)
+            if (bits >> lane & 1) kept[at++] = values[lane];
+    return kept;
+};
+auto padded = [&](Lanes values, int some, SCALAR other) -> Lanes {
+    return __builtin_convertvector(numbers < some, Mask) ? values : Lanes{} + other;
+};
+// For each ray its origin, inverse direction, direction, and the distances from which it hits fronts and backs.
+SCALAR about[TOGETHER][16];
+int near_side[TOGETHER][4], far_side[TOGETHER][4];
+const int count = rays.shape[0] - first < TOGETHER ? rays.shape[0] - first : TOGETHER;
+unsigned unfinished = 0;
+for (int r = 0; r < count; ++r) {
+    const int ray = rays.data[first + r];
+    // A later round starts among hits of the previous one, which it has to skip.
+    unfinished |= unsigned(starts_id.data[first + r] == NO_SURFEL) << r;
+    for (int k = 0; k < 3; ++k) {
+        const SCALAR d = directions.data[ray][k];
+        const SCALAR inverse = d != SCALAR(0) ? SCALAR(1) / d : SCALAR(1e30);
+        about[r][k] = origins.data[ray][k];
+        about[r][3 + k] = inverse;
+        about[r][6 + k] = d;
+        near_side[r][k] = 8 * k + (inverse >= SCALAR(0) ? 0 : 24);
+        far_side[r][k] = 8 * k + (inverse >= SCALAR(0) ? 24 : 0);
     }
+    about[r][9] = starts_t.data[first + r];
+    about[r][10] = backs_t.data[ray];
+}
 
-    SCALAR depth[8 * MOST_NODES + 64], square[8 * MOST_NODES + 64];
-    int place[MOST_HITS + 8];
-    const bool all_nodes = nodes == entered_nodes;
-    for (; all_nodes && leaf_count < entered_leaves && met <= MOST_HITS; ++leaf_count) {
-        if (leaf_count + 3 < entered_leaves) fetch_leaf(leaf_of[leaf_count + 3]);
-        const int first = 8 * leaf_count;
-        const int hit = met_on(leaf_of[leaf_count], huge, depth + first, square + first)
-            & bits_of(read(depth + first) > start_t);
-        const Eight places = squeezed(first + Eight{0, 1, 2, 3, 4, 5, 6, 7}, hit);
-        memcpy(place + met, &places, sizeof(places));
-        met += __builtin_popcount(hit);
+int within[MOST_NODES + 8], leaf_of[MOST_NODES + 8];
+unsigned rays_in[MOST_NODES + 8], rays_on[MOST_NODES + 8];
+int entered_nodes = unfinished != 0, entered_leaves = 0, node = 0, leaf = 0;
+within[0] = 0;
+rays_in[0] = unfinished;
+for (; node < entered_nodes && entered_nodes <= MOST_NODES && entered_leaves <= MOST_NODES; ++node) {
+    const SCALAR* box = boxes.data + (long long)within[node] * 48;
+    EightRays entering = EightRays{};
+    nodes += __builtin_popcount(rays_in[node]);
+    for (unsigned more = rays_in[node]; more; more &= more - 1) {
+        const int r = __builtin_ctz(more);
+        const SCALAR* a = about[r];
+        const int *n = near_side[r], *f = far_side[r];
+        const Lanes ax = (read(box + n[0]) - a[0]) * a[3], bx = (read(box + f[0]) - a[0]) * a[3];
+        const Lanes ay = (read(box + n[1]) - a[1]) * a[4], by = (read(box + f[1]) - a[1]) * a[4];
+        const Lanes az = (read(box + n[2]) - a[2]) * a[5], bz = (read(box + f[2]) - a[2]) * a[5];
+        Lanes near_ = ax > ay ? ax : ay;
+        near_ = near_ > az ? near_ : az;
+        near_ = near_ > a[9] ? near_ : Lanes{} + a[9];
+        Lanes far_ = bx < by ? bx : by;
+        far_ = far_ < bz ? far_ : bz;
+        far_ *= SCALAR(1.0000005);
+        entering |= __builtin_convertvector((near_ <= far_) & (near_ <= SCALAR(1e30)), EightRays) & (1u << r);
     }
+    Eight child;
+    memcpy(&child, children.data + (long long)within[node] * 8, sizeof(child));
+    const int hit = bits_of(entering != 0), of_leaves = hit & bits_of(child < 0), of_nodes = hit ^ of_leaves;
+    const Eight deeper = squeezed(child, of_nodes), reached = squeezed(-1 - child, of_leaves);
+    const Eight deeper_rays = squeezed((Eight)entering, of_nodes), reaching = squeezed((Eight)entering, of_leaves);
+    memcpy(within + entered_nodes, &deeper, sizeof(deeper));
+    memcpy(rays_in + entered_nodes, &deeper_rays, sizeof(deeper_rays));
+    memcpy(leaf_of + entered_leaves, &reached, sizeof(reached));
+    memcpy(rays_on + entered_leaves, &reaching, sizeof(reaching));
+    entered_nodes += __builtin_popcount(of_nodes);
+    entered_leaves += __builtin_popcount(of_leaves);
+}
 
-    if (all_nodes && leaf_count == entered_leaves && met <= MOST_HITS) {
-        SCALAR t_of[MOST_HITS + 8], bell_of[MOST_HITS + 8], alpha_of[MOST_HITS + 8];
-        int id_of[MOST_HITS + 8], rank_of[MOST_HITS + 8];
-        const int padded = (met + 7) / 8 * 8;
-        for (int i = 0; i < padded; ++i) {
-            const int at = i < met ? place[i] : 0, lane = at & 7, leaf = leaf_of[at >> 3];
-            t_of[i] = depth[at];
-            bell_of[i] = square[at];
-            alpha_of[i] = leaves.data[leaf * 112LL + 96 + lane];
-            id_of[i] = order.data[leaf * 8 + lane];
-        }
-        // The rank of a hit is the number of hits before it.
-        for (int i = 0; i < padded; i += 8) {
-            const Lanes t = read(t_of + i), alpha = read(alpha_of + i) * bell(read(bell_of + i));
-            Eight id, before = Eight{};
-            memcpy(&id, id_of + i, sizeof(id));
-            for (int j = 0; j < met; ++j)
-                before -= __builtin_convertvector(t_of[j] < t, Eight)
-                    | (__builtin_convertvector(t_of[j] == t, Eight) & (id_of[j] < id));
-            memcpy(rank_of + i, &before, sizeof(before));
-            write(alpha_of + i, alpha < SCALAR(MAX_ALPHA) ? alpha : Lanes{} + SCALAR(MAX_ALPHA));
-        }
-        for (int i = 0; i < met; ++i) {
-            hit_t[rank_of[i]] = t_of[i];
-            hit_id[rank_of[i]] = id_of[i];
-            hit_alpha[rank_of[i]] = alpha_of[i];
-        }
-        SCALAR rest = start_rest;
-        int found = 0;
-        for (; found < met && rest >= stop; ++found) rest *= SCALAR(1) - hit_alpha[found];
-        used.data[0] += found;
-        found_out.data[slot] = found;
-        rest_out.data[slot] = SCALAR(FINISHED);
-        nodes_out.data[slot] = nodes;
-        leaves_out.data[slot] = leaf_count;
-        return;
+// The hits of each ray, in the order in which they are found.
+SCALAR t_of[TOGETHER][MOST_HITS + 16], bell_of[TOGETHER][MOST_HITS + 16], alpha_of[TOGETHER][MOST_HITS + 16];
+int id_of[TOGETHER][MOST_HITS + 16], met[TOGETHER];
+for (int r = 0; r < count; ++r) met[r] = 0;
+if (node < entered_nodes) unfinished = 0;
+for (; unfinished && leaf < entered_leaves; ++leaf) {
+    if (leaf + 2 < entered_leaves) {
+        const SCALAR* line = leaves.data + leaf_of[leaf + 2] * 112LL;
+        for (int k = 0; k < 7; ++k) FETCH(line + 16 * k);
+    }
+    const SCALAR* f = leaves.data + leaf_of[leaf] * 112LL;
+    Eight ids;
+    memcpy(&ids, order.data + leaf_of[leaf] * 8LL, sizeof(ids));
+    leaf_count += __builtin_popcount(rays_on[leaf]);
+    for (unsigned more = rays_on[leaf]; more; more &= more - 1) {
+        const int r = __builtin_ctz(more);
+        const SCALAR* a = about[r];
+        const Lanes px = read(f) - a[0], py = read(f + 8) - a[1], pz = read(f + 16) - a[2];
+        const Lanes slope = read(f + 72) * a[6] + read(f + 80) * a[7] + read(f + 88) * a[8];
+        const Lanes reach = read(f + 72) * px + read(f + 80) * py + read(f + 88) * pz;
+        // Parallel to the surfel t is infinite or NaN, and so is the square.
+        const Lanes t = reach / slope;
+        const Lanes x = t * a[6] - px, y = t * a[7] - py, z = t * a[8] - pz;
+        const Lanes u = read(f + 24) * x + read(f + 32) * y + read(f + 40) * z;
+        const Lanes v = read(f + 48) * x + read(f + 56) * y + read(f + 64) * z;
+        const Lanes square = u * u + v * v;
+        const int hit = bits_of(
+            ((slope < SCALAR(0)) | (t >= a[10])) & (square <= read(f + 104)) & (t > a[9]));
+        const int at = met[r] < MOST_HITS ? met[r] : MOST_HITS;
+        const Eight its_id = squeezed(ids, hit);
+        memcpy(id_of[r] + at, &its_id, sizeof(its_id));
+        write(t_of[r] + at, squeezed_lanes(t, hit));
+        write(bell_of[r] + at, squeezed_lanes(square, hit));
+        write(alpha_of[r] + at, squeezed_lanes(read(f + 96), hit));
+        met[r] += __builtin_popcount(hit);
     }
 }
-#endif
+
+// ---- in_order
+// ``put_in_order``: writes the hits of ray ``r`` from ``place`` on, in the order of (distance, surfel); returns how many
+// of them count. ``folded``: lanes joined two by two.
+auto folded = [](Lanes all, auto join) -> SCALAR {
+    const auto four = join(
+        __builtin_shufflevector(all, all, 0, 1, 2, 3), __builtin_shufflevector(all, all, 4, 5, 6, 7));
+    const auto two = join(__builtin_shufflevector(four, four, 0, 1), __builtin_shufflevector(four, four, 2, 3));
+    return join(two[0], two[1]);
+};
+auto put_in_order = [&](int r, int place, SCALAR rest) -> int {
+    SCALAR *own_t = t_of[r], *own_alpha = alpha_of[r];
+    int *own_id = id_of[r], all = met[r];
+    for (int i = 0; i < all; i += 8) {
+        const Lanes alpha = read(own_alpha + i) * bell(read(bell_of[r] + i));
+        write(own_alpha + i, alpha < SCALAR(MAX_ALPHA) ? alpha : Lanes{} + SCALAR(MAX_ALPHA));
+    }
+    // Where the nearer hits let too little light through, the farther ones are dropped before the rest is sorted: it
+    // takes time with the square of their number. The product is rounded in another order than below, hence 0.999.
+    while (all > FEW_HITS) {
+        Lanes sum = Lanes{}, light = Lanes{} + SCALAR(1);
+        for (int i = 0; i < all; i += 8) sum += padded(read(own_t + i), all - i, SCALAR(0));
+        const SCALAR middle = folded(sum, [](auto a, auto b) { return a + b; }) / all;
+        for (int i = 0; i < all; i += 8) {
+            const Lanes alpha = padded(read(own_alpha + i), all - i, SCALAR(0));
+            light *= SCALAR(1) - (read(own_t + i) <= middle ? alpha : Lanes{});
+        }
+        if (!(rest * folded(light, [](auto a, auto b) { return a * b; }) < SCALAR(0.999) * stop)) break;
+        int nearer = 0;
+        for (int i = 0; i < all; i += 8) {
+            const Lanes t = read(own_t + i), alpha = read(own_alpha + i);
+            Eight id;
+            memcpy(&id, own_id + i, sizeof(id));
+            const int kept = bits_of((t <= middle) & __builtin_convertvector(numbers < all - i, Mask));
+            const Eight id_kept = squeezed(id, kept);
+            write(own_t + nearer, squeezed_lanes(t, kept));
+            write(own_alpha + nearer, squeezed_lanes(alpha, kept));
+            memcpy(own_id + nearer, &id_kept, sizeof(id_kept));
+            nearer += __builtin_popcount(kept);
+        }
+        if (nearer == all) break;
+        all = nearer;
+    }
+    // The rank of a hit is the number of hits before it; those of what follows the last hit lie behind it.
+    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
+    int* hit_id = hits_id.data + place;
+    Eight ranks[MOST_HITS / 8 + 1], sum = Eight{};
+    for (int i = 0; i < all; i += 8) {
+        const Lanes t = read(own_t + i);
+        Eight before = Eight{};
+        for (int j = 0; j < all; j += 8) {
+            const Lanes others = padded(read(own_t + j), all - j, SCALAR(__builtin_inf()));
+            #pragma unroll
+            for (int k = 0; k < 8; ++k) before -= __builtin_convertvector(others[k] < t, Eight);
+        }
+        const Eight given = numbers < all - i;
+        sum += given ? before : Eight{};
+        ranks[i / 8] = given ? before : i + numbers;
+    }
+    if (__builtin_reduce_add(sum) != all * (all - 1) / 2)  // some are at the same distance
+        for (int i = 0; i < all; ++i)
+            for (int j = 0; j < all; ++j)
+                ranks[i / 8][i % 8] += own_t[j] == own_t[i] && own_id[j] < own_id[i];
+    SCALAR sorted_alpha[MOST_HITS + 16];
+    for (int i = 0; i < all; i += 8) {
+        const Lanes t = read(own_t + i), alpha = padded(read(own_alpha + i), all - i, SCALAR(0));
+        const Eight rank = ranks[i / 8];
+        Eight id;
+        memcpy(&id, own_id + i, sizeof(id));
+        #pragma unroll
+        for (int k = 0; k < 8; ++k) {
+            hit_t[rank[k]] = t[k];
+            hit_id[rank[k]] = id[k];
+            hit_alpha[rank[k]] = sorted_alpha[rank[k]] = alpha[k];
+        }
+    }
+    int found = 0;
+    for (int i = 0; i < all; i += 8) {
+        #pragma unroll
+        for (int k = i; k < i + 8; ++k) {
+            found += rest >= stop;
+            rest *= SCALAR(1) - sorted_alpha[k];
+        }
+    }
+    return found < all ? found : all;
+};
 
 // ---- nearest_first
 // The hits of a ray nearest first: nodes beyond the last hit that counts are not visited.
 SCALAR left[BUFFER + 1];
 SCALAR limit = huge;
-int found = 0, nodes = 0, leaf_count = 0, top = 0, closed = 0, node = 0;
+int found = 0, top = 0, closed = 0, node = 0;
 int stack_node[STACK];
 SCALAR stack_t[STACK];
 left[0] = start_rest;
@@ -249,32 +372,51 @@ done:
 used.data[0] += found;
 found_out.data[slot] = found;
 rest_out.data[slot] = found == BUFFER && left[found] >= stop ? left[found] : SCALAR(FINISHED);
-nodes_out.data[slot] = nodes;
-leaves_out.data[slot] = leaf_count;
 
 // ---- gather
-const int ray = rays.data[slot];
-const auto origin = origins.data[ray], direction = directions.data[ray];
-const SCALAR start_t = starts_t.data[slot], start_rest = starts_rest.data[slot], back_t = backs_t.data[ray];
-const int start_id = starts_id.data[slot];
-#include "ray"
-if (slot + RAYS_AHEAD < rays.shape[0]) {
-    const int later = rays.data[slot + RAYS_AHEAD];
-    FETCH(origins.data + later);
-    FETCH(directions.data + later);
-    FETCH(backs_t.data + later);
-}
 #if ON_CUDA
+#define FETCH(address)
+const int slot = item, ray = rays.data[slot];
 const long long place = (long long)slot * BUFFER;
-#else
-const int place = used.data[0];
-if (place + MOST_HITS > hits_t.shape[0]) {
-    found_out.data[slot] = nodes_out.data[slot] = leaves_out.data[slot] = 0;
-    rest_out.data[slot] = start_rest;
-    return;
-}
-#endif
 SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
 int* hit_id = hits_id.data + place;
-#include "breadth_first"
+const SCALAR start_t = starts_t.data[slot], start_rest = starts_rest.data[slot], back_t = backs_t.data[ray];
+const int start_id = starts_id.data[slot];
+int nodes = 0, leaf_count = 0;
+constexpr int LANES = 1;
+#include "lanes.inl:vectors"
+#include "lanes.inl:bits"
+#include "lanes.inl:bell"
+#include "ray"
 #include "nearest_first"
+#else
+#define FETCH(address) __builtin_prefetch(address)
+const int first = item * TOGETHER;
+int nodes = 0, leaf_count = 0;
+#include "together"
+#include "in_order"
+for (int r = 0; r < count; ++r) {
+    const int slot = first + r, ray = rays.data[slot], place = used.data[0];
+    const SCALAR start_rest = starts_rest.data[slot];
+    if (place + MOST_HITS + 8 > hits_t.shape[0]) {
+        found_out.data[slot] = 0;
+        rest_out.data[slot] = start_rest;
+        continue;
+    }
+    if (unfinished >> r & 1 && met[r] <= MOST_HITS) {
+        const int found = put_in_order(r, place, start_rest);
+        used.data[0] += found;
+        found_out.data[slot] = found;
+        rest_out.data[slot] = SCALAR(FINISHED);
+        continue;
+    }
+    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
+    int* hit_id = hits_id.data + place;
+    const SCALAR start_t = starts_t.data[slot], back_t = backs_t.data[ray];
+    const int start_id = starts_id.data[slot];
+#include "ray"
+#include "nearest_first"
+}
+#endif
+nodes_out.data[item] = nodes;
+leaves_out.data[item] = leaf_count;

@@ -25,9 +25,9 @@ from ..runtime import (
     workers,
 )
 from .bvh import SurfelBVH
-from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, hit_kernels
+from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, TOGETHER, hit_kernels
 
-RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
+RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 16, 1 << 20
 """Largest number of rays that are gathered together; it bounds the buffers (12 bytes a hit), of which the CPU touches
 only the filled part."""
 
@@ -171,15 +171,16 @@ def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tens
     round.
     """
     device, (origin, direction, backs, stop, *tree) = rays.device, fixed
-    room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS)
+    room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS + 8)
     hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
     hits_id = torch.empty(room, dtype=torch.int32, device=device)
-    found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
+    items = len(rays) if as_on_cuda(device) else -(-len(rays) // TOGETHER)
+    found, (nodes, leaves) = torch.empty_like(rays), torch.empty(2, items, dtype=torch.int32, device=device)
     rest = torch.empty_like(start[2])
     used = torch.zeros(1, dtype=torch.int32, device=device)
     arguments = [rays, origin, direction, *start, backs, stop, *tree]
     hits = [hits_t, hits_id, hits_alpha, used, found, rest]
-    launch(kernels.gather, len(rays), device, [*arguments, *hits, nodes, leaves])
+    launch(kernels.gather, items, device, [*arguments, *hits, nodes, leaves])
     if as_on_cuda(device):
         source = BUFFER * torch.arange(len(rays), dtype=torch.int32, device=device)
     else:

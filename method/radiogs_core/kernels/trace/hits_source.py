@@ -16,11 +16,18 @@ from ..surfel.geometry import MAX_ALPHA
 
 _TEXT = native_file(__package__, "hits.inl", lanes=LANES)
 
-MOST_NODES = 512
-"""Largest number of nodes, and of leaves, of a breadth-first traversal; a ray with more is traversed nearest first."""
+TOGETHER = 32
+"""Rays that go through the tree together on the CPU: the bits of an integer."""
+
+MOST_NODES = 4096
+"""Largest number of nodes, and of leaves, that rays which go together enter; if there are more, each of these rays is
+traversed nearest first."""
 
 MOST_HITS = 248
 """Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
+
+FEW_HITS = 16
+"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones."""
 
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
@@ -34,9 +41,6 @@ FINISHED = -1.0
 NO_SURFEL = 2**31 - 1
 """Surfel at which the first round of a ray starts: hits exactly at its starting depth are skipped."""
 
-RAYS_AHEAD = 4
-"""Number of rays between a ray and the one whose data are prefetched meanwhile."""
-
 
 @cache
 def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
@@ -44,8 +48,15 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
-    sizes |= {"NO_SURFEL": NO_SURFEL, "RAYS_AHEAD": RAYS_AHEAD, "FINISHED": FINISHED}
+    sizes = {
+        "TOGETHER": TOGETHER,
+        "FEW_HITS": FEW_HITS,
+        "BUFFER": BUFFER,
+        "STACK": STACK,
+        "MOST_NODES": MOST_NODES,
+        "MOST_HITS": MOST_HITS,
+    }
+    sizes |= {"NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 
     @wp.func
@@ -78,7 +89,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func_native(native_text(_TEXT["gather"], dtype, on_cuda, words))
     def gather_hits(
-        slot: wp.int32,
+        item: wp.int32,
         rays: wp.array(dtype=wp.int32),
         origins: wp.array(dtype=vector),
         directions: wp.array(dtype=vector),

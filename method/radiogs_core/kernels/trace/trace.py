@@ -13,7 +13,7 @@ from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .bvh import SurfelBVH
 from .hits import HitLists, find_hits
-from .trace_source import trace_kernels
+from .trace_source import rays_of_a_run, trace_kernels
 
 
 @dataclass(frozen=True)
@@ -68,29 +68,39 @@ def trace(
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
-    columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
-    radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
+    radiance, scalars, blended = _Blend.apply(
+        lists, direction, torch.is_grad_enabled(), origin, _rows(geometry), sh, features
+    )
     fire(full_rays=(scalars[:, 0].detach() < stop).sum())
     require_finite_blend("traced radiance", radiance, {"sh": sh})
     require_finite_blend("traced features", blended, {"features": features})
     return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])
 
 
+def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
+    """Each surfel's centre and opacity, axes and normal in four vectors of four, one line of the cache."""
+    none = torch.zeros_like(geometry.opacity)[:, None]
+    centre_and_opacity = [geometry.centre, geometry.opacity[:, None]]
+    parts = [*centre_and_opacity, geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
+    return torch.cat(parts, -1)
+
+
 class _Blend(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, lists: HitLists, direction: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
+    def forward(ctx: Any, lists: HitLists, direction: Tensor, learns: bool, *inputs: Tensor) -> tuple[Tensor, ...]:
         inputs = tuple(value.detach().contiguous() for value in inputs)
         direction = direction.detach().contiguous()
         origin, _, _, features = inputs
         kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         rays = len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
-        arguments = [_hits(kernels, lists, direction, inputs), *outputs]
-        launch_in_parallel(kernels.forward, rays, origin.device, lambda _: arguments)
+        lit = origin.new_empty(3 * len(lists.surfel) if learns and any(ctx.needs_input_grad) else 0)
+        arguments = [_hits(kernels, lists, direction, inputs), *outputs, lit]
+        launch_in_parallel(kernels.forward, _runs(origin), origin.device, lambda _: arguments)
         read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
         count(bytes_read=len(lists.surfel) * read_of_surfel)
         ctx.given = arguments[0]
-        ctx.save_for_backward(*inputs, *outputs)
+        ctx.save_for_backward(*inputs, *outputs, lit)
         return outputs
 
     @staticmethod
@@ -101,12 +111,14 @@ class _Blend(torch.autograd.Function):
         sums = WorkerSums((surface, sh, features), origin.device)
         arguments = [ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
         launch_in_parallel(
-            kernels.backward,
-            len(origin),
-            origin.device,
-            lambda worker: [*arguments, *sums.of(worker)],
+            kernels.backward, _runs(origin), origin.device, lambda worker: [*arguments, *sums.of(worker)]
         )
-        return None, None, grad_origin, *sums.total()
+        return None, None, None, grad_origin, *sums.total()
+
+
+def _runs(rays: Tensor) -> int:
+    """Number of items of the kernels."""
+    return -(-len(rays) // rays_of_a_run(as_on_cuda(rays.device)))
 
 
 def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Any:

@@ -19,16 +19,26 @@ from ..surfel.harmonics_source import HARMONICS
 
 _TEXT = native_file(__package__, "trace.inl", lanes=LANES, harmonics=HARMONICS)
 
+RAYS_OF_A_RUN = 32
+"""Rays of an item on the CPU: for each item Warp copies the kernel's arguments, a kilobyte, twice."""
+
+
+def rays_of_a_run(on_cuda: bool) -> int:
+    """Rays of an item: one on CUDA."""
+    return 1 if on_cuda else RAYS_OF_A_RUN
+
 
 @cache
 def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """Kernels ``forward`` and ``backward`` for float32 or float64, and the struct ``Hits`` that both take.
 
-    All arrays are flat; ``coefficients``: number of harmonics; ``channels``: number of features.
+    All arrays are flat; ``coefficients``: number of harmonics; ``channels``: number of features; ``surface``: 16
+    numbers a surfel, centre and opacity, then each axis and the normal with a number that does not count. ``out_lit``:
+    the colour of every hit, three numbers each, for the backward pass; none if it is empty.
     """
     start_warp()
     scalar = scalar_type(dtype)
-    words = {"MAX_ALPHA": str(MAX_ALPHA)}
+    words = {"MAX_ALPHA": str(MAX_ALPHA), "RUN": str(rays_of_a_run(on_cuda))}
     forward_text, backward_text = (native_text(_TEXT[part], dtype, on_cuda, words) for part in ("forward", "backward"))
 
     @wp.struct
@@ -48,20 +58,22 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func_native(forward_text)
     def blend(
-        slot: wp.int32,
+        run: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
     ): ...
 
     @wp.func_native(backward_text)
     def pull_back(
-        slot: wp.int32,
+        run: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
         pull_colour: wp.array(dtype=scalar),
         pull_scalars: wp.array(dtype=scalar),
         pull_features: wp.array(dtype=scalar),
@@ -78,8 +90,9 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
     ):
-        blend(first + wp.tid(), hits, out_colour, out_scalars, out_features)
+        blend(first + wp.tid(), hits, out_colour, out_scalars, out_features, out_lit)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def backward(
@@ -88,6 +101,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
         out_features: wp.array(dtype=scalar),
+        out_lit: wp.array(dtype=scalar),
         pull_colour: wp.array(dtype=scalar),
         pull_scalars: wp.array(dtype=scalar),
         pull_features: wp.array(dtype=scalar),
@@ -97,8 +111,8 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         grad_features: wp.array(dtype=scalar),
     ):
         pull_back(
-            first + wp.tid(), hits, out_colour, out_scalars, out_features, pull_colour, pull_scalars, pull_features,
-            grad_origin, grad_surface, grad_sh, grad_features,
+            first + wp.tid(), hits, out_colour, out_scalars, out_features, out_lit, pull_colour, pull_scalars,
+            pull_features, grad_origin, grad_surface, grad_sh, grad_features,
         )  # fmt: skip
 
     return SimpleNamespace(Hits=Hits, forward=forward, backward=backward)

@@ -88,7 +88,7 @@ def test_a_ray_that_enters_more_nodes_than_fit_is_followed_nearest_first() -> No
     turned[[5, len(distance) // 2, len(distance) - 1]] = False
     ours, nodes, theirs, same = hits_of(facing(distance, 0.2, turned), 0.0, 0.03)
     assert same > MOST_NODES * RAYS
-    assert nodes == same
+    assert nodes > same, "those that were given up count as well"
     assert_equal(ours, theirs)
     assert ours.begin.diff().tolist() == [3] * RAYS
 
