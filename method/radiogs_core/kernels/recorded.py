@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Lock, get_ident
-from typing import Any
+from typing import Any, cast
 
 import torch
 import warp as wp
@@ -41,7 +41,7 @@ def _one_process(module: wp.Module) -> Iterator[None]:
     Where files cannot be locked, as in a cache that may only be read, processes do not wait: Warp moves what it has
     compiled to its place as a whole, so they compile in vain but do not disturb each other.
     """
-    lock = FileLock(Path(wp.config.kernel_cache_dir) / f"{module.name}.lock", fallback_to_soft=False)
+    lock = FileLock(Path(str(wp.config.kernel_cache_dir)) / f"{module.name}.lock", fallback_to_soft=False)
     try:
         lock.acquire()
     except (OSError, NotImplementedError):
@@ -102,9 +102,9 @@ def _on_cpu(command: wp.Launch, memory: Any) -> Callable[[], None]:
 
 def _on_cuda(command: wp.Launch, memory: Any) -> Callable[[], None]:
     """The command itself, on the device's current stream, which reads each argument from the memory."""
-    begin = ctypes.addressof(memory)
+    begin, addresses = ctypes.addressof(memory), cast(Any, command.params_addr)
     for place, (name, _) in enumerate(memory._fields_, start=1):
-        command.params_addr[place] = begin + getattr(type(memory), name).offset
+        addresses[place] = begin + getattr(type(memory), name).offset
     return command.launch
 
 
