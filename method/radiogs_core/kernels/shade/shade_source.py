@@ -8,7 +8,7 @@ to the four sums, or to their total. The backward pass evaluates the same terms 
 (``consistency_kernels``) is the sums of two views, and their distance from the surfel's own radiance.
 
 All passes are native snippets that process samples in blocks of LANES and finish each step for a whole block before
-the next. These are plain loops over the lanes, which the CPU compiler vectorises (one sample at a time, with the
+the next. A block is a vector by its type (one sample at a time, with the
 library's atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane without a
 sample, or with a sample below the horizon, uses the normal as its direction and weight zero, so its terms are finite
 and contribute zero.
