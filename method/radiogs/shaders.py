@@ -93,6 +93,7 @@ class MonteCarlo:
     ) -> Float[Tensor, "surfels 3"]:
         """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
         surfels, incident = model.surfels, self.cache.incident
+        radiance: tuple[Tensor | None, Tensor, Tensor | None]
         if model.log_environment.requires_grad:
             radiance = (incident.visibility, incident.radiance, model.environment)
         else:

@@ -246,6 +246,7 @@ class _Consistency(torch.autograd.Function):
         shaded = tuple(None if value is None else value.contiguous() for value in inputs[5:])
         index, *places, sh = sides
         direction, specular_at = shaded[3], shaded[8]
+        assert direction is not None
         kernels = consistency_kernels(sh.dtype, as_on_cuda(sh.device))
         given = _inputs(kernels, (*shaded[:3], None, *shaded[3:]))
         needs = ctx.needs_input_grad

@@ -7,11 +7,10 @@ With s = wo + wi along the half-vector and F, V and D the terms of ``brdf``, eac
 to the four sums, or to their total. The backward pass evaluates the same terms again instead of storing them. L_rad
 (``consistency_kernels``) is the sums of two views, and their distance from the surfel's own radiance.
 
-All passes are native snippets that process samples in blocks of LANES and finish each step for a whole block before
-the next. These are plain loops over the lanes, which the CPU compiler vectorises (one sample at a time, with the
-library's atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane without a
-sample, or with a sample below the horizon, uses the normal as its direction and weight zero, so its terms are finite
-and contribute zero.
+All passes are native snippets that process samples in blocks of LANES, which are vectors by their type (one sample at a
+time, with the library's atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane
+without a sample, or with a sample below the horizon, uses the normal as its direction and weight zero, so its terms are
+finite and contribute zero.
 """
 
 from functools import cache
@@ -31,7 +30,7 @@ from .brdf import FRESNEL_NORMAL
 _TEXT = native_file(__package__, "shade.inl", lanes=LANES, angle=ANGLE, harmonics=HARMONICS)
 
 LANES_ON_CPU = 16
-"""Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
+"""Samples in a block on the CPU; the shuffles of ``shade.inl`` are written for 16."""
 
 EXP_TERMS = {torch.float32: 8, torch.float64: 15}
 """Number of terms of exp's series, for arguments down to -0.55, that reach the last digit of each type."""

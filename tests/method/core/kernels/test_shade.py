@@ -154,7 +154,7 @@ def compared() -> dict[str, torch.Tensor]:
         "camera": camera,
         "drawn": drawn,
         "centre": torch.where((normal @ camera < 0)[:, None], 2 * camera, 0) + 0.1 * unit(12, 3),
-        "sh": 0.2 * torch.randn(12, 16, 3, dtype=torch.float64),
+        "sh": 0.8 * torch.randn(12, 16, 3, dtype=torch.float64),
     }
     ours["centre"][9] = ours["camera"] + normal[9]
     of_samples = ("direction", "weight", "visibility", "indirect")
