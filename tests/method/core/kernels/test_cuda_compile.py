@@ -6,11 +6,12 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels
-from radiogs_core.kernels.image.display_source import display_kernels
-from radiogs_core.kernels.image.edges_source import edge_kernels
+from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels, surface_kernel
+from radiogs_core.kernels.image.display_source import display_kernels, over_kernel
+from radiogs_core.kernels.image.edges_source import allowance_kernel, edge_kernels
 from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
+from radiogs_core.kernels.image.terms_source import term_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels, record_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
@@ -36,21 +37,22 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         blend_kernels(dtype, 13, on_cuda),
         similarity_kernels(dtype, on_cuda),
         normal_kernels(dtype),
-        edge_kernels(dtype, on_cuda, channels=3),
+        edge_kernels(dtype, on_cuda, widths=(3, 3, 1)),
     )
     footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
-    lookup = lookup_kernels(dtype, on_cuda)
+    lookup, terms = lookup_kernels(dtype, on_cuda), term_kernels(dtype, on_cuda)
     return [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
         splitsum.forward, splitsum.backward,
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
-        edges.allowance, edges.forward, edges.backward,
+        allowance_kernel(dtype, on_cuda).forward, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
-        lookup.forward, lookup.backward,
+        lookup.forward, lookup.backward, terms.forward, terms.backward,
+        surface_kernel(dtype, on_cuda).forward, over_kernel(dtype, on_cuda).forward,
     ]  # fmt: skip
 
 
