@@ -226,9 +226,11 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
         pixels = in_memory(view.read("image"), device)
         covered = in_memory(view.read("alpha")[..., 0], device) if view.has("alpha") else None
         needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
-        kept = (pixels, covered) if needed <= most else (None, None)
-        most -= needed if needed <= most else 0
-        loaded.append(TrainingView(camera, view, *kept, memory))
+        if needed <= most:
+            most -= needed
+            loaded.append(TrainingView(camera, view, pixels, covered, memory))
+        else:
+            loaded.append(TrainingView(camera, view, None, None, memory))
     return tuple(loaded)
 
 

@@ -125,13 +125,14 @@ class _Plan:
         self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
         self.widths = tuple((3, *widths)[k] for k in self.maps)
         self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
-        self.size, self.copied = tuple(shape), bool(self.maps) and (terms.masked or len(self.maps) > 1)
+        height, width = shape
+        self.size, self.copied = (height, width), bool(self.maps) and (terms.masked or len(self.maps) > 1)
         on_cuda, dtype = as_on_cuda(like.device), like.dtype
         self.kernels = term_kernels(dtype, on_cuda)
-        self.items = blocks_in(*self.size, self.kernels.columns)
+        self.items = blocks_in(height, width, self.kernels.columns)
         self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
         self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
-        self._place(self.size[0] * self.size[1], like)
+        self._place(height * width, like)
         self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
         self.tail = [
             terms.background, terms.far, len(self.images), len(self.maps) if self.copied else 0,

@@ -35,9 +35,9 @@ def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a division of work; ``columns``: pixels of a block.
 
     Arrays are flat; images and maps are passed by their ``addresses``, and maps by the ``counts`` of their channels.
-    A term that is absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied by the
-    mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see ``surface_kernel``.
-    ``attached``: bit k: coverage has a gradient by image k.
+    A term that is absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied
+    by the mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see
+    ``surface_kernel``. ``attached``: bit k: coverage has a gradient by image k.
     """
     start_warp()
     scalar, columns = scalar_type(dtype), columns_of(on_cuda)
