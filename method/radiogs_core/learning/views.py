@@ -76,8 +76,9 @@ read from their files at each use."""
 
 
 PREPARED_BYTES = 2**29
-"""Largest memory of what a stage's steps compute of its views, in bytes. With two backgrounds this is 52 bytes a pixel: 100
-views of 320 x 320 pixels, or 16 of 800 x 800. What has no place is computed at each use, which takes 15 ns a pixel."""
+"""Largest memory of the values that a stage's steps compute of its views, in bytes. With two backgrounds a pixel has 52
+bytes (two targets of 12, coverage of 4, edge weights of 24): 100 views of 320 x 320 pixels, or 16 of 800 x 800. Values
+beyond it are computed at each use, which takes 15 ns a pixel."""
 
 
 @dataclass
@@ -107,9 +108,9 @@ class TrainingView:
     covered: Levels | Whole | None
     """Coverage in memory; None if it is read from its file at each use, or is 1 in all pixels."""
     memory: Memory = field(default_factory=Memory, compare=False, repr=False)
-    """What is left for all views of a stage."""
+    """Memory for computed values, shared by all views of a stage."""
     kept: dict[Hashable, Tensor] = field(init=False, default_factory=dict, compare=False, repr=False)
-    """What steps have computed of this view, as far as memory allowed."""
+    """Values that steps have computed of this view, as far as memory allowed."""
 
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
@@ -186,7 +187,7 @@ class DecodedView(TrainingView):
         return self
 
     def _once(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
-        """What has been made for this key; it must not be changed in place."""
+        """The value of a key, made at its first use; it must not be changed in place."""
         for place in (self.kept, self.origin.kept):
             if key in place:
                 return place[key]
@@ -216,8 +217,8 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
     """The views on a device; every view is read once.
 
     Pixels are kept in the bit depth of their files, up to ``most`` bytes in all; further views are read again at each
-    use. A view without alpha is covered in all pixels. What steps compute of the views is kept besides, up to
-    ``PREPARED_BYTES``.
+    use. A view without alpha is covered in all pixels. Values that steps compute of the views are kept besides,
+    up to ``PREPARED_BYTES``.
     """
     loaded, memory = [], Memory()
     for view in views:
@@ -225,9 +226,11 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
         pixels = in_memory(view.read("image"), device)
         covered = in_memory(view.read("alpha")[..., 0], device) if view.has("alpha") else None
         needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
-        kept = (pixels, covered) if needed <= most else (None, None)
-        most -= needed if needed <= most else 0
-        loaded.append(TrainingView(camera, view, *kept, memory))
+        if needed <= most:
+            most -= needed
+            loaded.append(TrainingView(camera, view, pixels, covered, memory))
+        else:
+            loaded.append(TrainingView(camera, view, None, None, memory))
     return tuple(loaded)
 
 

@@ -178,7 +178,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         """The weighted losses of the next step by name; sets ``touched``, the mask of surfels that the view shows."""
         surfels = self.optimiser.surfels.with_cached_frames()
         surfels.sh = surfels.sh[:, : self._coefficients()]
-        weights, camera = self.learning.weights, view.camera
+        camera = view.camera
         radiance, own = own_radiance_twice(camera, surfels)
         progress = self.iteration / self.iterations
         shaded, further = self.shading.images(surfels, own, self.optimiser.tensors, camera, progress)

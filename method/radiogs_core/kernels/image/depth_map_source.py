@@ -122,8 +122,8 @@ SOLID_ALPHA = 0.5
 """Coverage from which a pixel shows a surface, so that its depth is meaningful."""
 
 PLANES = {"OWN_PLANE": 3, "RIGHT_PLANE": 4, "LEFT_PLANE": 5, "BELOW_PLANE": 6, "ABOVE_PLANE": 7}
-"""Planes of the output of ``surface_kernel`` after the normal's three: derivatives with respect to the depth of the pixel
-itself and of its neighbours."""
+"""Planes of the output of ``surface_kernel`` after the normal's three: derivatives with respect to the depth of the
+pixel itself and of its neighbours."""
 
 
 @cache

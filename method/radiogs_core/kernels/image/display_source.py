@@ -32,7 +32,9 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
     flat = wp.array(dtype=scalar)
     words = {**power_words(dtype), "PIXELS_IN_A_BLOCK": str(lanes), "KNEE": repr(LINEAR_KNEE)}
-    forward_text, backward_text = (native_text(DISPLAY[part], dtype, on_cuda, words) for part in ("forward", "backward"))
+    forward_text, backward_text = (
+        native_text(DISPLAY[part], dtype, on_cuda, words) for part in ("forward", "backward")
+    )
 
     @wp.func_native(forward_text)
     def encode(

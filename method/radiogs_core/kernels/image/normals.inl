@@ -96,6 +96,11 @@ constexpr int LANES = VECTOR_SIZE;
 #include "lanes.inl:vectors"
 #include "lanes.inl:bits"
 const Lanes zero = {}, one = zero + SCALAR(1);
+#if ON_CUDA
+auto root = [](SCALAR x) -> SCALAR { return SCALAR(sqrt(x)); };
+#else
+auto root = [](Lanes x) -> Lanes { return __builtin_elementwise_sqrt(x); };
+#endif
 
 // ---- surface
 // Normals of the surface that a block's pixels see, in camera axes, from rays r = (x, y, 1): along each axis, the
@@ -113,7 +118,8 @@ for (int line = 0; line < 5; ++line) {
     for (int k = 0; k < count; ++k) {
         const long long pixel = (long long)at * width + low + k;
         const SCALAR there = depth.data[pixel];
-        const bool solid = (alpha.data[pixel] >= SCALAR(SOLID)) & (there > SCALAR(0)) & (there < SCALAR(__builtin_inf()));
+        // Infinity and NaN have no difference of zero to themselves.
+        const bool solid = (alpha.data[pixel] >= SCALAR(SOLID)) & (there > SCALAR(0)) & (there - there == SCALAR(0));
         z[line][first + k] = solid ? there : SCALAR(0);
     }
 }
@@ -170,7 +176,7 @@ for (int c = 0; c < BLOCK_COLUMNS; c += LANES) {
     Lanes normal[3] = {t * dx, s * dy, -s * t - y * s * dy - x * t * dx};
     const Lanes square = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
     known = known & (square > zero);
-    const Lanes length = __builtin_elementwise_sqrt(known ? square : one);
+    const Lanes length = root(known ? square : one);
     const Lanes scale = (s * t < zero ? -one : one) / length;
     Lanes agreement = zero, of_cross[3];
     for (int k = 0; k < 3; ++k) {

@@ -77,7 +77,7 @@ for (int image = 0; image < images; ++image) {
     for (int k = 0; k < 3 * size; ++k) encoded.data[to + k] = code[k];
     for (int k = 0; k < 3 * size; ++k) shown.data[to + k] = picture[k];
 }
-if (copied) {
+if (map_count > 0) {
     SCALAR* to = maps.data + entries * place;
     for (int map = 0, entry = 0; map < map_count; entry += widths[map], ++map) {
         const SCALAR* from = (const SCALAR*)given_maps[map] + widths[map] * place;
@@ -150,11 +150,16 @@ if (normal_term >= 0) {
     const SCALAR scale = pulls.data[normal_term];
     const SCALAR* of = normals.data + place;
     SCALAR* to = to_normal.data + 3 * place;
-    SCALAR by_depth[BLOCK_COLUMNS];
+    SCALAR by_depth[BLOCK_COLUMNS], interleaved[3 * BLOCK_COLUMNS];
+    for (int c = 0; c < size; ++c)
+        for (int k = 0; k < 3; ++k) interleaved[3 * c + k] = scale * of[k * plane + c];
+    if (normal_is_smoothed)
+        for (int k = 0; k < 3 * size; ++k) to[k] -= interleaved[k];
+    else
+        for (int k = 0; k < 3 * size; ++k) to[k] = -interleaved[k];
     for (int c = 0; c < size; ++c) {
-        const SCALAR n[3] = {of[c], of[plane + c], of[2 * plane + c]};
-        for (int k = 0; k < 3; ++k) to[3 * c + k] = (normal_is_smoothed ? to[3 * c + k] : SCALAR(0)) - scale * n[k];
-        by_pixel[c] += n[0] * n[0] + n[1] * n[1] + n[2] * n[2] > SCALAR(0) ? scale : SCALAR(0);
+        const SCALAR x = of[c], y = of[plane + c], z = of[2 * plane + c];
+        by_pixel[c] += x * x + y * y + z * z > SCALAR(0) ? scale : SCALAR(0);
     }
     for (int c = 0; c < size; ++c) by_depth[c] = of[OWN_PLANE * plane + c];
     for (int c = begin > 0 ? 0 : 1; c < size; ++c) by_depth[c] += of[RIGHT_PLANE * plane + c - 1];

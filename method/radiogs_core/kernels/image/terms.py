@@ -64,7 +64,7 @@ class Terms:
 
 
 class Blended(NamedTuple):
-    """What a camera sees of surfels; all but ``depth`` multiplied by coverage."""
+    """Surfels blended in each pixel; all but ``depth`` multiplied by coverage."""
 
     alpha: Float[Tensor, "height width"]
     """Coverage."""
@@ -77,7 +77,7 @@ class Blended(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What the images are compared with; without gradient."""
+    """The target of the images and its weights; without gradient."""
 
     image: Float[Tensor, "height width 3"]
     """The target in display sRGB, on the background."""
@@ -114,7 +114,7 @@ def image_terms(
 
 
 class _Plan:
-    """What of ``Terms`` is computed at a size, the places of its sums, and the constants that make losses of them.
+    """The part of ``Terms`` that is computed, the places of its sums, and the constants that make losses of them.
 
     ``images``, ``maps``: indices of those that are used; map 0 is that of the normals.
     """
@@ -125,16 +125,18 @@ class _Plan:
         self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
         self.widths = tuple((3, *widths)[k] for k in self.maps)
         self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
-        self.size, self.copied = tuple(shape), bool(self.maps) and (terms.masked or len(self.maps) > 1)
+        height, width = shape
+        self.size, self.copied = (height, width), bool(self.maps) and (terms.masked or len(self.maps) > 1)
         on_cuda, dtype = as_on_cuda(like.device), like.dtype
         self.kernels = term_kernels(dtype, on_cuda)
-        self.items = blocks_in(*self.size, self.kernels.columns)
+        self.items = blocks_in(height, width, self.kernels.columns)
         self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
         self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
-        self._place(self.size[0] * self.size[1], like)
+        self._place(height * width, like)
         self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
         self.tail = [
-            terms.background, terms.far, len(self.images), len(self.maps), _filled(self.kernels.counts, self.widths)
+            terms.background, terms.far, len(self.images), len(self.maps) if self.copied else 0,
+            _filled(self.kernels.counts, self.widths),
         ]  # fmt: skip
 
     def _place(self, pixels: int, like: Tensor) -> None:
@@ -169,7 +171,6 @@ def _planned(
     return _Plan(terms, widths, shape, torch.empty(0, dtype=dtype, device=device))
 
 
-
 class _Terms(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, plan: _Plan, camera: Camera, aim: Aim, *given: Tensor) -> Tensor:
@@ -181,7 +182,7 @@ class _Terms(torch.autograd.Function):
         together = like.new_empty(*plan.size, sum(plan.widths)) if plan.copied else maps[0] if maps else encoded
         addresses = _addresses(kernels.addresses, images)
         arguments = [
-            *plan.head, int(plan.copied), *plan.tail, addresses, _addresses(kernels.addresses, maps),
+            *plan.head, *plan.tail, addresses, _addresses(kernels.addresses, maps),
             alpha, depth, distortion, aim.mask, encoded, shown, together, sums,
         ]  # fmt: skip
         launch_in_parallel(kernels.forward, plan.items, like.device, lambda _: arguments)
@@ -202,7 +203,7 @@ class _Terms(torch.autograd.Function):
         of_shown = _pull_images(plan, shown, target, slopes, pulls)
         of_maps = _pull_maps(plan, answers, pulls)
         to_alpha, to_images = torch.empty_like(alpha), [torch.empty_like(each) for each in images]
-        to_maps = [alpha.new_empty(*plan.size, width) for width in plan.widths]
+        to_maps = [alpha.new_empty(*plan.size, width) for width in plan.widths] if plan.copied else [of_maps]
         smoothed = plan.maps[:1] == [0]
         to_normal = to_maps[0] if smoothed else alpha.new_empty(*plan.size, 3) if plan.normal >= 0 else None
         to_depth = torch.empty_like(alpha) if plan.normal >= 0 else None
@@ -217,7 +218,7 @@ class _Terms(torch.autograd.Function):
         others: list[Tensor | None] = [None] * (plan.count + len(plan.terms.smoothness) - 1)
         for place, found in zip(plan.images, to_images, strict=True):
             others[place] = found
-        for place, found in zip(plan.maps, to_maps, strict=True):
+        for place, found in zip(plan.maps, to_maps, strict=False):
             if place > 0:
                 others[plan.count + place - 1] = found
         return None, None, None, to_alpha, to_normal, to_depth, to_distortion, *others

@@ -35,16 +35,17 @@ def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a division of work; ``columns``: pixels of a block.
 
     Arrays are flat; images and maps are passed by their ``addresses``, and maps by the ``counts`` of their channels.
-    A term that is absent has index -1. ``copied``: 1: the maps are written to ``maps`` with interleaved channels. ``masked``:
-    1: they are multiplied by the mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see ``surface_kernel``.
-    ``attached``: bit k: coverage has a gradient by image k.
+    A term that is absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied
+    by the mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see
+    ``surface_kernel``. ``attached``: bit k: coverage has a gradient by image k.
     """
     start_warp()
     scalar, columns = scalar_type(dtype), columns_of(on_cuda)
     flat = wp.array(dtype=scalar)
     addresses, counts = wp.types.vector(MOST, wp.uint64), wp.types.vector(MOST, wp.int32)
     words = {
-        **power_words(dtype), **{name: str(place) for name, place in PLANES.items()},
+        **power_words(dtype),
+        **{name: str(place) for name, place in PLANES.items()},
         "ENTRIES": "1", "REACH": "0", "BLOCK_COLUMNS": str(columns),
         "VECTOR_SIZE": "1" if on_cuda else "16", "KNEE": repr(LINEAR_KNEE), "CONFIDENCE": repr(MASK_CONFIDENCE),
         "STRAIGHT": str(ENCODINGS["straight"]), "IN_DISPLAY": str(ENCODINGS["display"]),
@@ -54,9 +55,9 @@ def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     @wp.func_native(forward_text)
     def prepare(
         item: wp.int32, height: wp.int32, width: wp.int32, encoding: wp.int32, masked: wp.int32,
-        mask_term: wp.int32, distortion_term: wp.int32, copied: wp.int32, background: scalar, far: scalar,
-        images: wp.int32, map_count: wp.int32, widths: counts, blended: addresses, given_maps: addresses,
-        alpha: flat, depth: flat, distortion: flat, mask: flat, encoded: flat, shown: flat, maps: flat, sums: flat,
+        mask_term: wp.int32, distortion_term: wp.int32, background: scalar, far: scalar, images: wp.int32,
+        map_count: wp.int32, widths: counts, blended: addresses, given_maps: addresses, alpha: flat, depth: flat,
+        distortion: flat, mask: flat, encoded: flat, shown: flat, maps: flat, sums: flat,
     ): ...  # fmt: skip
 
     @wp.func_native(backward_text)
@@ -72,14 +73,13 @@ def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def forward(
         begin: wp.int32, height: wp.int32, width: wp.int32, encoding: wp.int32, masked: wp.int32,
-        mask_term: wp.int32, distortion_term: wp.int32, copied: wp.int32, background: scalar, far: scalar,
-        images: wp.int32, map_count: wp.int32, widths: counts, blended: addresses, given_maps: addresses,
-        alpha: flat, depth: flat, distortion: flat, mask: flat, encoded: flat, shown: flat, maps: flat, sums: flat,
+        mask_term: wp.int32, distortion_term: wp.int32, background: scalar, far: scalar, images: wp.int32,
+        map_count: wp.int32, widths: counts, blended: addresses, given_maps: addresses, alpha: flat, depth: flat,
+        distortion: flat, mask: flat, encoded: flat, shown: flat, maps: flat, sums: flat,
     ):  # fmt: skip
         prepare(
-            begin + wp.tid(), height, width, encoding, masked, mask_term, distortion_term, copied, background, far,
-            images, map_count, widths, blended, given_maps, alpha, depth, distortion, mask, encoded, shown, maps,
-            sums,
+            begin + wp.tid(), height, width, encoding, masked, mask_term, distortion_term, background, far, images,
+            map_count, widths, blended, given_maps, alpha, depth, distortion, mask, encoded, shown, maps, sums,
         )  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)

@@ -7,11 +7,12 @@ import torch
 import warp as wp
 
 from radiogs_core.kernels.adam_source import step_kernel
-from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels
-from radiogs_core.kernels.image.display_source import display_kernels
-from radiogs_core.kernels.image.edges_source import edge_kernels
+from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels, surface_kernel
+from radiogs_core.kernels.image.display_source import display_kernels, over_kernel
+from radiogs_core.kernels.image.edges_source import allowance_kernel, edge_kernels
 from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
+from radiogs_core.kernels.image.terms_source import term_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.projection_source import geometry_kernels, seen_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
@@ -38,26 +39,28 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         blend_kernels(dtype, 13, on_cuda),
         similarity_kernels(dtype, on_cuda),
         normal_kernels(dtype),
-        edge_kernels(dtype, on_cuda, channels=3),
+        edge_kernels(dtype, on_cuda, widths=(3, 3, 1)),
     )
     footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
     projecting, seeing = geometry_kernels(dtype, on_cuda), seen_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
     lookup, compared = lookup_kernels(dtype, on_cuda), consistency_kernels(dtype, on_cuda)
     totals = [shade_kernels(dtype, on_cuda, kind) for kind in ("total", "given")]
+    terms = term_kernels(dtype, on_cuda)
     return [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
         splitsum.forward, splitsum.backward,
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
-        edges.allowance, edges.forward, edges.backward,
+        allowance_kernel(dtype, on_cuda).forward, edges.forward, edges.backward,
         footprints.forward, footprints.backward, projecting.forward, projecting.backward,
         seeing.forward, seeing.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
         lookup.forward, lookup.backward, step_kernel(dtype, 1e-15), compared.forward, compared.backward,
         *(kernel for each in totals for kernel in (each.forward, each.backward)),
         arrival_kernel(dtype, on_cuda).arrive, spread_kernel(dtype),
+        terms.forward, terms.backward, surface_kernel(dtype, on_cuda).forward, over_kernel(dtype, on_cuda).forward,
     ]  # fmt: skip
 
 

@@ -34,7 +34,11 @@ CASES = {
     ),
     "central differences": replace(FULL, one_sided=False, smoothness=smoothness(0.0, 0.2, 0.0), background=0.0),
     "normals of the depth map alone": replace(
-        FULL, images=(Compared("own", 0.0, 0.0), Compared("shaded", 0.0, 0.0)), mask=0.0, distortion=0.0, smoothness=smoothness(0.0, 0.0, 0.0)
+        FULL,
+        images=(Compared("own", 0.0, 0.0), Compared("shaded", 0.0, 0.0)),
+        mask=0.0,
+        distortion=0.0,
+        smoothness=smoothness(0.0, 0.0, 0.0),
     ),
     "display colour, without normals of the depth map": replace(
         FULL, encoding="display", normal=0.0, smoothness=smoothness(0.5, 0.0, 0.0), masked=False
@@ -51,7 +55,7 @@ def camera_of(height: int, width: int) -> Camera:
 
 
 def given(height: int, width: int, images: int) -> tuple[Aim, list[Tensor]]:
-    """What is aimed at, and coverage, normal, depth, distortion, images, albedo and roughness."""
+    """The aim, and coverage, normal, depth, distortion, images, albedo and roughness."""
 
     def random(*channels: int, most: float = 1.0) -> Tensor:
         return most * torch.rand(height, width, *channels, dtype=torch.float64)

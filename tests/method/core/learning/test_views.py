@@ -83,3 +83,20 @@ def test_a_step_reads_a_view_that_is_not_held_once() -> None:
         view.over(background)
     assert view.mask.shape == view.image.shape[:2]
     assert sorted(reads) == ["alpha", "image"]
+
+
+@pytest.mark.parametrize("left", [0, 10**9])
+def test_steps_compute_a_view_once_as_far_as_memory_allows_and_see_the_same(left: int) -> None:
+    (view,) = load(load_scene("corner").train[:1], torch.device("cpu"))
+    view.memory.left = left
+    for _ in range(2):
+        step = view.decoded()
+        for background in (0.0, 0.5):
+            assert torch.equal(step.over(background), view.over(background))
+            assert step.over(background) is step.over(background)
+        for across in (False, True):
+            assert torch.equal(step.allowance(10.0, across), view.allowance(10.0, across))
+        assert torch.equal(step.mask, view.mask)
+    pixels = view.camera.width * view.camera.height
+    assert view.memory.left == (left - (4 + 2 * 12 + 2 * 24) * pixels if left else 0)
+    assert (view.decoded().over(0.5) is view.decoded().over(0.5)) == (left > 0)

@@ -2,18 +2,20 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading, mean_distortion
+from radiogs_core.on_surfels import fit_geometry
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading
 from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import radiance_maps
-from radiogs_core.transport.splatting import own_radiance, splat
+from radiogs_core.transport.splatting import Splat, splat
 from rooms import room_scene
 from scenes import sphere_scene
 from short_training import BUDGET, CPU
@@ -67,16 +69,20 @@ def test_what_is_far_moves_as_far_as_it_looks() -> None:
 
 
 @pytest.mark.parametrize("depth", [0.5, 4.0])
-def test_distortion_beyond_the_cameras_is_that_of_disparity(depth: float) -> None:
+def test_distortion_beyond_the_cameras_is_that_of_disparity(depth: float, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = stage_on(room_scene())
-    view = stage.views[0]
-    radiance = own_radiance(view.camera, stage.surfels)
-    seen = splat(view.camera, stage.surfels, {"radiance": radiance}, stage.depth_unit)
-    there = replace(seen, depth=torch.full_like(seen.depth, depth * stage.depth_unit))
-    expected = float(seen.distortion.detach().mean()) / max(1, depth) ** 4
-    assert float(mean_distortion(there, stage.depth_unit, surrounded=True).detach()) == pytest.approx(
-        expected, rel=1e-5
-    )
+    stage.iteration = stage.iterations
+    drawn: list[Splat] = []
+
+    def at_a_depth(*given: Any) -> Splat:
+        seen = splat(*given)
+        drawn.append(seen)
+        return replace(seen, depth=torch.full_like(seen.depth, depth * stage.depth_unit))
+
+    monkeypatch.setattr(fit_geometry, "splat", at_a_depth)
+    found = float(stage.losses(stage.views[0])["distortion"].detach())
+    mean = float(drawn[0].distortion.detach().mean())
+    assert found == pytest.approx(stage.learning.weights.distortion * mean / max(1, depth) ** 4, rel=1e-5)
 
 
 def test_a_scene_is_surrounded_where_no_training_view_has_alpha() -> None:
