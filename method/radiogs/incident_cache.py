@@ -81,7 +81,7 @@ class IncidentCache:
     def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
         """The light on the surfels ``index`` along new directions; also stores it in the cache."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
-            normal = surfels.take(index).frame[..., 2]
+            normal = surfels.frame.detach()[index, :, 2]
             direction, weight = hemisphere_directions(normal, self.samples, self.generator, self.rays.floor)
             fresh = self.along(index, direction, weight)
         self.incident.store(index, fresh)

@@ -73,7 +73,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     def image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the blended images, of the maps and of the light, by name."""
-        surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
+        surfels, camera = model.surfels, view.camera
         outgoing = towards(camera, surfels)
         light = PrefilteredLight(model.environment, self.variant.masking)
         channels = {
@@ -89,9 +89,16 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         )  # fmt: skip
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
         compared, maps = [images["radiance"], images["shaded"]], [images["albedo"], images["roughness"]]
+        losses = image_terms(terms, camera, aim, blended, compared, maps)
+        return {**losses, **self._light_losses(model, light)}
+
+    def _light_losses(self, model: Model, light: PrefilteredLight) -> dict[str, Tensor]:
+        """The weighted losses of a light that is learnt; none for one that is held, which they have no gradient to."""
+        if not model.log_environment.requires_grad:
+            return {}
+        weights, normal = self.variant.materials.weights, model.surfels.frame[..., 2].detach()
         return {
-            **image_terms(terms, camera, aim, blended, compared, maps),
-            "light prior": weights.light_prior * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
+            "light prior": weights.light_prior * light_prior(light.irradiance(normal)),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
 

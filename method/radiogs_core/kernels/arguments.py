@@ -86,9 +86,9 @@ class Arguments:
     def write(self, values: Sequence[Any]) -> None:
         """Write a value for each parameter: contiguous tensors as arrays, other values as they are.
 
-        An array of vectors takes a tensor of scalars; None is an array without memory. Tensors are not kept alive. Raises UsageError for a tensor with
-        more entries than a kernel can count, and TypeError for a tensor that is not contiguous or not of the declared
-        type.
+        An array of vectors takes a tensor of scalars; None is an array without memory. Tensors are not kept alive.
+        Raises UsageError for a tensor with more entries than a kernel can count, and TypeError for a tensor that is not
+        contiguous or not of the declared type.
         """
         addresses, lengths = self._addresses, self._lengths
         for value, (name, dtype, width, address, length) in zip(values, self._places, strict=True):
@@ -116,8 +116,8 @@ class Struct:
 
     Args:
         kind: Type of the struct.
-        values: A value for each field: contiguous tensors for arrays, or None. Raises as ``Arguments.write`` does, and TypeError
-            if a field is missing or unknown.
+        values: A value for each field: contiguous tensors for arrays, or None. Raises as ``Arguments.write`` does, and
+            TypeError if a field is missing or unknown.
     """
 
     def __init__(self, kind: Any, **values: Any) -> None:

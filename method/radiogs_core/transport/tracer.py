@@ -110,9 +110,9 @@ class SurfelTracer:
         features: Float[Tensor, "surfels channels"],
     ) -> Hits:
         """Trace rays from the centres of the surfels at ``index``; the result has chosen * samples rays."""
-        samples = direction.shape[1]
-        origin = self.geometry.centre[index].repeat_interleave(samples, 0)
-        width = self.surfels.scale.detach().max(-1).values[index].repeat_interleave(samples)
+        each = index.repeat_interleave(direction.shape[1])
+        origin = self.geometry.centre.index_select(0, each)
+        width = self.surfels.log_scale.detach().amax(-1).exp().index_select(0, each)
         reach = self.offset * width if self.world_offset is None else torch.full_like(width, self.world_offset)
         back_from = None if self.back_offset is None else self.back_offset * width
         return trace(

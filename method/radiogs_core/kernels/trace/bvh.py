@@ -64,8 +64,8 @@ class SurfelBVH:
     def expected_visits(self) -> float:
         """Expected number of nodes and leaves that a random line through the root's box visits: the sum of all areas
         over the root's area."""
-        whole, parts = self.areas[0], self.areas[1:]
-        return float(torch.where(whole > 0, parts.sum() / whole, 0.0))
+        whole, total = torch.stack([self.areas[0], self.areas.sum()]).tolist()
+        return float((total - whole) / whole) if whole > 0 else 0.0
 
     @torch.no_grad()
     def _fit(self, geometry: SplatGeometry) -> None:
