@@ -1,4 +1,7 @@
-"""Where downloaded scenes are: one folder, so that commands name scenes as ``tensoir/lego`` from anywhere."""
+"""Where scenes are: the miniatures of the package, and one folder of downloaded ones.
+
+Commands name the latter as ``tensoir/lego`` from anywhere. Nothing here imports PyTorch: to list names takes no time.
+"""
 
 import os
 from collections.abc import Iterator
@@ -9,8 +12,15 @@ from radiogs_core.errors import DataError
 
 DATA_VARIABLE = "RADIOGS_BENCH_DATA"
 
+TINY = Path(__file__).parent / "tiny"
+
 DEEPEST = 3
 """Folders that may lie between a data set's and a scene's."""
+
+
+def scene_names() -> tuple[str, ...]:
+    """Names of the miniatures that come with the package."""
+    return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
 
 
 def data_root() -> Path | None:

@@ -8,7 +8,7 @@ from radiogs_core.errors import DataError, UsageError, did_you_mean, unknown
 from radiogs_core.scene.scene import Scene
 
 from .bounded_reading import printable
-from .data_root import below, below_root, data_root
+from .data_root import TINY, below, below_root, data_root, scene_names
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
@@ -19,7 +19,6 @@ from .reduction import resized
 from .same_bytes import SameBytes
 from .soundness import few_views_or_pixels, require_names, require_placed
 
-TINY = Path(__file__).parent / "tiny"
 FORWARD = Path(__file__).parent / "forward"
 """A few larger views of some miniatures: for comparing images, too few to learn from."""
 
@@ -47,11 +46,6 @@ LAYOUTS: Mapping[str, Layout] = {
     "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender, True),
 }
 """In the order in which they are tried: the more particular marks first."""
-
-
-def scene_names() -> tuple[str, ...]:
-    """Names of the miniatures that come with the package."""
-    return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
 
 
 def forward_names() -> tuple[str, ...]:

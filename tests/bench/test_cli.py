@@ -94,12 +94,13 @@ def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
     assert {result["cell"]["protocol"] for result in Store(tmp_path).results()} == {used}
 
 
-def test_help_answers_without_importing_what_is_slow() -> None:
+@pytest.mark.parametrize("command", [["run", "--help"], ["datasets", "list"]])
+def test_help_and_names_of_scenes_come_without_importing_what_is_slow(command: list[str]) -> None:
     code = (
         "import sys\n"
         "from radiogs_bench.cli import main\n"
         "try:\n"
-        "    main(['run', '--help'])\n"
+        f"    main({command})\n"
         "except SystemExit as left:\n"
         "    assert left.code == 0\n"
         "slow = {'torch', 'warp', 'scipy', 'rich', 'numpy', 'matplotlib', 'cv2'} & sys.modules.keys()\n"
