@@ -11,6 +11,7 @@ from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialRates, MaterialWeights
 from radiogs.settings import Variant
 from radiogs.showing import Renderer
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
@@ -146,6 +147,16 @@ def test_a_wrong_model_raises_the_term(term: str, wrong: Surfels) -> None:
     assert off > 1.05 * right
 
 
+LEARNT = with_values(Variant(), {"materials.rates.light": 5e-4})
+"""With a light that is learnt; losses of a light that is held are left out."""
+
+
+def test_a_light_that_is_held_has_no_losses() -> None:
+    held, learnt = (set(inverse_rendering(BALL, LATE, variant).step()) for variant in (Variant(), LEARNT))
+    assert learnt - held == {"light prior", "light smoothness"}
+    assert held < learnt
+
+
 @pytest.mark.parametrize(
     ("term", "light"),
     [
@@ -158,13 +169,13 @@ def test_a_wrong_model_raises_the_term(term: str, wrong: Surfels) -> None:
     ],
 )
 def test_a_wrong_light_raises_the_term(term: str, light: torch.Tensor) -> None:
-    right, wrong = (inverse_rendering(BALL, LATE, light=each).step()[term] for each in (WHITE, light))
+    right, wrong = (inverse_rendering(BALL, LATE, LEARNT, light=each).step()[term] for each in (WHITE, light))
     assert wrong > 1.2 * right
 
 
 def test_the_two_light_priors_respond_to_tint_and_to_noise() -> None:
     """A tint raises the light prior alone; noise raises the light smoothness."""
-    tint, speckle = (inverse_rendering(BALL, LATE, light=each).step() for each in (TINTED, SPECKLED))
+    tint, speckle = (inverse_rendering(BALL, LATE, LEARNT, light=each).step() for each in (TINTED, SPECKLED))
     assert tint["light smoothness"] < 1e-9 < speckle["light smoothness"]
     assert tint["light prior"] > 3 * speckle["light prior"]
 
