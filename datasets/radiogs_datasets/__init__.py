@@ -1,6 +1,6 @@
 """Image files, scene loaders, generated ground truth and the committed miniatures.
 
-What reads scenes is imported when it is first used: it needs PyTorch, which names of scenes do not.
+Loaders are imported when they are first used: they need PyTorch, which names of scenes do not.
 """
 
 from typing import TYPE_CHECKING, Any
