@@ -22,8 +22,8 @@ def backward(
     stacked = torch.stack(list(losses.values()))
     stacked.sum().backward()
     gradients = {name: value.grad for name, value in parameters.items() if value.grad is not None}
-    largest = get_total_norm(gradients.values(), math.inf).to(stacked)
-    read = torch.cat([stacked.detach(), largest.view(1)]).tolist()
+    length = get_total_norm(gradients.values()).to(stacked)
+    read = torch.cat([stacked.detach(), length.view(1)]).tolist()
     if not all(map(math.isfinite, read)):
         _name_what_is_not_finite(stage, iteration, losses, parameters, gradients)
     return dict(zip(losses, read[: len(losses)], strict=True))
@@ -36,7 +36,7 @@ def _name_what_is_not_finite(
     parameters: Mapping[str, Tensor],
     gradients: Mapping[str, Tensor],
 ) -> None:
-    """Raise NumericalFailure for the first value that is not finite."""
+    """Raise NumericalFailure for the first value that is not finite, if any (a sum of finite squares may overflow)."""
     if not all(bool(torch.isfinite(value)) for value in losses.values()):
         require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})

@@ -189,7 +189,7 @@ class _Terms(torch.autograd.Function):
         slopes = _compare(plan, aim, shown, sums)
         normals = _orient(plan, camera, alpha, normal, depth, sums)
         answers = _smooth(plan, aim, together, sums)
-        ctx.plan, ctx.addresses = plan, addresses
+        ctx.plan, ctx.addresses, ctx.further = plan, addresses, len(others)
         ctx.save_for_backward(
             alpha, depth, aim.image, aim.mask, encoded, shown, slopes, normals, answers, *images
         )  # fmt: skip
@@ -215,7 +215,7 @@ class _Terms(torch.autograd.Function):
             alpha, depth, mask, encoded, normals, of_shown, of_maps, pulls, to_alpha, *outputs,
         ]  # fmt: skip
         launch_in_parallel(kernels.backward, plan.items, alpha.device, lambda _: arguments)
-        others: list[Tensor | None] = [None] * (plan.count + len(plan.terms.smoothness) - 1)
+        others: list[Tensor | None] = [None] * ctx.further
         for place, found in zip(plan.images, to_images, strict=True):
             others[place] = found
         for place, found in zip(plan.maps, to_maps, strict=False):

@@ -1,4 +1,10 @@
-// Split-sum shading of a surface point; see splitsum_source.py.
+// Split-sum shading of surface points; see splitsum_source.py.
+
+// ---- each
+// The points of an item; the loop's end closes what includes this. A call for each would copy all arguments.
+const int points = (int)given.roughness.shape[0];
+const int after = (item + 1) * POINTS_AN_ITEM < points ? (item + 1) * POINTS_AN_ITEM : points;
+for (int point = item * POINTS_AN_ITEM; point < after; ++point) {
 
 // ---- point
 #if ON_CUDA
@@ -101,17 +107,20 @@ for (int c = 0; c < 3; ++c) {
 }
 
 // ---- forward
+#include "each"
 #include "point"
 SCALAR* diffuse = out.data + 6LL * point;
 for (int c = 0; c < 6; ++c) diffuse[c] = zero;
-if (!(cosine > zero)) return;
+if (!(cosine > zero)) continue;
 #include "light"
 for (int c = 0; c < 3; ++c) {
     diffuse[c] = albedo[c] * irradiance[c];
     diffuse[3 + c] = reflectance * light[c];
 }
+}
 
 // ---- backward
+#include "each"
 #include "point"
 SCALAR to_normal[3] = {zero, zero, zero}, to_view[3] = {zero, zero, zero};
 SCALAR to_albedo[3] = {zero, zero, zero}, to_roughness = zero;
@@ -174,3 +183,4 @@ for (int c = 0; c < 3; ++c) {
     grad_outgoing.data[3LL * point + c] = to_view[c];
 }
 grad_roughness.data[point] = to_roughness;
+}

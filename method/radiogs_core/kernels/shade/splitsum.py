@@ -10,7 +10,7 @@ from ...scene.light import require_map
 from ..arguments import Struct
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, launch_in_parallel
-from .splitsum_source import lookup_kernels, splitsum_kernels
+from .splitsum_source import lookup_kernels, points_an_item, splitsum_kernels
 
 
 def split_sum(
@@ -66,9 +66,9 @@ class _SplitSum(torch.autograd.Function):
             sharp=sharp,
             table=table,
         )
-        out = normal.new_empty(len(normal), 2, 3)
-        launch_in_parallel(kernels.forward, len(normal), out.device, lambda _: [given, out])
-        ctx.kernels, ctx.given = kernels, given
+        out, items = normal.new_empty(len(normal), 2, 3), -(-len(normal) // points_an_item(as_on_cuda(normal.device)))
+        launch_in_parallel(kernels.forward, items, out.device, lambda _: [given, out])
+        ctx.kernels, ctx.given, ctx.items = kernels, given, items
         ctx.save_for_backward(*inputs)
         return out
 
@@ -80,7 +80,7 @@ class _SplitSum(torch.autograd.Function):
         arguments = [ctx.given, pull.contiguous(), *own]
         launch_in_parallel(
             ctx.kernels.backward,
-            len(pull),
+            ctx.items,
             pull.device,
             lambda worker: [*arguments, *maps.of(worker)],
         )

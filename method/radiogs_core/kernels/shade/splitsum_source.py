@@ -1,4 +1,4 @@
-"""Kernels for split-sum shading (one item a surface point) and for the lookup of light; forward and backward.
+"""Kernels for split-sum shading (an item is some surface points) and for the lookup of light; forward and backward.
 
 Light is read bilinearly from latitude-longitude grids (see ``light``): the diffuse grid along the normal, and along the
 mirrored view direction the two glossy levels around the roughness, or the light itself below the first level. A and B
@@ -24,6 +24,11 @@ from .brdf import FRESNEL_NORMAL
 _TEXT = native_file(__package__, "splitsum.inl", angle=ANGLE)
 
 
+def points_an_item(on_cuda: bool) -> int:
+    """Number of surface points that one item of the split-sum kernels shades."""
+    return 1 if on_cuda else 64
+
+
 @cache
 def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat.
@@ -34,6 +39,7 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
     words = {
+        "POINTS_AN_ITEM": str(points_an_item(on_cuda)),
         "FIRST_LEVEL": repr(first_level),
         "LEVELS": str(levels),
         "F0": repr(FRESNEL_NORMAL),
@@ -57,11 +63,11 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
         table: flat
 
     @wp.func_native(forward_text)
-    def shade_point(point: wp.int32, given: Inputs, out: flat): ...
+    def shade_points(item: wp.int32, given: Inputs, out: flat): ...
 
     @wp.func_native(backward_text)
-    def pull_point(
-        point: wp.int32,
+    def pull_points(
+        item: wp.int32,
         given: Inputs,
         pulls: flat,
         grad_normal: flat,
@@ -75,7 +81,7 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
 
     @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def forward(begin: wp.int32, given: Inputs, out: flat):
-        shade_point(begin + wp.tid(), given, out)
+        shade_points(begin + wp.tid(), given, out)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def backward(
@@ -90,7 +96,7 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
         grad_glossy: flat,
         grad_sharp: flat,
     ):
-        pull_point(
+        pull_points(
             begin + wp.tid(), given, pulls,
             grad_normal, grad_albedo, grad_roughness, grad_outgoing, grad_diffuse, grad_glossy, grad_sharp,
         )  # fmt: skip
