@@ -11,7 +11,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
-from radiogs_core.learning.losses import environment_smoothness, light_prior
+from radiogs_core.learning.losses import edge_weights, environment_smoothness, light_prior
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -84,9 +84,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
         images, terms, geometry = seen.images, self._terms(), self.geometry
-        aim = Aim(
-            view.over(terms.background), view.mask, view.allowance(geometry.edge_sharpness, geometry.across_silhouettes)
-        )  # fmt: skip
+        allowance = edge_weights(view, geometry.edge_sharpness, geometry.across_silhouettes)
+        aim = Aim(view.over(terms.background), view.mask, allowance)
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
         compared, maps = [images["radiance"], images["shaded"]], [images["albedo"], images["roughness"]]
         losses = image_terms(terms, camera, aim, blended, compared, maps)

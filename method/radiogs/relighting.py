@@ -10,12 +10,13 @@ from radiogs_core.contract import Maps, Run
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.plan import EffectPlan
-from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 

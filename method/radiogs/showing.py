@@ -15,10 +15,11 @@ from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
 from radiogs_core.on_surfels.trained import INCIDENT, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.plan import plan_of
-from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import gather_incident, incident_along
 

@@ -15,7 +15,8 @@ from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.scene.light_sampler import LightSampler
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT
 from radiogs_core.transport.tracer import visibility_of
 from reference.quadrature import lobe_quadrature

@@ -14,11 +14,12 @@ from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import own_radiance, shade_surfels
 
 from ..model import Model

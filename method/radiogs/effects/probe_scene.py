@@ -8,9 +8,10 @@ from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 

@@ -4,11 +4,23 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..kernels.image.edges import edge_allowance
 from ..kernels.image.similarity import compared
 from ..kernels.image.terms_source import MASK_CONFIDENCE
+from .views import TrainingView
 
 ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT = 0.8, 0.2
 """3DGS's weights of L1 and of 1 - SSIM."""
+
+
+def edge_weights(view: TrainingView, sharpness: float, across_silhouettes: bool) -> Float[Tensor, "2 height width 3"]:
+    """Weights of smoothness by the edges of a view's image (see ``edge_allowance``), kept with a decoded view.
+
+    ``across_silhouettes``: whether pixels outside the mask have weights, too.
+    """
+    inside = None if across_silhouettes else view.mask
+    key = ("edge weights", sharpness, across_silhouettes)
+    return view.once(key, lambda: edge_allowance(view.over(0.0), sharpness, inside))
 
 
 def reconstruction(

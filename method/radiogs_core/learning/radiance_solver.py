@@ -19,9 +19,10 @@ from ..kernels.adam import Adam
 from ..kernels.shade.shade import shade
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
+from ..scene.light_sampler import LightSampler
 from ..surfels.harmonics import surfel_radiance, unclamped_radiance
 from ..surfels.surfels import Surfels
-from ..transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
+from ..transport.sampling import random_hemisphere_direction, relighting_directions
 from ..transport.splatting import towards
 from ..transport.tracer import SurfelTracer, incident_along
 from .backward import backward

@@ -12,8 +12,6 @@ from jaxtyping import Float, Integer
 from torch import Tensor
 
 from ..errors import DataError
-from ..kernels.image.display import over
-from ..kernels.image.edges import edge_allowance
 from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 
@@ -135,12 +133,12 @@ class TrainingView:
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
         """The image composited in display sRGB on a grey background, as splatting codes do."""
-        return over(self.image, self.mask, background)
+        mask = self.mask[..., None]
+        return self.image * mask + background * (1 - mask)
 
-    def allowance(self, sharpness: float, across_silhouettes: bool) -> Float[Tensor, "2 height width 3"]:
-        """Weights of smoothness by the image's edges (see ``edge_allowance``), outside the mask too if
-        ``across_silhouettes``."""
-        return edge_allowance(self.over(0.0), sharpness, None if across_silhouettes else self.mask)
+    def once(self, key: Hashable, make: Callable[[], Tensor]) -> Tensor:
+        """A value of the view that ``make`` computes; a decoded view keeps it by its key."""
+        return make()
 
     def decoded(self) -> "DecodedView":
         """The view for a step that looks at it several times: what it computes is kept."""
@@ -164,30 +162,26 @@ class DecodedView(TrainingView):
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
         """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
-        return self._once("image", lambda: self.origin.image, lasting=False)
+        return self._kept("image", lambda: self.origin.image, lasting=False)
 
     @property
     def mask(self) -> Float[Tensor, "height width"]:
         """Coverage in [0, 1]; 1 in all pixels of a view without alpha."""
-        return self._once("mask", lambda: self.origin.mask)
+        return self.once("mask", lambda: self.origin.mask)
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
         """The image composited in display sRGB on a grey background, as splatting codes do."""
-        return self._once(("over", background), lambda: over(self.image, self.mask, background))
-
-    def allowance(self, sharpness: float, across_silhouettes: bool) -> Float[Tensor, "2 height width 3"]:
-        """Weights of smoothness by the image's edges (see ``TrainingView.allowance``)."""
-        return self._once(
-            ("allowance", sharpness, across_silhouettes),
-            lambda: edge_allowance(self.over(0.0), sharpness, None if across_silhouettes else self.mask),
-        )
+        return self.once(("over", background), lambda: super(DecodedView, self).over(background))
 
     def decoded(self) -> "DecodedView":
         """This view."""
         return self
 
-    def _once(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
+    def once(self, key: Hashable, make: Callable[[], Tensor]) -> Tensor:
         """The value of a key, made at its first use; it must not be changed in place."""
+        return self._kept(key, make)
+
+    def _kept(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
         for place in (self.kept, self.origin.kept):
             if key in place:
                 return place[key]

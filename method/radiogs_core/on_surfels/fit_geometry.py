@@ -17,6 +17,7 @@ from ..contract import Run, StageSpec
 from ..errors import DataError
 from ..kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
 from ..learning.geometry import GeometryLearning, turning
+from ..learning.losses import edge_weights
 from ..learning.views import TrainingView
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
@@ -188,7 +189,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         terms = self._terms(tuple(shaded))
         allowance = None
         if terms.smoothness:
-            allowance = view.allowance(self.learning.edge_sharpness, self.learning.across_silhouettes)
+            allowance = edge_weights(view, self.learning.edge_sharpness, self.learning.across_silhouettes)
         aim = Aim(view.over(terms.background), view.mask, allowance)
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
         return {**further, **image_terms(terms, camera, aim, blended, tuple(seen.images.values()))}

@@ -15,9 +15,9 @@ from torch import Tensor
 from ..contract import STANDARD_MAPS, BudgetT, MapKind, Maps, Prepared, Run, VariantT
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
+from ..scene.light_sampler import require_finite_light
 from ..surfels.ply import write_ply
 from ..surfels.surfels import Surfels
-from ..transport.sampling import require_finite_light
 from ..transport.splatting import Splat
 from .model import SurfelModel
 

@@ -12,11 +12,12 @@ from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
-from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 from .clock import seconds

@@ -6,7 +6,8 @@ from torch.nn.functional import normalize
 
 from radiogs_core.kernels.shade.brdf import ggx_distribution
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, tangent_frame
+from radiogs_core.scene.light_sampler import LightSampler
+from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
 
 from .curve import Axis, Kernel, Probe, Stand, Values
 from .kernels import shaded

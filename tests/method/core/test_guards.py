@@ -21,7 +21,7 @@ from radiogs_core.learning.views import Whole, load
 from radiogs_core.on_surfels.light_start import light_and_albedo
 from radiogs_core.on_surfels.start_values import LightStart
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.sampling import LightSampler
+from radiogs_core.scene.light_sampler import LightSampler
 from scenes import look_at
 
 CAMERA = looking_along_z()

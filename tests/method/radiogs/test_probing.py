@@ -30,8 +30,9 @@ from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_datasets import load_scene, scene_kind, scene_names
 from scenes import sun_and_sky, surfels_of_room

@@ -24,10 +24,11 @@ from radiogs_core.on_surfels.trained import (
 )
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.sampling import LightSampler
+from radiogs_core.scene.light_sampler import LightSampler
 
 from .field import Field
 from .light import SphericalGaussians, stratified_directions

@@ -115,10 +115,3 @@ SCALAR by_channel[3 * LANES];
 for (int k = 0; k < 3; ++k) store(by_coverage[k], by_channel + LANES * k);
 for (int c = 0; c < count; ++c)
     to_alpha.data[begin + c] = by_channel[3 * c] + by_channel[3 * c + 1] + by_channel[3 * c + 2];
-
-// ---- over
-#include "block"
-Lanes given[3], shown[3];
-fetch(image.data + 3 * begin, 3, given);
-for (int k = 0; k < 3; ++k) shown[k] = given[k] * coverage[k] + background * (one - coverage[k]);
-keep(shown, out.data + 3 * begin);

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ..arrangement import as_on_cuda
 from ..runtime import launch_in_parallel
-from .display_source import display_kernels, over_kernel
+from .display_source import display_kernels
 
 
 def displayed(
@@ -29,17 +29,6 @@ def displayed(
     """
     flat = blended.reshape(blended.shape[:-3].numel(), alpha.numel(), 3)
     return _Displayed.apply(flat, alpha.reshape(-1), straight, background).view(blended.shape)
-
-
-def over(
-    image: Float[Tensor, "height width 3"], alpha: Float[Tensor, "height width"], background: float
-) -> Float[Tensor, "height width 3"]:
-    """A straight display-sRGB image composited on a grey background; without gradient."""
-    image, alpha, out = image.contiguous(), alpha.contiguous(), torch.empty_like(image)
-    kernel = over_kernel(image.dtype, as_on_cuda(image.device))
-    arguments = [alpha.numel(), background, image, alpha, out]
-    launch_in_parallel(kernel.forward, -(-alpha.numel() // kernel.lanes), image.device, lambda _: arguments)
-    return out
 
 
 class _Displayed(torch.autograd.Function):

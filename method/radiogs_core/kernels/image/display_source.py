@@ -67,23 +67,6 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     return SimpleNamespace(forward=forward, backward=backward, lanes=lanes)
 
 
-@cache
-def over_kernel(dtype: torch.dtype, on_cuda: bool) -> Any:
-    """``forward`` for a scalar type: a display image over a grey background. ``lanes``: pixels of an item."""
-    start_warp()
-    scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
-    flat = wp.array(dtype=scalar)
-
-    @wp.func_native(native_text(DISPLAY["over"], dtype, on_cuda, {"PIXELS_IN_A_BLOCK": str(lanes)}))
-    def mix(block: wp.int32, pixels: wp.int32, background: scalar, image: flat, alpha: flat, out: flat): ...
-
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
-    def forward(begin: wp.int32, pixels: wp.int32, background: scalar, image: flat, alpha: flat, out: flat):
-        mix(begin + wp.tid(), pixels, background, image, alpha, out)
-
-    return SimpleNamespace(forward=forward, lanes=lanes)
-
-
 def power_words(dtype: torch.dtype) -> dict[str, str]:
     """The values of the words in ``power``, and in a logarithm by the same series, for a scalar type.
 

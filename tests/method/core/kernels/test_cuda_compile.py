@@ -8,7 +8,7 @@ import warp as wp
 
 from radiogs_core.kernels.adam_source import step_kernel
 from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels, surface_kernel
-from radiogs_core.kernels.image.display_source import display_kernels, over_kernel
+from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import allowance_kernel, edge_kernels
 from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
@@ -60,7 +60,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         lookup.forward, lookup.backward, step_kernel(dtype, 1e-15), compared.forward, compared.backward,
         *(kernel for each in totals for kernel in (each.forward, each.backward)),
         arrival_kernel(dtype, on_cuda).arrive, spread_kernel(dtype),
-        terms.forward, terms.backward, surface_kernel(dtype, on_cuda).forward, over_kernel(dtype, on_cuda).forward,
+        terms.forward, terms.backward, surface_kernel(dtype, on_cuda).forward,
     ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from radiogs_core.learning.losses import edge_weights
 from radiogs_core.learning.views import bytes_of, chosen_views, in_memory, load, view_at
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
@@ -95,7 +96,7 @@ def test_steps_compute_a_view_once_as_far_as_memory_allows_and_see_the_same(left
             assert torch.equal(step.over(background), view.over(background))
             assert step.over(background) is step.over(background)
         for across in (False, True):
-            assert torch.equal(step.allowance(10.0, across), view.allowance(10.0, across))
+            assert torch.equal(edge_weights(step, 10.0, across), edge_weights(view, 10.0, across))
         assert torch.equal(step.mask, view.mask)
     pixels = view.camera.width * view.camera.height
     assert view.memory.left == (left - (4 + 2 * 12 + 2 * 24) * pixels if left else 0)
