@@ -83,6 +83,10 @@ class There(torch.Tensor):
         made.held = held
         return made
 
+    def data_ptr(self) -> int:
+        """The address of its memory, which a kernel may be given as a number."""
+        return self.held.data_ptr()
+
     def __reduce_ex__(self, protocol: Any) -> Any:
         """Files know no device: a checkpoint is read to where it is wanted."""
         return self.held.__reduce_ex__(protocol)

@@ -102,9 +102,11 @@ def moved(surfels: Surfels, device: torch.device) -> Surfels:
 
 
 def test_the_search_for_the_light_runs_on_the_surfels_device() -> None:
+    """One step: where gradients cancel, Adam makes steps of rounding errors, which differ between devices."""
+
     def light_on(device: torch.device) -> torch.Tensor:
         views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
-        found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=3), generator)
+        found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=1), generator)
         assert found is not None
         return found[0].cpu()
 
