@@ -15,14 +15,14 @@ def backward(
 ) -> dict[str, float]:
     """Compute the gradients of the sum of the losses; returns the losses as numbers.
 
-    Losses and gradients are checked before an optimiser uses them; NumericalFailure names the value that is not finite.
-    If a loss is not finite because a parameter is not, it names that parameter and its surfel. Numbers and checks are
-    read together, so the call waits for the device once.
+    Losses, gradients and parameters are checked before an optimiser uses them; NumericalFailure names the value that is
+    not finite: a parameter and its surfel, if one is the cause. Numbers and checks are read together, so the call waits
+    for the device once.
     """
     stacked = torch.stack(list(losses.values()))
     stacked.sum().backward()
     gradients = {name: value.grad for name, value in parameters.items() if value.grad is not None}
-    length = get_total_norm(gradients.values()).to(stacked)
+    length = get_total_norm([*gradients.values(), *(value.detach() for value in parameters.values())]).to(stacked)
     read = torch.cat([stacked.detach(), length.view(1)]).tolist()
     if not all(map(math.isfinite, read)):
         _name_what_is_not_finite(stage, iteration, losses, parameters, gradients)
@@ -37,7 +37,6 @@ def _name_what_is_not_finite(
     gradients: Mapping[str, Tensor],
 ) -> None:
     """Raise NumericalFailure for the first value that is not finite, if any (a sum of finite squares may overflow)."""
-    if not all(bool(torch.isfinite(value)) for value in losses.values()):
-        require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
+    require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})
     require_finite(stage, iteration, {f"the gradient of '{name}'": value for name, value in gradients.items()})
