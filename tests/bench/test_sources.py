@@ -144,7 +144,7 @@ def test_prose_and_layout_change_no_key(copies: SourceTree, unchanged: dict[str,
 def test_a_byte_of_a_loaded_data_file_changes_every_key_that_reaches_it_and_no_other(
     copies: SourceTree, unchanged: dict[str, str]
 ) -> None:
-    (file,) = [path for path in copies.data_files(SHADED) if path.suffix == ".inl"]
+    file = next(path for path in copies.data_files(SHADED) if path.name == "shade.inl")
     changed = keys_with(copies, SHADED, file, file.read_bytes() + b" ")
     assert {name for name in unchanged if unchanged[name] != changed[name]} == FIRST | SECOND | RESULTS
 
