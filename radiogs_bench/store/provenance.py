@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import torch
 
-from radiogs_core.kernels.runtime import workers
+from radiogs_core.kernels.runtime import return_freed_memory, workers
 
 from .schema import Session
 
@@ -100,6 +100,7 @@ def peaks_within(device: torch.device) -> Iterator[dict[str, int]]:
 
 
 def _reset(device: torch.device) -> None:
+    return_freed_memory()
     with suppress(OSError):  # a kernel may forbid it; then the host's peak is that of the process
         PEAK_RESET.write_text("5")  # proc(5): resets the peak resident set size
     if device.type == "cuda":

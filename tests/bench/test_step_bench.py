@@ -73,7 +73,7 @@ def test_all_kinds_of_steps_beginnings_of_stages_and_frames_are_measured(measure
     assert [len(each) for each in rows[f"{two}: step"]["passes"]] == [7, 8]
     for title, row in rows.items():
         assert row["median"] > 0 or "a frame" in title, "a frame may take less than a tick of the processor's clock"
-        assert row["operations"] > 50
+        assert row["operations"] > 30
         assert sum(row["parts"].values()) == pytest.approx(1) or not row["parts"]
         assert row["page faults"] is None or row["page faults"] >= 0
     assert rows[f"{one}: step"]["launches"] > 10

@@ -131,6 +131,9 @@ class PlannedMonteCarlo(MonteCarlo):
     ) -> Float[Tensor, "surfels 3"]:
         """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
         surfels, specular_at = model.surfels, self.cache.plan.specular_among(model.surfels.albedo_logit)
+        if specular_at is None:
+            self.arriving = None  # a plan's cache may change in place
+            return super().radiance(model, outgoing, light)
         parts = shade_surfels(
             surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular_at
         )

@@ -53,6 +53,12 @@ def keep_freed_memory(environment: Mapping[str, str]) -> bool:
     return bool(mapped and trimmed)
 
 
+def return_freed_memory() -> None:
+    """Let glibc return the memory that it keeps to the system, before peak memory is measured; else does nothing."""
+    if platform.libc_ver()[0] == "glibc":
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 @contextmanager
 def _silenced_stderr() -> Iterator[None]:
     """Redirect file descriptor 2 to os.devnull: Warp's native library writes its warning there, not to sys.stderr."""

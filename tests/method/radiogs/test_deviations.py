@@ -16,6 +16,7 @@ from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import reconstruction
 from radiogs_core.learning.views import load
+from radiogs_core.plain_values import with_values
 from radiogs_core.transport.sampling import hemisphere_directions
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
@@ -29,7 +30,8 @@ def initialised() -> dict[str, Any]:
 
 
 def stage_with(initialised: dict[str, Any], *deviations: str) -> InverseRendering:
-    return inverse_rendering(Run(SCENE, Variant(deviations=deviations), BUDGET, 0, CPU), initialised)
+    variant = with_values(Variant(deviations=deviations), {"materials.rates.light": 5e-4})
+    return inverse_rendering(Run(SCENE, variant, BUDGET, 0, CPU), initialised)
 
 
 def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() -> None:
