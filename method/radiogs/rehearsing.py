@@ -10,6 +10,9 @@ each sample.
 from dataclasses import dataclass, replace
 
 from radiogs_core.capabilities import MemoryPhase, Relighting, ShortRun, StepKind, TrainingImages
+from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE as CHUNK
+from radiogs_core.kernels.trace.hits_source import BUFFER
+from radiogs_core.learning.views import PREPARED_BYTES
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.light_filters import filters_bytes
 from radiogs_core.transport.splitsum import LARGEST_HEIGHT
@@ -161,13 +164,13 @@ class Phase:
     """Bytes for each ray."""
 
 
-INITIALISE = Phase(surfel=850, pixel=360)
+INITIALISE = Phase(surfel=500, pixel=330)
 """A step of stage 1."""
 
 INVERT = Phase(surfel=1060, pixel=380, ray=95)
 """A step of stage 2."""
 
-REFRESH = Phase(surfel=510, ray=86)
+REFRESH = Phase(surfel=510, ray=60)
 """A tracing of the light on all surfels in stage 2."""
 
 RELIGHT = Phase(surfel=1440, ray=150)
@@ -176,7 +179,7 @@ RELIGHT = Phase(surfel=1440, ray=150)
 FRAME = Phase(surfel=360, pixel=102)
 """A frame of a model that is relit by rays."""
 
-OWN_FRAME = Phase(surfel=240, pixel=60)
+OWN_FRAME = Phase(surfel=120, pixel=55)
 """A frame of the surfels' own radiance."""
 
 FINE_TUNE = Phase(surfel=1650, ray=90)
@@ -184,6 +187,12 @@ FINE_TUNE = Phase(surfel=1650, ray=90)
 
 HIT = 24
 """Bytes of a hit: surfel, depth and opacity, once in the rounds of tracing and once concatenated."""
+
+BUFFERED = 12 * BUFFER
+"""Bytes of the buffer of a ray's hits, which is there while no image is blended."""
+
+PREPARED_PIXEL = 52
+"""Bytes of what steps compute of a pixel of a training image and keep (``learning.views.PREPARED_BYTES``)."""
 
 DRAWN = 8
 """Bytes of a direction while it is drawn, in addition to ``SAMPLE``."""
@@ -202,19 +211,22 @@ def memory_of(
     samples = budget.incident_samples if traced else 0
     directions = budget.relight_hemisphere_samples + budget.relight_light_samples
     views = PIXEL * images.views * pixels
-    learnt = views + filters_bytes(min(budget.light_height, LARGEST_HEIGHT))
+    learnt = views + 2 * filters_bytes(min(budget.light_height, LARGEST_HEIGHT))  # those of gradients, too
+    prepared = min(PREPARED_BYTES, PREPARED_PIXEL * images.views * pixels)
     alone = surfels * SURFEL
     model = alone + surfels * 3 * FLOAT
     # Stage 2 also keeps the tree of the ray tracer and, for probes of effects, the model of stage 1.
     probed = SURFEL if variant.effects == "auto" else 0
-    initialised = learnt + surfels * (LEARNT + 3 * FLOAT)
-    inverted = learnt + surfels * (LEARNT + probed + 600 + SAMPLE * samples)
-    filtered = filters_bytes(LARGEST_HEIGHT) + model
-    relit = filtered + surfels * SAMPLE * directions
+    initialised = learnt + prepared + surfels * (LEARNT + 3 * FLOAT)
+    arriving = 3 * FLOAT if variant.materials.rates.light == 0 else 0
+    inverted = learnt + prepared + surfels * (LEARNT + probed + 790 + (SAMPLE + arriving) * samples)
+    filtered = filters_bytes(LARGEST_HEIGHT) + alone
+    relit = filtered + model - alone + surfels * SAMPLE * directions
     finetuning = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples
 
     def peak(held: int, phase: Phase, rays: int = 0) -> int:
-        return round(held + phase.surfel * surfels + phase.pixel * pixels + (phase.ray + HIT * hits) * rays)
+        shown = phase.surfel * surfels + phase.pixel * pixels
+        return round(held + max(shown, BUFFERED * min(CHUNK, rays)) + (phase.ray + HIT * hits) * rays)
 
     def together(rays: int) -> int:
         return min(RAYS_AT_ONCE, rays)

@@ -25,7 +25,10 @@ from radiogs_core.capabilities import TrainingImages
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.losses import edge_weights
 from radiogs_core.learning.radiance_solver import RenderingEquation
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.plain_values import with_values
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
@@ -64,8 +67,19 @@ def warm_up(*heights: int) -> None:
 
 
 def matrices(height: int) -> int:
-    """Bytes of those that filter a light of so many rows."""
-    return light_filters.filter_matrices(min(height, splitsum.LARGEST_HEIGHT), torch.device("cpu")).nbytes
+    """Bytes of those that filter a light of so many rows, and its gradient."""
+    light = torch.ones(min(height, splitsum.LARGEST_HEIGHT), 2 * min(height, splitsum.LARGEST_HEIGHT), 3)
+    light_filters.filtered_light(light.requires_grad_(), 1 + len(light_filters.LEVELS)).sum().backward()
+    return 2 * light_filters.filters_bytes(len(light))
+
+
+def prepare(stage: SurfelStage[Any, Any]) -> None:
+    """Compute what steps keep of every view."""
+    for view in stage.views:
+        step = view.decoded()
+        for background in (0.0, 1.0):
+            step.over(background)
+        edge_weights(step, GeometryLearning().edge_sharpness, across_silhouettes=False)
 
 
 def hits_a_ray(surfels: Surfels) -> float:
@@ -96,6 +110,7 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
     with allocations() as ledger:
         stage = Initialisation(Run(scene, variant, whole, 0, CPU))
         stage.optimiser.replace(surfels, torch.full((len(surfels),), -1))
+        prepare(stage)
         for _ in range(FIRST_STEPS):
             stage.step()
         ledger.phase("stage 1, a step", stage.step)
@@ -104,6 +119,7 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
     del stage
     with allocations() as ledger:
         inverse = inverse_rendering(Run(scene, variant, whole, 0, CPU), copied(state))
+        prepare(inverse)
         for _ in range(FIRST_STEPS):
             inverse.step()
         ledger.phase("stage 2, a step", inverse.step)
@@ -141,7 +157,9 @@ def tables(title: str, budget: Budget) -> int:
     """Bytes of the tables that were made before, in the phases that the formula counts them in."""
     if title.endswith(("fine-tuning", "alone")):
         return 0
-    return matrices(budget.light_height if title.startswith("stage") else splitsum.LARGEST_HEIGHT)
+    if title.startswith("stage"):
+        return matrices(budget.light_height)
+    return light_filters.filters_bytes(splitsum.LARGEST_HEIGHT)
 
 
 def table(found: Measured, side: int) -> list[str]:

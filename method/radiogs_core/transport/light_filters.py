@@ -88,7 +88,7 @@ def _adjoint(height: int, count: int, device: torch.device) -> Complex[Tensor, "
 
 
 def filters_bytes(height: int) -> int:
-    """Bytes that the filters for lights of ``height`` rows take."""
+    """Bytes that the filters for lights of ``height`` rows take, without those of their gradients."""
     return 16 * prod(_shape(height))
 
 
