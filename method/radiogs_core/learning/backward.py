@@ -22,7 +22,8 @@ def backward(
     stacked = torch.stack(list(losses.values()))
     stacked.sum().backward()
     gradients = {name: value.grad for name, value in parameters.items() if value.grad is not None}
-    length = get_total_norm([*gradients.values(), *(value.detach() for value in parameters.values())]).to(stacked)
+    with torch.no_grad():
+        length = get_total_norm([*gradients.values(), *parameters.values()]).to(stacked)
     read = torch.cat([stacked.detach(), length.view(1)]).tolist()
     if not all(map(math.isfinite, read)):
         _name_what_is_not_finite(stage, iteration, losses, parameters, gradients)
