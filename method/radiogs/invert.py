@@ -58,7 +58,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     def visible_model(self) -> Model:
         """The model for the losses of a step, with gradient to all learnt tensors."""
-        return Model(self.optimiser.surfels.with_cached_frames(), self.optimiser.tensors["log_environment"])
+        return Model(self.optimiser.surfels.with_cached_values(), self.optimiser.tensors["log_environment"])
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step, on ``view``, by name (paper, Eq. 11)."""

@@ -97,7 +97,7 @@ class RelitByRays:
         plan: EffectPlan = EVERYTHING,
         straight: bool = True,
     ) -> None:
-        self.surfels, self.albedo, self.light, self.incident = surfels.with_cached_frames(), albedo, light, incident
+        self.surfels, self.albedo, self.light, self.incident = surfels.with_cached_values(), albedo, light, incident
         self.straight = straight
         self.specular = plan.specular_among(albedo)
 
@@ -112,7 +112,7 @@ class RelitBySurfels:
     """Renders the surfels' fine-tuned radiance; no rays, no shading."""
 
     def __init__(self, surfels: Surfels, straight: bool = True) -> None:
-        self.surfels, self.straight = surfels.with_cached_frames(), straight
+        self.surfels, self.straight = surfels.with_cached_values(), straight
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:

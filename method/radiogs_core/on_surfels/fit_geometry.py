@@ -177,7 +177,7 @@ class FitGeometry(SurfelStage[Any, Any]):
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name; sets ``touched``, the mask of surfels that the view shows."""
-        surfels = self.optimiser.surfels.with_cached_frames()
+        surfels = self.optimiser.surfels.with_cached_values()
         surfels.sh = surfels.sh[:, : self._coefficients()]
         camera = view.camera
         radiance, own = own_radiance_twice(camera, surfels)

@@ -75,9 +75,10 @@ class Surfels:
         """
         return frames(self.rotation)
 
-    def with_cached_frames(self) -> "Surfels":
-        """A copy that keeps its frames, and its latest projection, for one step; gradients flow to these surfels."""
-        return _Framed(**self.parameters())
+    def with_cached_values(self) -> "Surfels":
+        """A copy that keeps what several losses read, and its latest projection, for one step; gradients flow to these
+        surfels."""
+        return _Cached(**self.parameters())
 
     def geometry(self) -> SplatGeometry:
         """The geometry of the surfels for the ray tracer."""
@@ -142,7 +143,7 @@ class Surfels:
         return Surfels(**{name: value.detach()[index] for name, value in self.parameters().items()})
 
 
-class _Framed(Surfels):
+class _Cached(Surfels):
     """Surfels whose parameters do not change: values that several losses read are computed once, and projected once.
 
     A value that was first read without gradient is computed again for a reader with gradient.
@@ -154,11 +155,11 @@ class _Framed(Surfels):
 
     @property
     def albedo(self) -> Float[Tensor, "surfels 3"]:
-        return self._once("albedo", lambda: super(_Framed, self).albedo)
+        return self._once("albedo", lambda: super(_Cached, self).albedo)
 
     @property
     def roughness(self) -> Float[Tensor, " surfels"]:
-        return self._once("roughness", lambda: super(_Framed, self).roughness)
+        return self._once("roughness", lambda: super(_Cached, self).roughness)
 
     def _once(self, name: str, value: Callable[[], Tensor]) -> Tensor:
         kept: dict[tuple[str, bool], Tensor] = self.__dict__.setdefault("_values", {})

@@ -9,14 +9,12 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from ..kernels.image.depth_map import one_sided_normals, points_of
+from ..kernels.image.depth_map_source import SOLID_ALPHA as SOLID_ALPHA
 from ..kernels.rasterize.rasterize import blend_together
 from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
 from .incident import Incident
 from .shading import shade_materials
-
-SOLID_ALPHA = 0.5
-"""Coverage from which a pixel shows a surface, so that its depth is meaningful."""
 
 DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT = range(4)
 """Indices of the four parts of shaded radiance."""

@@ -37,7 +37,7 @@ def test_framed_surfels_compute_their_frames_once_and_pass_the_gradient_on(monke
     surfels, computed = _surfels(), []
     monkeypatch.setattr(surfels_module, "frames", lambda rotation: computed.append(1) or frames(rotation))
     surfels.rotation.requires_grad_()
-    framed = surfels.with_cached_frames()
+    framed = surfels.with_cached_values()
     pull = torch.randn(20, 3, 3, dtype=torch.float64)
     (framed.frame * pull).sum().backward()
     found, surfels.rotation.grad = surfels.rotation.grad, None
