@@ -1,32 +1,43 @@
 """Freed memory is kept for the next buffer."""
 
-import ctypes
+import os
 import platform
-import resource
+import subprocess
+import sys
 
 import pytest
 
-from radiogs_core.kernels.runtime import keep_freed_memory, start_warp
+from radiogs_core.kernels.runtime import keep_freed_memory
 
-start_warp()
+PROGRAM = """
+import ctypes, resource
+from radiogs_core.kernels.runtime import keep_freed_memory
+
+library = ctypes.CDLL(None)
+library.malloc.restype, library.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
+kept, touched = keep_freed_memory({}), []
+for _ in range(5):
+    before, buffer = resource.getrusage(resource.RUSAGE_SELF).ru_minflt, library.malloc(ctypes.c_size_t(2**26))
+    ctypes.memset(buffer, 1, 2**26)
+    library.free(buffer)
+    touched.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+print(int(kept), sum(touched[1:]))
+"""
 
 
-def page_faults() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc's allocator")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="tests glibc's allocator")
 def test_a_large_buffer_takes_the_pages_of_the_one_before() -> None:
-    """64 MiB are 16,384 pages of 4 KiB; the first buffer makes room."""
-    library = ctypes.CDLL(None)
-    library.malloc.restype, library.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
-    touched = []
-    for _ in range(5):
-        before, buffer = page_faults(), library.malloc(ctypes.c_size_t(2**26))
-        ctypes.memset(buffer, 1, 2**26)
-        library.free(buffer)
-        touched.append(page_faults() - before)
-    assert sum(touched[1:]) < 2**14
+    """64 MiB are 16,384 pages of 4 KiB, of which the first buffer touches all.
+
+    The process is a new one: glibc changes the arena of a thread once an allocation of it has failed, as in tests of
+    exhausted memory, and only its first arena holds buffers of this size.
+    """
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("MALLOC_", "GLIBC_TUNABLES"))}
+    done = subprocess.run([sys.executable, "-c", PROGRAM], env=own, capture_output=True, text=True, check=True)
+    kept, touched = map(int, done.stdout.split())
+    if not kept:
+        pytest.skip("this version of glibc has a lower limit for what it keeps")
+    assert touched < 2**14
 
 
 @pytest.mark.parametrize(
