@@ -50,11 +50,14 @@ class RadiometricConsistency:
     """The sides of L_G - L_PBR that have gradient."""
     light_learns: bool = True
     """Whether the light has gradient."""
+    roughness_learns: bool = True
+    """Whether roughness has gradient."""
 
     @classmethod
     def of(cls, variant: Variant) -> "RadiometricConsistency":
         """L_rad with the settings of a variant."""
-        return cls(RESIDUALS[variant.detach], "light-detached" not in variant.deviations)
+        light_learns = "light-detached" not in variant.deviations
+        return cls(RESIDUALS[variant.detach], light_learns, variant.materials.consistent_roughness)
 
     def loss(
         self,
@@ -72,10 +75,11 @@ class RadiometricConsistency:
         for surfels that face it. ``environment``: linear radiance of the light. ``specular_at``: mask, over all
         surfels, of those with a specular lobe (None: all).
         """
+        roughness = surfels.roughness if self.roughness_learns else surfels.roughness.detach()
         drawn = torch.randn(len(index), 3, generator=generator, dtype=surfels.centre.dtype, device=index.device)
         return consistency_of(
             index, camera.centre, drawn, surfels.centre, surfels.sh, surfels.frame,
-            lambert_albedo(surfels.albedo, surfels.roughness, specular_at), surfels.roughness,
+            lambert_albedo(surfels.albedo, roughness, specular_at), roughness,
             incident.direction, incident.weight, incident.visibility, incident.radiance,
             environment if self.light_learns else environment.detach(), specular_at, *self.residual,
         )  # fmt: skip

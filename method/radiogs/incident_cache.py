@@ -7,11 +7,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.tracer import gather_incident
+from radiogs_core.transport.tracer import incident_along
 
+from .model import Model
 from .rays import RaySettings
 from .settings import Budget
 
@@ -31,6 +32,22 @@ class IncidentPolicy:
         return cls(traced_again=incident != "precomputed", gradient=incident == "traced")
 
 
+@dataclass(frozen=True)
+class SampledLight:
+    """A sampler of a light, and the light that it was made for."""
+
+    log_environment: Float[Tensor, "height width 3"]
+    """Log-radiance of the light."""
+    version: int
+    """How often it had been changed in place."""
+    sampler: LightSampler
+    """Draws directions from the light."""
+
+    def stands(self, log_environment: Float[Tensor, "height width 3"]) -> bool:
+        """Whether the light is still the same."""
+        return self.log_environment is log_environment and self.version == log_environment._version
+
+
 class IncidentCache:
     """V and L_ind of all surfels, each along its own directions.
 
@@ -39,11 +56,12 @@ class IncidentCache:
     """
 
     def __init__(
-        self, surfels: Surfels, rays: RaySettings, policy: IncidentPolicy, budget: Budget, generator: torch.Generator
+        self, model: Model, rays: RaySettings, policy: IncidentPolicy, budget: Budget, generator: torch.Generator
     ) -> None:
         self.rays, self.policy, self.budget, self.generator = rays, policy, budget, generator
-        self.tracer = rays.tracer(surfels)
-        self.renew(surfels, 0)
+        self.tracer = rays.tracer(model.surfels)
+        self.sampled: SampledLight | None = None
+        self.renew(model, 0)
 
     @property
     def samples(self) -> int:
@@ -55,35 +73,54 @@ class IncidentCache:
         """Steps from one tracing of all surfels to the next."""
         return self.budget.refresh_interval
 
-    def light_on(self, index: Int[Tensor, " chosen"], surfels: Surfels, iteration: int) -> Incident:
+    @property
+    def sets(self) -> int:
+        """Number of independent sets that a surfel's directions form."""
+        return self.rays.sets_of(self.samples)
+
+    def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
         """The light on the surfels ``index``: traced now and cached, or from the cache if the policy traces once."""
         if not self.policy.traced_again:
             return self.incident.of(index)
         if iteration % self.interval == 0 and iteration != self.traced_at:
-            self.refresh(surfels, iteration)
-        self.tracer.follow(surfels)
-        return self.traced(index, surfels)
+            self.refresh(model, iteration)
+        self.tracer.follow(model.surfels)
+        return self.traced(index, model)
 
-    def renew(self, surfels: Surfels, iteration: int) -> None:
+    def renew(self, model: Model, iteration: int) -> None:
         """Trace the light on all surfels along new directions, as at the beginning of stage 2."""
-        self.incident = self.gathered(surfels)
+        self.incident = self.gathered(model)
         self.traced_at = iteration
 
-    def refresh(self, surfels: Surfels, iteration: int) -> None:
+    def refresh(self, model: Model, iteration: int) -> None:
         """Trace the light on all surfels again, at a refresh."""
-        self.renew(surfels, iteration)
+        self.renew(model, iteration)
 
-    def gathered(self, surfels: Surfels) -> Incident:
+    def gathered(self, model: Model) -> Incident:
         """The light on all surfels along new directions, without gradient."""
-        self.tracer.follow(surfels)
-        return gather_incident(self.tracer, surfels, self.samples, self.generator, self.rays.floor)
+        self.tracer.follow(model.surfels)
+        return incident_along(self.tracer, *self.directions(model))
 
-    def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
+    @torch.no_grad()
+    def directions(
+        self, model: Model, index: Int[Tensor, " chosen"] | None = None
+    ) -> tuple[Float[Tensor, "chosen samples 3"], Float[Tensor, "chosen samples"]]:
+        """New unit directions of the surfels at ``index`` (None: all), and their solid angles in steradian."""
+        normal = model.surfels.frame[..., 2]
+        light = self._sampler(model.log_environment) if self.rays.reads_light else None
+        return self.rays.drawn(normal if index is None else normal[index], self.samples, light, self.generator)
+
+    def _sampler(self, log_environment: Float[Tensor, "height width 3"]) -> LightSampler:
+        """A sampler of the light as it is now, kept until the light changes."""
+        if self.sampled is None or not self.sampled.stands(log_environment):
+            sampler = LightSampler(EnvironmentMap(log_environment.exp()))
+            self.sampled = SampledLight(log_environment, log_environment._version, sampler)
+        return self.sampled.sampler
+
+    def traced(self, index: Int[Tensor, " chosen"], model: Model) -> Incident:
         """The light on the surfels ``index`` along new directions; also stores it in the cache."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
-            normal = surfels.frame.detach()[index, :, 2]
-            direction, weight = hemisphere_directions(normal, self.samples, self.generator, self.rays.floor)
-            fresh = self.along(index, direction, weight)
+            fresh = self.along(index, *self.directions(model, index))
         self.incident.store(index, fresh)
         return fresh
 

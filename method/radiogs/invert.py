@@ -3,7 +3,7 @@
 It starts with the surfels and radiance of stage 1, new materials and a new light (``start``).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
-from radiogs_core.learning.losses import edge_weights, environment_smoothness, light_prior
+from radiogs_core.learning.losses import crossed, edge_weights, environment_smoothness, light_prior
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -48,7 +48,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         if self.variant.shading == "split-sum":
             return SplitSum(self.variant.masking)
         rays, policy = RaySettings.of(self.variant, self.start.indirect), IncidentPolicy.of(self.variant.incident)
-        cache = IncidentCache(self.start.surfels, rays, policy, self.budget, self.generator)
+        cache = IncidentCache(self.model, rays, policy, self.budget, self.generator)
         return MonteCarlo(RadiometricConsistency.of(self.variant), cache)
 
     @property
@@ -76,20 +76,24 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         surfels, camera = model.surfels, view.camera
         outgoing = towards(camera, surfels)
         light = PrefilteredLight(model.environment, self.variant.masking)
+        sets = self.shader.radiance(model, outgoing, light).unbind(1)
+        shaded = {f"shaded {number}": each for number, each in enumerate(sets, 1)}
         channels = {
             "radiance": own_radiance(camera, surfels),
-            "shaded": self.shader.radiance(model, outgoing, light),
+            **shaded,
             "albedo": surfels.albedo,
             "roughness": surfels.roughness[:, None],
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
-        images, terms, geometry = seen.images, self._terms(), self.geometry
+        images, terms, geometry = seen.images, self._terms(list(shaded)), self.geometry
         allowance = edge_weights(view, geometry.edge_sharpness, geometry.across_silhouettes)
         aim = Aim(view.over(terms.background), view.mask, allowance)
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
-        compared, maps = [images["radiance"], images["shaded"]], [images["albedo"], images["roughness"]]
-        losses = image_terms(terms, camera, aim, blended, compared, maps)
-        return {**losses, **self._light_losses(model, light)}
+        by_sets = [images[name] for name in shaded]
+        compared = [images["radiance"], *(crossed(*by_sets) if len(by_sets) == 2 else by_sets)]
+        losses = image_terms(terms, camera, aim, blended, compared, [images["albedo"], images["roughness"]])
+        total = {"shaded": sum(losses.pop(name) for name in shaded)} if losses.keys() >= shaded.keys() else {}
+        return {**losses, **total, **self._light_losses(model, light)}
 
     def _light_losses(self, model: Model, light: PrefilteredLight) -> dict[str, Tensor]:
         """The weighted losses of a light that is learnt; none for one that is held, which they have no gradient to."""
@@ -101,14 +105,14 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
 
-    def _terms(self) -> Terms:
-        """The losses of this step's images and maps."""
-        weights, geometry = self.variant.materials.weights, self.geometry
+    def _terms(self, shaded: Sequence[str]) -> Terms:
+        """The losses of this step's images and maps. ``shaded``: names of the images of L_PBR, which share a weight."""
+        weights, geometry, sets = self.variant.materials.weights, self.geometry, len(shaded)
         late = self.iteration >= self.variant.materials.normal_from * self.iterations
         return Terms(
             images=(
                 Compared("radiance", weights.absolute, weights.similarity),
-                Compared("shaded", self.shaded_weight, weights.similarity),
+                *(Compared(name, self.shaded_weight / sets, weights.similarity / sets) for name in shaded),
             ),
             encoding="straight" if self.variant.straight else "premultiplied",
             background=0.0,
@@ -168,6 +172,6 @@ def rates_of(variant: Variant, extent: float, steps: int, searched: bool = True)
         "sh": longer * rates.radiance,
         "sh_rest": longer * rates.radiance_rest,
         "albedo_logit": longer * rates.albedo,
-        "roughness_logit": longer * rates.roughness,
+        "roughness_logit": rates.roughness_in(steps),
         "log_environment": longer * (rates.light if searched else rates.constant_light),
     }

@@ -5,6 +5,7 @@ Defaults are those of the recipe ``recommended`` (``recipes``). Shares are share
 """
 
 from dataclasses import dataclass, field, fields
+from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.length import LengthRule
@@ -94,7 +95,9 @@ class MaterialRates:
     geometry: float = 0.01
     """Factor of stage 1's initial rates of geometry (``SurfelRates``): geometry is refined, not learnt again."""
     length_power: float = 0.0
-    """Power of the length rule for the rates of albedo, roughness, light and harmonics (``on_surfels.length``)."""
+    """Power of the length rule for the rates of albedo, light and harmonics (``on_surfels.length``)."""
+    roughness_length_power: float = 0.66
+    """Power of the length rule for the rate of roughness, of which a step's gradient is mostly noise."""
 
     def __post_init__(self) -> None:
         require(self, "zero or above", *(each.name for each in fields(self)))
@@ -102,6 +105,10 @@ class MaterialRates:
     def factor(self, steps: int) -> float:
         """The length rule's factor of these rates in a stage 2 of so many steps; 1 at the paper's 20,000."""
         return LengthRule(whole=20_000, power=self.length_power).factor(steps)
+
+    def roughness_in(self, steps: int) -> float:
+        """The rate of roughness in a stage 2 of so many steps."""
+        return self.roughness * LengthRule(whole=20_000, power=self.roughness_length_power).factor(steps)
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,22 @@ class MaterialStart(StartValues):
 
 
 @dataclass(frozen=True)
+class IncidentDirections:
+    """The directions along which stage 2 gathers the light on a surfel, N_s in all."""
+
+    from_light: float = 0.5
+    """Share of them that is drawn from the light, weighted by the balance heuristic; the others are spread over the
+    hemisphere (paper: all of them). Spread alone they seldom meet a sun, and what L_PBR lacks goes into the radiance of
+    the surfels around, and into albedo."""
+    sets: Literal[1, 2] = 2
+    """Number of independent sets that they form (paper: one). With two, each has an image of its own, and the residual
+    of one image pulls on the other (``losses.crossed``): with one, the noise of its directions is minimised as well."""
+
+    def __post_init__(self) -> None:
+        require(self, "between 0 and 1", "from_light")
+
+
+@dataclass(frozen=True)
 class MaterialLearning:
     """Settings of stage 2 for materials and light."""
 
@@ -128,6 +151,11 @@ class MaterialLearning:
     """Learning rates."""
     start: MaterialStart = field(default_factory=MaterialStart)
     """Initial values of materials and light."""
+    directions: IncidentDirections = field(default_factory=IncidentDirections)
+    """The directions of a surfel's incident light."""
+    consistent_roughness: bool = False
+    """Whether L_rad has gradient to roughness (paper: yes). Harmonics of degree 3 cannot hold a narrow lobe, so that
+    |L_G - L_PBR| is least at a roughness of .6 to .8, whatever the surface's."""
     normal_from: float = 1_000 / 20_000
     """Share of the stage from which on the loss between normals and depth map counts."""
 

@@ -1,6 +1,6 @@
 """Rays of RadioGS: their settings, and the tracer of a given L_ind, whose rays hit the true surfaces."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
@@ -9,12 +9,15 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from radiogs_core.learning.known_scene import OFFSET
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, incident_along
 
+from .learning import IncidentDirections
 from .settings import Variant
 
 TURN = 3.0
@@ -94,6 +97,8 @@ class RaySettings:
     """Distance beyond which rays also hit surfels from behind; None: never (see ``SurfelTracer``)."""
     indirect: KnownRadiance | None = None
     """Given source of L_ind (see ``oracle``); None: the surfels themselves."""
+    directions: IncidentDirections = field(default_factory=IncidentDirections)
+    """The directions of a surfel's incident light in training."""
 
     @classmethod
     def of(cls, variant: Variant, indirect: KnownRadiance | None = None) -> "RaySettings":
@@ -104,7 +109,37 @@ class RaySettings:
             "hemisphere-floor" in released,
             None if "one-sided-rays" in released else BACK_OFFSET,
             indirect,
+            variant.materials.directions,
         )
+
+    @property
+    def reads_light(self) -> bool:
+        """Whether directions in training depend on the light."""
+        return self.directions != IncidentDirections(from_light=0.0, sets=1)
+
+    def sets_of(self, samples: int) -> int:
+        """The number of independent sets that so many directions form: at least one direction each."""
+        return min(self.directions.sets, samples)
+
+    def drawn(
+        self,
+        normal: Float[Tensor, "surfels 3"],
+        samples: int,
+        light: LightSampler | None,
+        generator: torch.Generator,
+    ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+        """Unit directions, set by set, and their solid angles in steradian, for training.
+
+        ``light``: draws the share that is drawn from the light; None if none is (``reads_light``). A number that the
+        sets do not divide is rounded down.
+        """
+        if light is None:
+            return hemisphere_directions(normal, samples, generator, self.floor)
+        sets = self.sets_of(samples)
+        from_light = round(self.directions.from_light * (each := samples // sets))
+        counts = each - from_light, from_light
+        made = [relighting_directions(normal, light, *counts, generator, self.floor) for _ in range(sets)]
+        return torch.cat([direction for direction, _ in made], 1), torch.cat([weight for _, weight in made], 1) / sets
 
     def tracer(self, surfels: Surfels) -> SurfelTracer:
         """A tracer of these surfels."""

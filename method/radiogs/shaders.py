@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from radiogs_core.kernels.shade.shade import arrive, shade_total
@@ -17,6 +17,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.shading import lambert_albedo
 from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import Masking, PrefilteredLight, split_sum_radiance
 
@@ -34,8 +35,9 @@ class Shader(Protocol):
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
-    ) -> Float[Tensor, "surfels 3"]:
-        """L_PBR of every surfel along the unit directions ``outgoing``, linear RGB. ``light``: prefiltered."""
+    ) -> Float[Tensor, "surfels sets 3"]:
+        """L_PBR of every surfel along the unit directions ``outgoing``, linear RGB, by each independent set of
+        incident directions. ``light``: prefiltered."""
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""
@@ -75,7 +77,7 @@ class MonteCarlo:
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over N_g random surfels, from rays traced now."""
         index, environment = self.drawn(model.surfels), model.environment
-        incident = self.cache.light_on(index, model.surfels, iteration)
+        incident = self.cache.light_on(index, model, iteration)
         if self.arriving is not None and self.arriving.stands(self.cache, model.log_environment):
             arrive(
                 self.arriving.radiance, index, incident.direction, incident.visibility, incident.radiance, environment
@@ -90,18 +92,38 @@ class MonteCarlo:
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
-    ) -> Float[Tensor, "surfels 3"]:
-        """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
-        surfels, incident = model.surfels, self.cache.incident
-        radiance: tuple[Tensor | None, Tensor, Tensor | None]
+    ) -> Float[Tensor, "surfels sets 3"]:
+        """L_PBR of every surfel, as Monte-Carlo sums over its cached light, linear RGB."""
+        incident, environment = self.cache.incident, model.environment
         if model.log_environment.requires_grad:
-            radiance = (incident.visibility, incident.radiance, model.environment)
-        else:
-            radiance = (None, self.arrived(model), None)
-        return shade_total(
-            surfels.frame, surfels.albedo, surfels.roughness, outgoing[:, None],
-            incident.direction, incident.weight, *radiance,
-        )[:, 0]  # fmt: skip
+            return self.sums(model, outgoing, incident.visibility, incident.radiance, environment)
+        return self.sums(model, outgoing, None, self.arrived(model), None)
+
+    def sums(
+        self,
+        model: Model,
+        outgoing: Float[Tensor, "surfels 3"],
+        visibility: Float[Tensor, "surfels samples"] | None,
+        radiance: Float[Tensor, "surfels samples 3"],
+        environment: Float[Tensor, "height width 3"] | None,
+        specular_at: Bool[Tensor, " surfels"] | None = None,
+    ) -> Float[Tensor, "surfels sets 3"]:
+        """The sums over each set of cached directions; see ``shade_total`` for the arguments."""
+        surfels, incident, sets = model.surfels, self.cache.incident, self.cache.sets
+        given = (surfels.frame, lambert_albedo(surfels.albedo, surfels.roughness, specular_at), surfels.roughness)
+        count, samples = incident.weight.shape
+
+        def by_set(value: Tensor) -> Tensor:
+            """The samples of each set as those of a surfel of their own."""
+            return value.view(sets * count, samples // sets, *value.shape[2:])
+
+        sums = shade_total(
+            *(_repeated(value, sets) for value in (*given, outgoing[:, None])),
+            by_set(incident.direction), by_set(incident.weight),
+            None if visibility is None else by_set(visibility), by_set(radiance), environment,
+            None if specular_at is None else _repeated(specular_at, sets),
+        )  # fmt: skip
+        return sums.view(count, sets, 3) if sets == 1 else sets * sums.view(count, sets, 3)
 
     def arrived(self, model: Model) -> Float[Tensor, "surfels samples 3"]:
         """V Env + L_ind of all cached samples, under a light that is not learnt; steps keep it, but for new rays."""
@@ -121,6 +143,11 @@ class MonteCarlo:
         self.cache.incident, self.arriving = Incident(**state["incident"]), None
 
 
+def _repeated(value: Tensor, times: int) -> Tensor:
+    """Each row ``times`` times in succession."""
+    return value if times == 1 else value[:, None].expand(-1, times, *value.shape[1:]).flatten(0, 1)
+
+
 class SplitSum:
     """Split-sum shading by prefiltered light. It traces no rays and has no state."""
 
@@ -135,13 +162,13 @@ class SplitSum:
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
-    ) -> Float[Tensor, "surfels 3"]:
+    ) -> Float[Tensor, "surfels 1 3"]:
         """L_PBR of every surfel, as the sum of diffuse and specular split-sum radiance, linear RGB."""
         surfels = model.surfels
         diffuse, specular = split_sum_radiance(
             surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light
         )
-        return diffuse + specular
+        return (diffuse + specular)[:, None]
 
     def state(self) -> dict[str, Any]:
         """An empty state."""

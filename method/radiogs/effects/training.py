@@ -18,9 +18,8 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
-from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
-from radiogs_core.transport.tracer import gather_incident, incident_along
+from radiogs_core.transport.tracer import incident_along
 
 from ..consistency import RadiometricConsistency
 from ..incident_cache import IncidentCache, IncidentPolicy
@@ -54,7 +53,7 @@ class PlannedInverseRendering(InverseRendering):
         """Eq. 8 with the effects of the plan."""
         policy = IncidentPolicy.of(self.variant.incident)
         self.cache = PlannedIncidentCache(
-            self.start.surfels, RaySettings.of(self.variant), policy, self.budget, self.generator, self.planner
+            self.model, RaySettings.of(self.variant), policy, self.budget, self.generator, self.planner
         )
         return PlannedMonteCarlo(RadiometricConsistency.of(self.variant), self.cache)
 
@@ -90,7 +89,7 @@ class PlannedInverseRendering(InverseRendering):
             kept = cache.kept(surfels, self.planner.samples)
             other_rays = self.planner.observe(surfels, model.environment, self.views, step, self.iteration, stale, kept)
         if not self.iteration or (other_rays and cache.policy.traced_again):
-            cache.renew(self.model.surfels, self.iteration)
+            cache.renew(self.model, self.iteration)
 
     def _staleness(self, model: Model) -> Staleness | None:
         """The staleness of the cached light; None if light is never traced again."""
@@ -120,7 +119,7 @@ class PlannedMonteCarlo(MonteCarlo):
         """L_rad over N_g random surfels, with the effects of the plan."""
         surfels, plan = model.surfels, self.cache.plan
         index = self.drawn(surfels)
-        incident = self.cache.light_on(index, surfels, iteration)
+        incident = self.cache.light_on(index, model, iteration)
         specular_at = plan.specular_among(surfels.albedo_logit)
         return self.radiometric.loss(
             surfels, model.environment, camera, index, incident, self.cache.generator, specular_at
@@ -128,16 +127,14 @@ class PlannedMonteCarlo(MonteCarlo):
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
-    ) -> Float[Tensor, "surfels 3"]:
-        """L_PBR of every surfel, as a Monte-Carlo sum over its cached light, linear RGB."""
-        surfels, specular_at = model.surfels, self.cache.plan.specular_among(model.surfels.albedo_logit)
+    ) -> Float[Tensor, "surfels sets 3"]:
+        """L_PBR of every surfel, as Monte-Carlo sums over its cached light, linear RGB."""
+        incident, specular_at = self.cache.incident, self.cache.plan.specular_among(model.surfels.albedo_logit)
         if specular_at is None:
             self.arriving = None  # a plan's cache may change in place
             return super().radiance(model, outgoing, light)
-        parts = shade_surfels(
-            surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular_at
-        )
-        return parts[:, 0].sum(1)
+        light_of = (incident.visibility, incident.radiance, model.environment)
+        return self.sums(model, outgoing, *light_of, specular_at)
 
 
 class PlannedIncidentCache(IncidentCache):
@@ -148,7 +145,7 @@ class PlannedIncidentCache(IncidentCache):
 
     def __init__(
         self,
-        surfels: Surfels,
+        model: Model,
         rays: RaySettings,
         policy: IncidentPolicy,
         budget: Budget,
@@ -156,7 +153,7 @@ class PlannedIncidentCache(IncidentCache):
         planner: Planner,
     ) -> None:
         self.planner, self.begun = planner, False
-        super().__init__(surfels, rays, policy, budget, generator)
+        super().__init__(model, rays, policy, budget, generator)
         self.begun = True
 
     @property
@@ -174,32 +171,31 @@ class PlannedIncidentCache(IncidentCache):
         """Steps from one tracing of all surfels to the next under the plan."""
         return self.budget.refresh_interval * self.plan.refresh
 
-    def refresh(self, surfels: Surfels, iteration: int) -> None:
+    def refresh(self, model: Model, iteration: int) -> None:
         """Trace the light again on the surfels that the plan traces."""
         if not self.plan.kept:
-            self.renew(surfels, iteration)
+            self.renew(model, iteration)
             return
+        surfels = model.surfels
         every = torch.arange(len(surfels), device=surfels.centre.device)
         if len(some := self.plan.traced_among(every)):
             self.tracer.follow(surfels)
-            fresh = gather_incident(
-                self.tracer, surfels, self.samples, self.generator, self.rays.floor, self.plan, some
-            )
+            fresh = incident_along(self.tracer, *self.directions(model, some), self.plan, some)
             self.incident.store(some, self._as_bright(some, fresh))
         self.traced_at = iteration
 
-    def gathered(self, surfels: Surfels) -> Incident:
+    def gathered(self, model: Model) -> Incident:
         """The light on all surfels along new directions; before the first probe, no ray is traced."""
         plan = self.plan.at_once if self.begun or not self.planner.due(0) else NO_RAYS
-        self.tracer.follow(surfels)
-        return gather_incident(self.tracer, surfels, self.samples, self.generator, self.rays.floor, plan)
+        self.tracer.follow(model.surfels)
+        return incident_along(self.tracer, *self.directions(model), plan)
 
-    def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
+    def traced(self, index: Int[Tensor, " chosen"], model: Model) -> Incident:
         """The light on the surfels ``index``: traced now if the plan traces it, else their kept light."""
         if not self.plan.kept:
-            return super().traced(index, surfels)
+            return super().traced(index, model)
         kept, chosen = self.incident.of(index), self.plan.traced_among(index)
-        return kept.replaced(chosen, super().traced(index[chosen], surfels)) if len(chosen) else kept
+        return kept.replaced(chosen, super().traced(index[chosen], model)) if len(chosen) else kept
 
     def along(
         self,

@@ -1,5 +1,7 @@
 """Image-space losses (paper, appendix on losses). Images are [height, width, channels]."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -21,6 +23,27 @@ def edge_weights(view: TrainingView, sharpness: float, across_silhouettes: bool)
     inside = None if across_silhouettes else view.mask
     key = ("edge weights", sharpness, across_silhouettes)
     return view.once(key, lambda: edge_allowance(view.over(0.0), sharpness, inside))
+
+
+def crossed(
+    first: Float[Tensor, "height width 3"], second: Float[Tensor, "height width 3"]
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width 3"]]:
+    """Two images with independent noise, each with the gradient that its losses would have to the other.
+
+    The gradient of a loss l(a) of a noisy image a is E[l'(a) da]. The residual l'(a) holds the noise that da holds,
+    so that descent also makes the noise small, whatever the mean. E[l'(a) db] with an independent b does not.
+    """
+    return _Crossed.apply(first, second)
+
+
+class _Crossed(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
+        return first.view_as(first), second.view_as(second)
+
+    @staticmethod
+    def backward(ctx: Any, to_first: Tensor, to_second: Tensor) -> tuple[Tensor, Tensor]:
+        return to_second, to_first
 
 
 def reconstruction(

@@ -122,7 +122,7 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
     stage = inverse_rendering(Run(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU), initialised)
     stage.planner.at = frozenset()
     stage.planner.plan = plan
-    stage.shader.cache.renew(stage.model.surfels, 0)
+    stage.shader.cache.renew(stage.model, 0)
     return stage
 
 
@@ -143,7 +143,7 @@ def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: di
             stage = decided(initialised, plan, materials=plain)
         assert instruments.work["rays"] == BUDGET.incident_samples * len(whole.weight)
         stage.generator.manual_seed(0)
-        stage.shader.cache.renew(stage.model.surfels, 0)
+        stage.shader.cache.renew(stage.model, 0)
         for name, value in vars(whole).items():
             assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
@@ -169,7 +169,7 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
     stage = decided(initialised, plan)
     before = copy_of(stage.shader.cache.incident)
     index = torch.tensor([5, 3, 9, 1])
-    light = stage.shader.cache.light_on(index, stage.model.surfels, 1)
+    light = stage.shader.cache.light_on(index, stage.model, 1)
     assert light.visibility.requires_grad or light.radiance.requires_grad
     for row, surfel in enumerate(index.tolist()):
         for name in vars(light):
@@ -217,7 +217,7 @@ def test_without_indirect_light_occluders_keep_their_mean_radiance(
     stage = decided(initialised, plan)
     index = stage.shader.cache.incident.radiance.sum((1, 2)).topk(3).indices
     before = copy_of(stage.shader.cache.incident.of(index))
-    light = stage.shader.cache.light_on(index, stage.model.surfels, 1)
+    light = stage.shader.cache.light_on(index, stage.model, 1)
     assert light.visibility.requires_grad
     for row in range(3):
         hidden = (1 - before.visibility[row]).sum()
@@ -226,7 +226,7 @@ def test_without_indirect_light_occluders_keep_their_mean_radiance(
         torch.testing.assert_close(light.radiance[row], expected)
     assert light.radiance.any()
     bare = decided(initialised, dataclasses.replace(plan, kept=False))
-    assert not bare.shader.cache.light_on(index, bare.model.surfels, 1).radiance.any()
+    assert not bare.shader.cache.light_on(index, bare.model, 1).radiance.any()
 
 
 @pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
