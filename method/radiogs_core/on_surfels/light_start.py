@@ -28,6 +28,7 @@ from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
 from ..transport.plan import EffectPlan
 from ..transport.sampling import hemisphere_directions
+from ..transport.shading import lobe_albedo
 from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, visibility_of
 from .model import LitSurfels
@@ -154,7 +155,7 @@ def _searched(
 ) -> LightAndAlbedo | None:
     if start.light == "constant":
         return None
-    return light_and_albedo(learnt, views, rows, start.search, generator, two_sided, plan)
+    return light_and_albedo(learnt, views, rows, start.search, start.roughness, generator, two_sided, plan)
 
 
 def _constant(learnt: Surfels, views: tuple[TrainingView, ...], rows: int, start: StartValues) -> LightAndAlbedo:
@@ -167,6 +168,7 @@ def light_and_albedo(
     views: tuple[TrainingView, ...],
     rows: int,
     learning: LightStart,
+    roughness: float,
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
@@ -182,10 +184,10 @@ def light_and_albedo(
     fire(lights_not_sought=int(too_few))
     if too_few:
         return None
-    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan)
+    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan, learning.front_offset)
     light = least_variation_light(points, transport, learning)
     radiance = mean_radiance(surfels, views)
-    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
+    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning, roughness)
 
 
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
@@ -227,6 +229,7 @@ def transport_to(
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
+    front_offset: float = BACK_OFFSET,
 ) -> Transport:
     """Trace rays from points to the surfels, starting beyond the layer of surfels of the points' own surface.
 
@@ -234,7 +237,7 @@ def transport_to(
     light, without indirect light no other surfel lights a point, and without both no ray is traced.
     """
     tracer, count = SurfelTracer(surfels) if plan.traces else None, len(points.centre)
-    beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
+    unit = float(surfels.scale.max(-1).values.median())
     direct = surfels.centre.new_zeros(count, 2 * rows * rows)
     indirect = surfels.centre.new_zeros(count, 3)
     features = surfels.centre.new_zeros(len(surfels), 0)
@@ -244,9 +247,9 @@ def transport_to(
         share = (direction * normal[:, None]).sum(-1).clamp(min=0) * weight / torch.pi
         visibility = torch.ones_like(share)
         if tracer is not None:
-            start = share.new_full((share.numel(),), beyond)
+            start = share.new_full((share.numel(),), front_offset * unit)
             origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
-            back_from = start if two_sided else None
+            back_from = torch.full_like(start, BACK_OFFSET * unit) if two_sided else None
             hits = tracer.trace_from(origin, direction.flatten(0, 1), features, start, back_from)
             seen, whole = visibility_of(hits)
             if plan.visibility:
@@ -282,9 +285,12 @@ def least_variation_light(
         variation = (1 - learning.far_share) * _mean(_differences(log_albedo, near), near)
         variation = variation + learning.far_share * _mean(apart, far)
         around, down = log_light - log_light.roll(1, 1), log_light[1:] - log_light[:-1]
+        chroma = log_light - log_light.mean(-1, keepdim=True)
+        chroma_around, chroma_down = chroma - chroma.roll(1, 1), chroma[1:] - chroma[:-1]
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
         brightest = log_albedo.amax(-1).quantile(learning.brightest)
         loss = variation + learning.smoothness * (around.square().mean() + down.square().mean())
+        loss = loss + learning.chroma_smoothness * (chroma_around.square().mean() + chroma_down.square().mean())
         loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
         adam.zero_grad()
         loss.backward()
@@ -346,6 +352,7 @@ def albedo_under(
     surfels: Surfels,
     radiance: Float[Tensor, "surfels 3"],
     learning: LightStart,
+    roughness: float,
 ) -> Float[Tensor, "surfels 3"]:
     """Linear albedo of each surfel under ``light``, from its ``radiance`` and the irradiance at nearby seen points."""
     white = transport.white(light).log()
@@ -356,7 +363,8 @@ def albedo_under(
     near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(positions)))[1])
     lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
     low, high = learning.albedo_range
-    return (radiance / lit).clamp(low, high)
+    lobe = float(lobe_albedo(torch.tensor([roughness]))[0]) if learning.lobe else 0.0
+    return (radiance / lit - lobe).clamp(low, high)
 
 
 def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:

@@ -32,6 +32,12 @@ class LightStart:
     """Standard deviation, in log-chromaticity, of the weight of pairs: pairs of similar chromaticity share a paint."""
     smoothness: float = 0.003
     """Weight of the squared differences of neighbouring texels' log-radiance."""
+    chroma_smoothness: float = 0.0
+    """Weight of the squared differences of neighbouring texels' log-chromaticity."""
+    front_offset: float = 4.0
+    """Distance beyond which rays from a point hit surfels from the front, in the surfels' larger standard deviation."""
+    lobe: bool = False
+    """Whether the albedo of a surfel is less than what it reflects by the albedo of its specular lobe."""
     colour: float = 0.02
     """Weight of the distance of the light's channels from their mean."""
     white_paint: float = 0.05
@@ -50,7 +56,7 @@ class LightStart:
 
     def __post_init__(self) -> None:
         require(self, "one or above", "steps", "neighbours")
-        require(self, "zero or above", "rate", "far", "smoothness", "colour", "white_paint", "turned")
+        require(self, "zero or above", "rate", "far", "smoothness", "chroma_smoothness", "front_offset", "colour", "white_paint", "turned")
         require(self, "between 0 and 1", "far_share", "brightest")
         require(self, "above zero", "other_paint", "same_paint")
         require(self, "above 0 and below 1", "white", "mean_albedo", "albedo_range")
