@@ -56,6 +56,7 @@ CONSTANTS: tuple[Constant, ...] = (
     Constant(LOSSES, "L1 of the surfels' image, stage 2", "materials.weights.absolute", 0.8),
     Constant(LOSSES, "L1 of 1.0 in L_recon^PBR, stage 2", "deviations.image-weight", False, True),
     Constant(LOSSES, "1 - SSIM, stage 2", "materials.weights.similarity", 0.2),
+    Constant(LOSSES, "squared error of L_recon^PBR, stage 2", "materials.weights.squared", 0.0),
     Constant(LOSSES, "L_recon^PBR of stage 1", "split_sum.image", 1.0),
     Constant(LOSSES, "image of the surfels' own radiance in stage 1", "geometry.weights.radiance", 1.0,
              remark="the published scripts of three scenes leave it and L_rad out of stage 1"),

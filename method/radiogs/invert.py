@@ -112,7 +112,10 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return Terms(
             images=(
                 Compared("radiance", weights.absolute, weights.similarity),
-                *(Compared(name, self.shaded_weight / sets, weights.similarity / sets) for name in shaded),
+                *(
+                    Compared(name, self.shaded_weight / sets, weights.similarity / sets, squared=weights.squared / sets)
+                    for name in shaded
+                ),
             ),
             encoding="straight" if self.variant.straight else "premultiplied",
             background=0.0,

@@ -50,6 +50,9 @@ class MaterialWeights:
     """Weight of L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
     """Weight of 1 - SSIM between these images (3DGS)."""
+    squared: float = 10.0
+    """Weight of the squared error between the image of L_PBR and the training image (paper: 0). L1 and SSIM hardly
+    count the few bright pixels of a highlight, by which roughness is known."""
     normal: float = 0.05
     """Weight of the distance between the surfels' normals and the normals of the depth map (2DGS)."""
     distortion: float = 0.0

@@ -62,6 +62,7 @@ PRINTED: Values = {
     "split_sum.geometry_gradient": True,
     "split_sum.light": 0.5,
     "materials.normal_from": 0.0,
+    "materials.weights.squared": 0.0,
     "materials.weights.distortion": 2.0,
     "materials.weights.mask": 0.05,
     "materials.weights.normal_smoothness": 0.02,

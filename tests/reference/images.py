@@ -6,7 +6,8 @@ from torch.nn.functional import conv2d, max_pool2d, pad
 
 
 def compared(images: Tensor, target: Tensor) -> Tensor:
-    """[images, 2]: mean absolute difference, and mean SSIM by a window of 11 x 11 taps, zero beyond the border."""
+    """[images, 3]: mean absolute difference, mean SSIM by a window of 11 x 11 taps, zero beyond the border, and mean
+    squared difference."""
     place = torch.arange(11, dtype=target.dtype) - 5
     weight = torch.exp(-(place[:, None] ** 2 + place**2) / (2 * 1.5**2))
     weight = weight / weight.sum()
@@ -20,7 +21,7 @@ def compared(images: Tensor, target: Tensor) -> Tensor:
         xx, yy, xy = mean(x * x) - mean(x) ** 2, mean(y * y) - mean(y) ** 2, mean(x * y) - mean(x) * mean(y)
         luminance = (2 * mean(x) * mean(y) + 0.01**2) / (mean(x) ** 2 + mean(y) ** 2 + 0.01**2)
         contrast = (2 * xy + 0.03**2) / (xx + yy + 0.03**2)
-        found.append(torch.stack([(x - y).abs().mean(), (luminance * contrast).mean()]))
+        found.append(torch.stack([(x - y).abs().mean(), (luminance * contrast).mean(), (x - y).square().mean()]))
     return torch.stack(found)
 
 

@@ -58,7 +58,7 @@ def reconstruction(
     clipped, so that pixels that are too bright keep their gradient. For evaluation use
     ``radiogs_bench.scoring.metrics``: the window of its SSIM is not padded.
     """
-    distance, alike = compared(image.reshape(-1, *target.shape), target).view(*image.shape[:-3], 2).unbind(-1)
+    distance, alike, _ = compared(image.reshape(-1, *target.shape), target).view(*image.shape[:-3], 3).unbind(-1)
     return absolute * distance + similarity * (1 - alike)
 
 

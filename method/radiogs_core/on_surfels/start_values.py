@@ -56,7 +56,8 @@ class LightStart:
 
     def __post_init__(self) -> None:
         require(self, "one or above", "steps", "neighbours")
-        require(self, "zero or above", "rate", "far", "smoothness", "chroma_smoothness", "front_offset", "colour", "white_paint", "turned")
+        require(self, "zero or above", "rate", "far", "smoothness", "chroma_smoothness", "colour", "white_paint")
+        require(self, "zero or above", "front_offset", "turned")
         require(self, "between 0 and 1", "far_share", "brightest")
         require(self, "above zero", "other_paint", "same_paint")
         require(self, "above 0 and below 1", "white", "mean_albedo", "albedo_range")

@@ -1,4 +1,4 @@
-// L1 and SSIM between images; see similarity_source.py.
+// L1, SSIM and squared error between images; see similarity_source.py.
 
 // ---- window
 #include "blocks.inl:block"
@@ -58,7 +58,7 @@ for (int number = 0; number < images; ++number) {
         }
     }
     // Separate partial sums, added up below: a single sum over the entries could not be vectorised.
-    SCALAR distance[block_entries] = {}, similarity[block_entries] = {};
+    SCALAR distance[block_entries] = {}, similarity[block_entries] = {}, square[block_entries] = {};
     SCALAR by_x[block_entries], by_xx[block_entries], by_xy[block_entries];
     for (int k = 0; k < own; ++k) {
         SCALAR x = SCALAR(0), xx = SCALAR(0), xy = SCALAR(0);
@@ -76,6 +76,7 @@ for (int number = 0; number < images; ++number) {
         const SCALAR value = whole[place + k], aim = target_row[k];
         const SCALAR shown = ((aim >= SCALAR(1)) & (value > SCALAR(1))) ? SCALAR(1) : value;
         distance[k] = shown > aim ? shown - aim : aim - shown;
+        square[k] = (shown - aim) * (shown - aim);
         by_x[k] = two * varying * (y - x * alike) / luminance + two * alike * (x * varying - y) / contrast;
         by_xx[k] = -alike * varying / contrast;
         by_xy[k] = two * alike / contrast;
@@ -86,8 +87,10 @@ for (int number = 0; number < images; ++number) {
         for (int k = 0; k < own; ++k) to[all + k] = by_xx[k];
         for (int k = 0; k < own; ++k) to[2 * all + k] = by_xy[k];
     }
-    sums.data[2LL * number * blocks * height + item] = sum_of(distance);
-    sums.data[(2LL * number + 1) * blocks * height + item] = sum_of(similarity);
+    SCALAR* to_sums = sums.data + 3LL * number * blocks * height + item;
+    to_sums[0] = sum_of(distance);
+    to_sums[blocks * height] = sum_of(similarity);
+    to_sums[2LL * blocks * height] = sum_of(square);
 }
 
 // ---- backward
@@ -108,7 +111,8 @@ for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
 }
 const long long place = 3 * ((plane + row) * width + begin);
 const SCALAR* ys = target.data + 3 * ((long long)row * width + begin);
-const SCALAR of_distance = pull.data[2 * (plane / height)], of_similarity = pull.data[2 * (plane / height) + 1];
+const SCALAR* pull_of = pull.data + 3 * (plane / height);
+const SCALAR of_distance = pull_of[0], of_similarity = pull_of[1], of_square = SCALAR(2) * pull_of[2];
 for (int k = 0; k < own; ++k) {
     SCALAR x = SCALAR(0), xx = SCALAR(0), xy = SCALAR(0);
     #pragma unroll
@@ -119,6 +123,7 @@ for (int k = 0; k < own; ++k) {
     }
     const SCALAR y = ys[k], value = image.data[place + k];
     const SCALAR side = value > y ? SCALAR(1) : value < y ? SCALAR(-1) : SCALAR(0);
-    const SCALAR to = of_distance * side + of_similarity * (x + SCALAR(2) * value * xx + y * xy);
+    const SCALAR to = of_distance * side + of_similarity * (x + SCALAR(2) * value * xx + y * xy)
+        + of_square * (value - y);
     out.data[place + k] = ((y >= SCALAR(1)) & (value > SCALAR(1))) ? SCALAR(0) : to;
 }

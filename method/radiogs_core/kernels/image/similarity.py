@@ -1,4 +1,4 @@
-"""K7: L1 and SSIM between images and a target; in one pass and differentiable."""
+"""K7: L1, SSIM and squared error between images and a target; in one pass and differentiable."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ from .similarity_source import similarity_kernels
 
 def compared(
     images: Float[Tensor, "images height width 3"], target: Float[Tensor, "height width 3"]
-) -> Float[Tensor, "images 2"]:
-    """Mean absolute difference and mean SSIM between each image and the target; only images get gradients.
+) -> Float[Tensor, "images 3"]:
+    """Mean absolute difference, mean SSIM and mean squared difference between each image and the target.
 
-    Where the target is 1 or more, image values above 1 count as 1. SSIM is that of splatting codes: a Gaussian window
-    of 11 taps with sigma 1.5, a range of 1, and zeros beyond the image.
+    Only images get gradients. Where the target is 1 or more, image values above 1 count as 1. SSIM is that of splatting
+    codes: a Gaussian window of 11 taps with sigma 1.5, a range of 1, and zeros beyond the image.
     """
     return _Compared.apply(images, target)
 
@@ -32,7 +32,7 @@ class _Compared(torch.autograd.Function):
         keep = ctx.needs_input_grad[0]
         slopes = images.new_empty((3, *images.shape) if keep else 0)
         items = blocks_in(height, width, kernels.columns)
-        sums = images.new_empty(count, 2, items)
+        sums = images.new_empty(count, 3, items)
         arguments = [count, height, width, int(keep), images, target, slopes, sums]
         launch_in_parallel(kernels.forward, items, images.device, lambda _: arguments)
         ctx.kernels, ctx.items = kernels, count * items

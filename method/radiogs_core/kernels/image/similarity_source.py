@@ -1,4 +1,4 @@
-"""Kernels for L1 and SSIM between images: an item is a block of pixels in one row, forward and backward.
+"""Kernels for L1, SSIM and squared error between images: an item is a block of pixels in one row, forward and backward.
 
 The window is a product of two Gaussians: a block first sums over rows, entry by entry, and then along these sums.
 Pixels beyond the image are zero. Loops over the window along a row are unrolled, so that the loops over entries are
@@ -43,8 +43,8 @@ def similarity_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a division of work; ``columns``: pixels of a block.
 
     All arrays are flat. ``slopes``: derivatives of SSIM with respect to the windowed means of x, x^2 and xy. ``sums``:
-    for each image the absolute differences and the SSIM of each block. An item of ``forward`` is a block of all images,
-    one of ``backward`` a block of one.
+    for each image the absolute differences, the SSIM and the squared differences of each block. An item of ``forward``
+    is a block of all images, one of ``backward`` a block of one.
     """
     start_warp()
     columns = columns_of(on_cuda)

@@ -35,6 +35,8 @@ class Compared:
     """Weight of 1 - SSIM."""
     attached: bool = True
     """Whether coverage has a gradient by this comparison; the image has one anyway."""
+    squared: float = 0.0
+    """Weight of the squared error."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class _Plan:
 
     def __init__(self, terms: Terms, widths: tuple[int, ...], shape: torch.Size, like: Tensor) -> None:
         self.terms, self.count = terms, len(terms.images)
-        self.images = [k for k, each in enumerate(terms.images) if each.absolute or each.similarity]
+        self.images = [k for k, each in enumerate(terms.images) if each.absolute or each.similarity or each.squared]
         self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
         self.widths = tuple((3, *widths)[k] for k in self.maps)
         self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
@@ -144,9 +146,10 @@ class _Plan:
         terms = self.terms
         rows: list[tuple[str, dict[int, float], float]] = []
         for place, each in enumerate(terms.images[k] for k in self.images):
-            mean = {2 * place: each.absolute / (3 * pixels), 2 * place + 1: -each.similarity / (3 * pixels)}
+            weights = each.absolute, -each.similarity, each.squared
+            mean = {3 * place + k: weight / (3 * pixels) for k, weight in enumerate(weights)}
             rows.append((each.name, mean, each.similarity))
-        self.sums, single = 2 * len(self.images), []
+        self.sums, single = 3 * len(self.images), []
         for name, weight in (("mask", terms.mask), ("normal", terms.normal), ("distortion", terms.distortion)):
             single.append(self.sums if weight else -1)
             if weight:
@@ -235,7 +238,7 @@ def _addresses(kind: Any, tensors: Sequence[Tensor]) -> Any:
 
 
 def _compare(plan: _Plan, aim: Aim, shown: Tensor, sums: Tensor) -> Tensor:
-    """Add up L1 and SSIM of the images; returns the slopes of SSIM."""
+    """Add up L1, SSIM and the squared error of the images; returns the slopes of SSIM."""
     slopes = shown.new_empty((3, *shown.shape))
     if plan.images:
         arguments = [len(shown), *plan.size, 1, shown, aim.image, slopes, sums]

@@ -22,7 +22,7 @@ def smoothness(*weights: float) -> tuple[tuple[str, float], ...]:
 
 
 FULL = Terms(
-    images=(Compared("own", 0.8, 0.2), Compared("shaded", 0.3, 0.6, attached=False)),
+    images=(Compared("own", 0.8, 0.2), Compared("shaded", 0.3, 0.6, attached=False, squared=4.0)),
     encoding="straight", background=0.7, mask=0.05, normal=0.1, one_sided=True, distortion=0.4, far=2.5,
     smoothness=smoothness(0.05, 0.2, 0.3), masked=True,
 )  # fmt: skip
@@ -33,9 +33,9 @@ CASES = {
         FULL, images=(Compared("own", 1.0, 0.0),), encoding="premultiplied", masked=False, far=0.0
     ),
     "central differences": replace(FULL, one_sided=False, smoothness=smoothness(0.0, 0.2, 0.0), background=0.0),
-    "normals of the depth map alone": replace(
+    "normals of the depth map, and a squared error": replace(
         FULL,
-        images=(Compared("own", 0.0, 0.0), Compared("shaded", 0.0, 0.0)),
+        images=(Compared("own", 0.0, 0.0), Compared("shaded", 0.0, 0.0, squared=3.0)),
         mask=0.0,
         distortion=0.0,
         smoothness=smoothness(0.0, 0.0, 0.0),
@@ -84,8 +84,8 @@ def expected(terms: Terms, camera: Camera, aim: Aim, tensors: Sequence[Tensor]) 
             shown = picture + terms.background * (1 - covered)[..., None]
         else:
             shown = dense.displayed(picture[None], covered, terms.encoding == "straight", terms.background)[0]
-        distance, alike = dense.compared(shown[None], aim.image)[0]
-        found[each.name] = each.absolute * distance + each.similarity * (1 - alike)
+        distance, alike, square = dense.compared(shown[None], aim.image)[0]
+        found[each.name] = each.absolute * distance + each.similarity * (1 - alike) + each.squared * square
     sure = alpha.clamp(1e-6, 1 - 1e-6)
     found["mask"] = -terms.mask * (aim.mask * sure.log() + (1 - aim.mask) * (1 - sure).log()).mean()
     points, solid = camera.centre + camera.ray_directions() * depth[..., None], alpha >= 0.5
@@ -103,7 +103,7 @@ def expected(terms: Terms, camera: Camera, aim: Aim, tensors: Sequence[Tensor]) 
 
 
 def weights_of(terms: Terms) -> dict[str, float]:
-    images = {each.name: each.absolute + each.similarity for each in terms.images}
+    images = {each.name: each.absolute + each.similarity + each.squared for each in terms.images}
     return images | {name: getattr(terms, name) for name in ("mask", "normal", "distortion")} | dict(terms.smoothness)
 
 
