@@ -126,11 +126,15 @@ def initialisation(
 
 
 def inverse_rendering(
-    surfels: Surfels, share: float, variant: Variant | None = None, light: torch.Tensor = WHITE
+    surfels: Surfels,
+    share: float,
+    variant: Variant | None = None,
+    light: torch.Tensor = WHITE,
+    budget: Budget = BUDGET,
 ) -> InverseRendering:
     """Stage 2 in the same way; it began with these surfels."""
     variant = variant or Variant()
     product = initialisation(surfels, 1.0, variant, light).product()
-    stage = RADIOGS.stages(variant, BUDGET)[1].begin(Run(SCENE, variant, BUDGET, 0, CPU), product)
+    stage = RADIOGS.stages(variant, budget)[1].begin(Run(SCENE, variant, budget, 0, CPU), product)
     assert isinstance(stage, InverseRendering)
     return _placed(stage, _tensors(surfels, light), share)

@@ -28,7 +28,6 @@ from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
 from ..transport.plan import EffectPlan
 from ..transport.sampling import hemisphere_directions
-from ..transport.shading import lobe_albedo
 from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, visibility_of
 from .model import LitSurfels
@@ -155,7 +154,7 @@ def _searched(
 ) -> LightAndAlbedo | None:
     if start.light == "constant":
         return None
-    return light_and_albedo(learnt, views, rows, start.search, start.roughness, generator, two_sided, plan)
+    return light_and_albedo(learnt, views, rows, start.search, generator, two_sided, plan)
 
 
 def _constant(learnt: Surfels, views: tuple[TrainingView, ...], rows: int, start: StartValues) -> LightAndAlbedo:
@@ -168,7 +167,6 @@ def light_and_albedo(
     views: tuple[TrainingView, ...],
     rows: int,
     learning: LightStart,
-    roughness: float,
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
@@ -184,10 +182,10 @@ def light_and_albedo(
     fire(lights_not_sought=int(too_few))
     if too_few:
         return None
-    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan, learning.front_offset)
+    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan)
     light = least_variation_light(points, transport, learning)
     radiance = mean_radiance(surfels, views)
-    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning, roughness)
+    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
 
 
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
@@ -229,7 +227,6 @@ def transport_to(
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
-    front_offset: float = BACK_OFFSET,
 ) -> Transport:
     """Trace rays from points to the surfels, starting beyond the layer of surfels of the points' own surface.
 
@@ -237,7 +234,7 @@ def transport_to(
     light, without indirect light no other surfel lights a point, and without both no ray is traced.
     """
     tracer, count = SurfelTracer(surfels) if plan.traces else None, len(points.centre)
-    unit = float(surfels.scale.max(-1).values.median())
+    beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
     direct = surfels.centre.new_zeros(count, 2 * rows * rows)
     indirect = surfels.centre.new_zeros(count, 3)
     features = surfels.centre.new_zeros(len(surfels), 0)
@@ -247,9 +244,9 @@ def transport_to(
         share = (direction * normal[:, None]).sum(-1).clamp(min=0) * weight / torch.pi
         visibility = torch.ones_like(share)
         if tracer is not None:
-            start = share.new_full((share.numel(),), front_offset * unit)
+            start = share.new_full((share.numel(),), beyond)
             origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
-            back_from = torch.full_like(start, BACK_OFFSET * unit) if two_sided else None
+            back_from = start if two_sided else None
             hits = tracer.trace_from(origin, direction.flatten(0, 1), features, start, back_from)
             seen, whole = visibility_of(hits)
             if plan.visibility:
@@ -268,8 +265,9 @@ def least_variation_light(
 ) -> Float[Tensor, "rows columns 3"]:
     """The light, linear RGB, under which log-albedo varies least between near and distant points.
 
-    Beside this variation, the loss has terms for the light's smoothness and colour, and one that keeps the brightest
-    albedo near that of white paint, because images determine the brightness of the light only through indirect light.
+    Beside this variation, the loss has terms for the smoothness of the light and of its colour, and one that keeps the
+    brightest albedo near that of white paint, because images determine the brightness of the light only through
+    indirect light.
     """
     radiance = points.radiance.clamp(min=LINEAR_KNEE)
     near, far = _near_pairs(points, learning), _far_pairs(points, learning)
@@ -284,13 +282,10 @@ def least_variation_light(
         apart = learning.other_paint * torch.tanh(_differences(log_albedo, far) / learning.other_paint)
         variation = (1 - learning.far_share) * _mean(_differences(log_albedo, near), near)
         variation = variation + learning.far_share * _mean(apart, far)
-        around, down = log_light - log_light.roll(1, 1), log_light[1:] - log_light[:-1]
-        chroma = log_light - log_light.mean(-1, keepdim=True)
-        chroma_around, chroma_down = chroma - chroma.roll(1, 1), chroma[1:] - chroma[:-1]
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
-        brightest = log_albedo.amax(-1).quantile(learning.brightest)
-        loss = variation + learning.smoothness * (around.square().mean() + down.square().mean())
-        loss = loss + learning.chroma_smoothness * (chroma_around.square().mean() + chroma_down.square().mean())
+        brightest = _among_neighbours(log_albedo, near).amax(-1).quantile(learning.brightest)
+        loss = variation + learning.smoothness * _unevenness(log_light)
+        loss = loss + learning.chroma_smoothness * _unevenness(log_light - log_light.mean(-1, keepdim=True))
         loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
         adam.zero_grad()
         loss.backward()
@@ -327,6 +322,17 @@ def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
     return _Pairs.of(first, second.flatten(), points, learning)
 
 
+def _unevenness(texels: Float[Tensor, "rows columns 3"]) -> Float[Tensor, ""]:
+    """Mean squared difference of neighbouring texels; the map wraps around in longitude."""
+    around, down = texels - texels.roll(1, 1), texels[1:] - texels[:-1]
+    return around.square().mean() + down.square().mean()
+
+
+def _among_neighbours(log_albedo: Float[Tensor, "points 3"], near: _Pairs) -> Float[Tensor, "points 3"]:
+    """Medians over each point's neighbours, channel by channel. ``near``: see ``_near_pairs``."""
+    return log_albedo[near.second.view(len(log_albedo), -1)].median(1).values
+
+
 def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
     """Pairs of each point and random points, drawn with a fixed seed."""
     count, device = len(points.centre), points.centre.device
@@ -352,7 +358,6 @@ def albedo_under(
     surfels: Surfels,
     radiance: Float[Tensor, "surfels 3"],
     learning: LightStart,
-    roughness: float,
 ) -> Float[Tensor, "surfels 3"]:
     """Linear albedo of each surfel under ``light``, from its ``radiance`` and the irradiance at nearby seen points."""
     white = transport.white(light).log()
@@ -363,8 +368,7 @@ def albedo_under(
     near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(positions)))[1])
     lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
     low, high = learning.albedo_range
-    lobe = float(lobe_albedo(torch.tensor([roughness]))[0]) if learning.lobe else 0.0
-    return (radiance / lit - lobe).clamp(low, high)
+    return (radiance / lit).clamp(low, high)
 
 
 def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:

@@ -32,20 +32,20 @@ class LightStart:
     """Standard deviation, in log-chromaticity, of the weight of pairs: pairs of similar chromaticity share a paint."""
     smoothness: float = 0.003
     """Weight of the squared differences of neighbouring texels' log-radiance."""
-    chroma_smoothness: float = 0.0
-    """Weight of the squared differences of neighbouring texels' log-chromaticity."""
-    front_offset: float = 4.0
-    """Distance beyond which rays from a point hit surfels from the front, in the surfels' larger standard deviation."""
-    lobe: bool = False
-    """Whether the albedo of a surfel is less than what it reflects by the albedo of its specular lobe."""
-    colour: float = 0.02
-    """Weight of the distance of the light's channels from their mean."""
+    chroma_smoothness: float = 0.1
+    """Weight of the squared differences of neighbouring texels' log-chromaticity. A coloured sun in a coloured sky is
+    not smooth in colour, but it is smoother than the light that explains painted walls by coloured texels."""
+    colour: float = 0.0
+    """Weight of the distance of the light's channels from their mean, which makes the colours of sun and sky those of
+    the surfaces."""
     white_paint: float = 0.05
     """Weight of the squared difference between the logarithms of the brightest albedo and of ``white``."""
     white: float = 0.75
     """Albedo of white paint."""
-    brightest: float = 0.95
-    """Quantile of the points' albedo (its largest channel) that counts as the brightest."""
+    brightest: float = 0.9
+    """Quantile of the points' albedo that counts as the brightest: of its largest channel, after a median over each
+    point's neighbours. Without the median, the quantile is one of the errors of normals and visibility, and everything
+    comes out too dark."""
     mean_albedo: float = 0.4
     """Albedo of all points under the constant light that the search starts from."""
     turned: float = 0.5
@@ -57,7 +57,7 @@ class LightStart:
     def __post_init__(self) -> None:
         require(self, "one or above", "steps", "neighbours")
         require(self, "zero or above", "rate", "far", "smoothness", "chroma_smoothness", "colour", "white_paint")
-        require(self, "zero or above", "front_offset", "turned")
+        require(self, "zero or above", "turned")
         require(self, "between 0 and 1", "far_share", "brightest")
         require(self, "above zero", "other_paint", "same_paint")
         require(self, "above 0 and below 1", "white", "mean_albedo", "albedo_range")
