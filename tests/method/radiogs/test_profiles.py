@@ -133,12 +133,10 @@ LARGEST: Mapping[str, float] = {"albedo_logit": 0.02, "roughness_logit": 0.06, "
 @pytest.mark.parametrize("samples", [16, 64, pytest.param(1024, marks=pytest.mark.slow)])
 def test_the_expected_gradient_is_zero_at_the_truth(name: str, samples: int, targets: Targets) -> None:
     found = zero_of(samples, OURS, name, targets)
-    print(name, samples, found)
     assert abs(found) < LARGEST[name]
 
 
 @pytest.mark.parametrize("name", LARGEST)
 def test_a_single_set_over_the_hemisphere_moves_the_zero(name: str, targets: Targets) -> None:
     found = zero_of(16, IncidentDirections(from_light=0.0, sets=1), name, targets)
-    print(name, "spread", found)
     assert abs(found) > LARGEST[name]

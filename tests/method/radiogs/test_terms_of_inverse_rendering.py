@@ -23,6 +23,7 @@ IMAGES = {"radiance", "shaded"}
 TERMS: Mapping[str, set[str]] = {
     "absolute": IMAGES,
     "similarity": IMAGES,
+    "squared": {"shaded"},
     "normal": {"normal"},
     "distortion": {"distortion"},
     "mask": {"mask"},
@@ -83,8 +84,8 @@ def test_every_term_has_a_positive_value_and_a_weight() -> None:
 @pytest.mark.parametrize("field", [each.name for each in fields(MaterialWeights)])
 def test_each_weight_scales_its_own_term_alone(field: str) -> None:
     surfels, light, own, ever = worn(), TINTED + SPECKLED, terms_of(field), set[str]()
-    other = "similarity" if field == "absolute" else "absolute"
-    alone = {other: 0.0} if own == IMAGES else {}
+    of_images = [name for name, terms in TERMS.items() if terms <= IMAGES]
+    alone = {name: 0.0 for name in of_images if name != field} if field in of_images else {}
     weight = weight_of(field)
     for share in (EARLY, LATE):
         none, once, twice = (

@@ -1,7 +1,7 @@
 import torch
 
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.learning.losses import light_prior, mask_entropy, normal_consistency, reconstruction
+from radiogs_core.learning.losses import crossed, light_prior, mask_entropy, normal_consistency, reconstruction
 from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import depth_normals
 
@@ -19,6 +19,26 @@ def test_several_images_are_compared_as_each_alone() -> None:
     together = reconstruction(images, target, torch.tensor([0.8, 1.0], dtype=torch.float64))
     for found, image, weight in zip(together, images, (0.8, 1.0), strict=True):
         torch.testing.assert_close(found, reconstruction(image, target, weight))
+
+
+def test_crossed_images_have_no_pull_towards_less_noise() -> None:
+    """The noise of images is in proportion to a scale: a single image is best at a smaller scale than the true one."""
+    noise = 1 + torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+
+    def slope_at_the_truth(cross: bool) -> float:
+        scale = torch.ones(1, dtype=torch.float64, requires_grad=True)
+        images = scale * noise[0], scale * noise[1]
+        values = [(image - 1).square().mean() for image in (crossed(*images) if cross else images)]
+        (slope,) = torch.autograd.grad(sum(values), scale)
+        return float(slope)
+
+    assert slope_at_the_truth(False) > 3.5
+    assert abs(slope_at_the_truth(True)) < 0.2
+
+
+def test_crossed_images_keep_their_values() -> None:
+    first, second = torch.rand(2, 4, 5, 3)
+    assert all(map(torch.equal, crossed(first, second), (first, second)))
 
 
 def test_depth_normals_of_a_tilted_plane_are_its_normal() -> None:
