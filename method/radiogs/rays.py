@@ -138,7 +138,9 @@ class RaySettings:
         sets = self.sets_of(samples)
         from_light = round(self.directions.from_light * (each := samples // sets))
         counts = each - from_light, from_light
-        made = [relighting_directions(normal, light, *counts, generator, self.floor) for _ in range(sets)]
+        made = [
+            relighting_directions(normal, light, *counts, generator, self.floor, not self.floor) for _ in range(sets)
+        ]
         return torch.cat([direction for direction, _ in made], 1), torch.cat([weight for _, weight in made], 1) / sets
 
     def tracer(self, surfels: Surfels) -> SurfelTracer:

@@ -38,7 +38,11 @@ def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 
 
 @torch.no_grad()
 def hemisphere_directions(
-    normal: Float[Tensor, "surfels 3"], samples: int, generator: torch.Generator | None, floor: bool = False
+    normal: Float[Tensor, "surfels 3"],
+    samples: int,
+    generator: torch.Generator | None,
+    floor: bool = False,
+    shifted: bool = False,
 ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
     """A spherical-Fibonacci set over each hemisphere, and the solid angle 2 pi / S of each direction, in steradian.
 
@@ -53,22 +57,27 @@ def hemisphere_directions(
         samples: Directions of each surfel, S.
         generator: Draws a random azimuth for each surfel; None: all sets have the same azimuth.
         floor: Use the released code's heights max(1 - 2 i / (2 S - 1), sin 10 degrees) instead.
+        shifted: Draw the heights of each surfel, z = 1 - (i + u) / S with a uniform u: then the set has no error in the
+            mean, and a noise of its own. Needs ``generator``, and does without ``floor``.
     """
     normal, (around_z, share) = normal.contiguous(), _fibonacci(samples, floor, normal.dtype, normal.device)
-    if generator is None:
-        turn = normal.new_zeros(len(normal))
-    else:
-        # The same in either precision.
-        turn = torch.rand(len(normal), generator=generator, device=normal.device).to(normal.dtype)
+    turn = normal.new_zeros(len(normal)) if generator is None else _shares(normal, generator)
+    shift = _shares(normal, generator) if shifted else None
     direction = normal.new_empty(len(normal), samples, 3)
     for some in _pieces(len(normal), samples):
-        _spread(normal[some], turn[some], around_z, direction[some])
+        _spread(normal[some], turn[some], None if shift is None else shift[some], around_z, direction[some])
     return direction, share.repeat(len(normal), 1)
 
 
-def _spread(normal: Tensor, turn: Tensor, around_z: Tensor, direction: Tensor) -> None:
+def _shares(normal: Tensor, generator: torch.Generator | None) -> Float[Tensor, " surfels"]:
+    """A uniform number in [0, 1) for each normal, the same in either precision."""
+    return torch.rand(len(normal), generator=generator, device=normal.device).to(normal.dtype)
+
+
+def _spread(normal: Tensor, turn: Tensor, shift: Tensor | None, around_z: Tensor, direction: Tensor) -> None:
     """Write the set ``around_z``, turned by ``turn`` turns and to each normal, to ``direction``."""
-    given = [len(around_z), normal, turn, around_z, direction]
+    shifts = normal[:0, 0] if shift is None else shift
+    given = [len(around_z), int(shift is not None), normal, turn, shifts.contiguous(), around_z, direction]
     launch_in_parallel(spread_kernel(normal.dtype), len(normal), normal.device, lambda _: given)
 
 
@@ -111,17 +120,18 @@ def relighting_directions(
     light_samples: int,
     generator: torch.Generator,
     floor: bool = False,
+    shifted: bool = False,
 ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
     """Hemisphere directions and directions drawn from the light, with weights of the balance heuristic.
 
     The weight of direction i, in steradian, is 1 / sum_k n_k p_k(w_i) over both strategies k; it is zero below the
-    horizon. ``floor``: see ``hemisphere_directions``. The normals get no gradient.
+    horizon. ``floor`` and ``shifted``: see ``hemisphere_directions``. The normals get no gradient.
     """
     samples = hemisphere_samples + light_samples
     direction, weight = normal.new_empty(len(normal), samples, 3), normal.new_empty(len(normal), samples)
     for some in _pieces(len(normal), samples):
         here, along = normal[some], direction[some]
-        along[:, :hemisphere_samples], _ = hemisphere_directions(here, hemisphere_samples, generator, floor)
+        along[:, :hemisphere_samples], _ = hemisphere_directions(here, hemisphere_samples, generator, floor, shifted)
         along[:, hemisphere_samples:] = sampler.draw(len(here), light_samples, generator)
         above = (along * here[:, None]).sum(-1) > 0
         density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(along)

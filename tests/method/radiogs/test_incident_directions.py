@@ -43,13 +43,12 @@ def irradiance(rays: RaySettings, count: int, samples: int) -> Tensor:
 
 
 def test_each_set_of_directions_is_unbiased_and_independent_of_the_other() -> None:
-    """Half a percent is the error of 8 fixed heights over the hemisphere (``hemisphere_directions``)."""
     rays = RaySettings(directions=IncidentDirections(from_light=0.5, sets=2))
-    found = irradiance(rays, 20_000, 32)
+    found = irradiance(rays, 20_000, 16)
     exact = irradiance(RaySettings(directions=IncidentDirections(from_light=0.5, sets=1)), 20, 200_000).mean()
     error = found / exact - 1
     spread = float(error.std())
-    torch.testing.assert_close(error.mean(0), torch.zeros(2), rtol=0, atol=0.005 + 4 * spread / 20_000**0.5)
+    torch.testing.assert_close(error.mean(0), torch.zeros(2), rtol=0, atol=4 * spread / 20_000**0.5)
     assert abs(float(torch.corrcoef(error.T)[0, 1])) < 4 / 20_000**0.5
 
 
@@ -67,14 +66,15 @@ def share_near(direction: Tensor, row: int, column: int) -> float:
 
 
 def test_directions_follow_a_light_that_is_learnt() -> None:
-    stage = inverse_rendering(BALL, 0.9, light=sunny())
+    materials = {"directions": IncidentDirections(from_light=0.5, sets=2)}
+    stage = inverse_rendering(BALL, 0.9, learning(**materials), sunny(), replace(BUDGET, incident_samples=16))
     stage.shader.cache.renew(stage.model, 0)
-    assert share_near(stage.shader.cache.incident.direction, *SUN) > 0.3
+    assert share_near(stage.shader.cache.incident.direction, *SUN) > 0.2
     with torch.no_grad():
         stage.optimiser.tensors["log_environment"].copy_(sunny(6, 12))
     stage.step()
     assert share_near(stage.shader.cache.incident.direction, *SUN) < 0.1
-    assert share_near(stage.shader.cache.incident.direction, 6, 12) > 0.3
+    assert share_near(stage.shader.cache.incident.direction, 6, 12) > 0.2
 
 
 def test_the_shader_s_sets_are_the_sums_over_their_own_directions() -> None:

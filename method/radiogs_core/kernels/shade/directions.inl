@@ -16,6 +16,11 @@ for (int i = 0; i < 3; ++i) {
 SCALAR* to = direction.data + 3LL * samples * surfel;
 for (int sample = 0; sample < samples; ++sample) {
     const SCALAR* local = around_z.data + 3 * sample;
+    SCALAR height = local[2], wider = one;
+    if (shifted) {
+        height = one - (SCALAR(sample) + shift.data[surfel]) / SCALAR(samples);
+        wider = wp::sqrt((one - height * height) / (one - local[2] * local[2]));
+    }
     for (int i = 0; i < 3; ++i)
-        to[3 * sample + i] = local[0] * first[i] + local[1] * second[i] + local[2] * n[i];
+        to[3 * sample + i] = wider * local[0] * first[i] + wider * local[1] * second[i] + height * n[i];
 }

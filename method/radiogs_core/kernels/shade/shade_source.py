@@ -213,17 +213,24 @@ _DIRECTIONS = native_file(__package__, "directions.inl")
 def spread_kernel(dtype: torch.dtype) -> Any:
     """``spread`` for a scalar type: turns a set of directions to the hemisphere of each surfel; all arrays are flat.
 
-    ``turn``: azimuth of each surfel's set, in turns. ``around_z``: directions around +Z. ``direction``: the result.
+    ``turn``: azimuth of each surfel's set, in turns. ``shift``: where sample i of each surfel lies in its band of
+    heights, read if ``shifted``. ``around_z``: directions around +Z. ``direction``: the result.
     """
     start_warp()
     flat = wp.array(dtype=scalar_type(dtype))
 
     @wp.func_native(native_text(_DIRECTIONS["spread"], dtype, False, {}))
-    def spread_set(surfel: wp.int32, samples: wp.int32, normal: flat, turn: flat, around_z: flat, direction: flat): ...
+    def spread_set(
+        surfel: wp.int32, samples: wp.int32, shifted: wp.int32, normal: flat, turn: flat, shift: flat,
+        around_z: flat, direction: flat,
+    ): ...  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
-    def spread(begin: wp.int32, samples: wp.int32, normal: flat, turn: flat, around_z: flat, direction: flat):
-        spread_set(begin + wp.tid(), samples, normal, turn, around_z, direction)
+    def spread(
+        begin: wp.int32, samples: wp.int32, shifted: wp.int32, normal: flat, turn: flat, shift: flat,
+        around_z: flat, direction: flat,
+    ):  # fmt: skip
+        spread_set(begin + wp.tid(), samples, shifted, normal, turn, shift, around_z, direction)
 
     return spread
 
