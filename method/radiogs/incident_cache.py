@@ -1,6 +1,6 @@
 """Cache of V and L_ind of all surfels between two tracings (paper, section on inverse rendering)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import torch
@@ -65,7 +65,7 @@ class IncidentCache:
 
     @property
     def samples(self) -> int:
-        """Number of directions of each surfel (N_s)."""
+        """Number of directions of each surfel in a set (N_s)."""
         return self.budget.incident_samples
 
     @property
@@ -75,8 +75,30 @@ class IncidentCache:
 
     @property
     def sets(self) -> int:
-        """Number of independent sets that a surfel's directions form."""
-        return self.rays.sets_of(self.samples)
+        """Number of independent sets of directions."""
+        return self.rays.directions.sets
+
+    def set_of(self, iteration: int) -> int:
+        """Number of the set whose directions are drawn anew in a step."""
+        return iteration % self.sets
+
+    def rows(self, index: Int[Tensor, " chosen"], number: int) -> Int[Tensor, " chosen"]:
+        """Rows of the set ``number`` of the surfels at ``index``, where each set of a surfel is a row."""
+        return self.sets * index + number
+
+    def of_set(self, index: Int[Tensor, " chosen"], number: int) -> Incident:
+        """The cached light on the surfels at ``index`` along the directions of the set ``number`` alone."""
+        rows, shape = self.rows(index, number), (-1, self.samples)
+        whole = vars(self.incident).items()
+        light = Incident(**{name: value.view(*shape, *value.shape[2:])[rows] for name, value in whole})
+        return replace(light, weight=self.sets * light.weight)
+
+    def store(self, index: Int[Tensor, " chosen"], number: int, fresh: Incident) -> None:
+        """Overwrite the set ``number`` of the surfels at ``index`` with ``fresh``, without gradient."""
+        rows, shape = self.rows(index, number), (-1, self.samples)
+        for name, value in vars(replace(fresh, weight=fresh.weight / self.sets)).items():
+            kept = getattr(self.incident, name)
+            kept.view(*shape, *kept.shape[2:])[rows] = value.detach()
 
     def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
         """The light on the surfels ``index``: traced now and cached, or from the cache if the policy traces once."""
@@ -85,7 +107,7 @@ class IncidentCache:
         if iteration % self.interval == 0 and iteration != self.traced_at:
             self.refresh(model, iteration)
         self.tracer.follow(model.surfels)
-        return self.traced(index, model)
+        return self.traced(index, model, self.set_of(iteration))
 
     def renew(self, model: Model, iteration: int) -> None:
         """Trace the light on all surfels along new directions, as at the beginning of stage 2."""
@@ -99,13 +121,20 @@ class IncidentCache:
     def gathered(self, model: Model) -> Incident:
         """The light on all surfels along new directions, without gradient."""
         self.tracer.follow(model.surfels)
-        return incident_along(self.tracer, *self.directions(model))
+        return incident_along(self.tracer, *self.all_sets(model))
+
+    def all_sets(
+        self, model: Model, index: Int[Tensor, " chosen"] | None = None
+    ) -> tuple[Float[Tensor, "chosen samples 3"], Float[Tensor, "chosen samples"]]:
+        """New directions in all sets of the surfels at ``index`` (None: all), and their solid angles in steradian."""
+        direction, weight = zip(*(self.directions(model, index) for _ in range(self.sets)), strict=True)
+        return torch.cat(direction, 1), torch.cat(weight, 1) / self.sets
 
     @torch.no_grad()
     def directions(
         self, model: Model, index: Int[Tensor, " chosen"] | None = None
     ) -> tuple[Float[Tensor, "chosen samples 3"], Float[Tensor, "chosen samples"]]:
-        """New unit directions of the surfels at ``index`` (None: all), and their solid angles in steradian."""
+        """New directions in a set of the surfels at ``index`` (None: all), and their solid angles in steradian."""
         normal = model.surfels.frame[..., 2]
         light = self._sampler(model.log_environment) if self.rays.reads_light else None
         return self.rays.drawn(normal if index is None else normal[index], self.samples, light, self.generator)
@@ -117,11 +146,11 @@ class IncidentCache:
             self.sampled = SampledLight(log_environment, log_environment._version, sampler)
         return self.sampled.sampler
 
-    def traced(self, index: Int[Tensor, " chosen"], model: Model) -> Incident:
-        """The light on the surfels ``index`` along new directions; also stores it in the cache."""
+    def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
+        """The light on the surfels ``index`` along new directions; also stores it in the cache as set ``number``."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
             fresh = self.along(index, *self.directions(model, index))
-        self.incident.store(index, fresh)
+        self.store(index, number, fresh)
         return fresh
 
     def along(

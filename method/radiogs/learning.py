@@ -130,15 +130,16 @@ class MaterialStart(StartValues):
 
 @dataclass(frozen=True)
 class IncidentDirections:
-    """The directions along which stage 2 gathers the light on a surfel, N_s in all."""
+    """The directions along which stage 2 gathers the light on a surfel."""
 
     from_light: float = 0.5
-    """Share of them that is drawn from the light, weighted by the balance heuristic; the others are spread over the
-    hemisphere (paper: all of them). Spread alone they seldom meet a sun, and what L_PBR lacks goes into the radiance of
-    the surfels around, and into albedo."""
+    """Share of the N_s directions of a set that is drawn from the light, weighted by the balance heuristic; the others
+    are spread over the hemisphere (paper: all of them). Spread alone they seldom meet a sun, and what L_PBR lacks goes
+    into the radiance of the surfels around, and into albedo."""
     sets: Literal[1, 2] = 2
-    """Number of independent sets that they form (paper: one). With two, each has an image of its own, and the residual
-    of one image pulls on the other (``losses.crossed``): with one, the noise of its directions is minimised as well."""
+    """Number of independent sets of N_s cached directions (paper: one). With two, each has an image of its own, and the
+    residual of one image pulls on the other (``losses.crossed``): with one, the noise of its directions is minimised as
+    well. L_rad traces N_s rays of each of its surfels in either case, for the sets in turn."""
 
     def __post_init__(self) -> None:
         require(self, "between 0 and 1", "from_light")

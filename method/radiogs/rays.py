@@ -115,11 +115,7 @@ class RaySettings:
     @property
     def reads_light(self) -> bool:
         """Whether directions in training depend on the light."""
-        return self.directions != IncidentDirections(from_light=0.0, sets=1)
-
-    def sets_of(self, samples: int) -> int:
-        """The number of independent sets that so many directions form: at least one direction each."""
-        return min(self.directions.sets, samples)
+        return self.directions.from_light > 0
 
     def drawn(
         self,
@@ -128,20 +124,16 @@ class RaySettings:
         light: LightSampler | None,
         generator: torch.Generator,
     ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
-        """Unit directions, set by set, and their solid angles in steradian, for training.
+        """A set of unit directions of each surfel, and their solid angles in steradian, for training.
 
-        ``light``: draws the share that is drawn from the light; None if none is (``reads_light``). A number that the
-        sets do not divide is rounded down.
+        ``light``: draws the share that is drawn from the light; None if none is (``reads_light``).
         """
         if light is None:
             return hemisphere_directions(normal, samples, generator, self.floor)
-        sets = self.sets_of(samples)
-        from_light = round(self.directions.from_light * (each := samples // sets))
-        counts = each - from_light, from_light
-        made = [
-            relighting_directions(normal, light, *counts, generator, self.floor, not self.floor) for _ in range(sets)
-        ]
-        return torch.cat([direction for direction, _ in made], 1), torch.cat([weight for _, weight in made], 1) / sets
+        from_light = round(self.directions.from_light * samples)
+        return relighting_directions(
+            normal, light, samples - from_light, from_light, generator, self.floor, not self.floor
+        )
 
     def tracer(self, surfels: Surfels) -> SurfelTracer:
         """A tracer of these surfels."""

@@ -219,7 +219,8 @@ def memory_of(
     probed = SURFEL if variant.effects == "auto" else 0
     initialised = learnt + prepared + surfels * (LEARNT + 3 * FLOAT)
     arriving = 3 * FLOAT if variant.materials.rates.light == 0 else 0
-    inverted = learnt + prepared + surfels * (LEARNT + probed + 790 + (SAMPLE + arriving) * samples)
+    cached = variant.materials.directions.sets * samples
+    inverted = learnt + prepared + surfels * (LEARNT + probed + 790 + (SAMPLE + arriving) * cached)
     filtered = filters_bytes(LARGEST_HEIGHT) + alone
     relit = filtered + model - alone + surfels * SAMPLE * directions
     finetuning = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples
@@ -232,7 +233,7 @@ def memory_of(
         return min(RAYS_AT_ONCE, rays)
 
     a_step = peak(inverted, INVERT, min(surfels, budget.consistency_surfels) * samples)
-    anew = peak(inverted + surfels * (SAMPLE + DRAWN) * samples, REFRESH, together(surfels * samples))
+    anew = peak(inverted + surfels * (SAMPLE + DRAWN) * cached, REFRESH, together(surfels * cached))
     prepared = peak(relit, RELIGHT, together(surfels * budget.relight_hemisphere_samples))
     tuned = peak(finetuning, FINE_TUNE, together(budget.finetune_surfels * budget.finetune_samples))
     return (

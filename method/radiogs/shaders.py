@@ -79,9 +79,9 @@ class MonteCarlo:
         index, environment = self.drawn(model.surfels), model.environment
         incident = self.cache.light_on(index, model, iteration)
         if self.arriving is not None and self.arriving.stands(self.cache, model.log_environment):
-            arrive(
-                self.arriving.radiance, index, incident.direction, incident.visibility, incident.radiance, environment
-            )
+            rows = self.cache.rows(index, self.cache.set_of(iteration))
+            by_set = self.arriving.radiance.view(-1, *incident.radiance.shape[1:])
+            arrive(by_set, rows, incident.direction, incident.visibility, incident.radiance, environment)
         return self.radiometric.loss(model.surfels, environment, camera, index, incident, self.cache.generator)
 
     def drawn(self, surfels: Surfels) -> Int[Tensor, " chosen"]:

@@ -36,7 +36,7 @@ from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, t
 from .plan_radiance import PlanRadiance
 from .probe import Findings, Occasion, probe
 from .probe_scene import ProbeRays, ProbeScene, trace_scene
-from .step_cost import Step
+from .step_cost import Step, step_of
 from .substitutes import plan_without
 from .tile_errors import light_factor
 
@@ -138,8 +138,7 @@ def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
 
 def training_findings(scene: ProbeScene, run: Run[Variant, Budget], effects: tuple[str, ...] = EFFECTS) -> Findings:
     """The plan of stage 2 with the run's budget, with its evidence."""
-    budget = run.budget
-    step = Step(len(scene.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+    step = step_of(run.variant, run.budget, len(scene.surfels))
     return probe(scene, step, Occasion(run.seed), effects=effects)
 
 

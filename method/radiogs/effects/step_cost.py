@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from radiogs_core.transport.plan import EffectPlan
 
+from ..settings import Budget, Variant
+
 MICROSECONDS = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
 """Microseconds of one CPU core for one unit of each kind of work, forward and backward. ``surfels`` is the work for a
 surfel that no plan changes. Only the ratios matter, to decide whether an effect takes more than LEAST_SHARE of a
@@ -20,9 +22,11 @@ class Step:
     chosen: int
     """Number of surfels in L_rad (N_g)."""
     samples: int
-    """Directions of each surfel (N_s)."""
+    """Directions of each surfel in a set (N_s)."""
     interval: int
     """Steps from one refresh of all incident light to the next."""
+    sets: int = 1
+    """Number of cached sets of directions."""
 
     def work(self, plan: EffectPlan) -> dict[str, float]:
         """Amounts of work of a step under a plan, by the kinds of MICROSECONDS."""
@@ -34,8 +38,8 @@ class Step:
         if plan.specular:
             shiny = 1.0 if plan.specular_at is None else float(plan.specular_at.double().mean())
         chosen = min(self.chosen, self.surfels)
-        shaded = (self.surfels + 2 * chosen) * samples
-        rays = traced * samples * (chosen + self.surfels / (self.interval * plan.refresh))
+        shaded = (self.sets * self.surfels + 2 * chosen) * samples
+        rays = traced * samples * (chosen + self.sets * self.surfels / (self.interval * plan.refresh))
         # Without indirect light a ray still finds occluders, but reads no harmonics.
         read = rays * HITS if plan.indirect else 0.0
         return {
@@ -50,6 +54,12 @@ class Step:
         """Share of a step's work under ``reference`` that is saved under ``plan``."""
         whole = cost(self.work(reference))
         return 1 - cost(self.work(plan)) / whole
+
+
+def step_of(variant: Variant, budget: Budget, surfels: int) -> Step:
+    """A step of stage 2 by a run's settings, with so many surfels."""
+    sets = variant.materials.directions.sets
+    return Step(surfels, budget.consistency_surfels, budget.incident_samples, budget.refresh_interval, sets)
 
 
 HITS = 4.0

@@ -31,7 +31,7 @@ from ..shaders import MonteCarlo, Shader
 from .planner import Planner
 from .probe_scene import KeptLight
 from .staleness import Staleness, staleness
-from .step_cost import Step
+from .step_cost import step_of
 
 NO_RAYS = EffectPlan(visibility=False, indirect=False)
 """The plan in which no ray is traced."""
@@ -82,8 +82,8 @@ class PlannedInverseRendering(InverseRendering):
 
     def _plan_anew(self, model: Model) -> None:
         """Probe ``model`` and adopt the resulting plan; a plan with other rays starts with new incident light."""
-        budget, surfels, cache = self.budget, model.surfels, self.cache
-        step = Step(len(surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+        surfels, cache = model.surfels, self.cache
+        step = step_of(self.variant, self.budget, len(surfels))
         with part("probe"):
             stale = self._staleness(model) if self.iteration else None
             kept = cache.kept(surfels, self.planner.samples)
@@ -180,7 +180,7 @@ class PlannedIncidentCache(IncidentCache):
         every = torch.arange(len(surfels), device=surfels.centre.device)
         if len(some := self.plan.traced_among(every)):
             self.tracer.follow(surfels)
-            fresh = incident_along(self.tracer, *self.directions(model, some), self.plan, some)
+            fresh = incident_along(self.tracer, *self.all_sets(model, some), self.plan, some)
             self.incident.store(some, self._as_bright(some, fresh))
         self.traced_at = iteration
 
@@ -188,14 +188,14 @@ class PlannedIncidentCache(IncidentCache):
         """The light on all surfels along new directions; before the first probe, no ray is traced."""
         plan = self.plan.at_once if self.begun or not self.planner.due(0) else NO_RAYS
         self.tracer.follow(model.surfels)
-        return incident_along(self.tracer, *self.directions(model), plan)
+        return incident_along(self.tracer, *self.all_sets(model), plan)
 
-    def traced(self, index: Int[Tensor, " chosen"], model: Model) -> Incident:
+    def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
         """The light on the surfels ``index``: traced now if the plan traces it, else their kept light."""
         if not self.plan.kept:
-            return super().traced(index, model)
-        kept, chosen = self.incident.of(index), self.plan.traced_among(index)
-        return kept.replaced(chosen, super().traced(index[chosen], model)) if len(chosen) else kept
+            return super().traced(index, model, number)
+        kept, chosen = self.of_set(index, number), self.plan.traced_among(index)
+        return kept.replaced(chosen, super().traced(index[chosen], model, number)) if len(chosen) else kept
 
     def along(
         self,

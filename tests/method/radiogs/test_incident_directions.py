@@ -32,33 +32,63 @@ def learning(**materials: object) -> Variant:
     return Variant(materials=replace(MaterialLearning(), **materials))  # type: ignore[arg-type]
 
 
-def irradiance(rays: RaySettings, count: int, samples: int) -> Tensor:
-    """[count, sets]: irradiance of one surface by each set of many draws."""
-    light = EnvironmentMap(sunny().exp())
+def irradiance(from_light: float, count: int, samples: int) -> Tensor:
+    """[count]: irradiance of one surface by many draws of a set."""
+    light, rays = EnvironmentMap(sunny().exp()), RaySettings(directions=IncidentDirections(from_light=from_light))
     normal = torch.tensor([[0.0, 0.0, 1.0]]).expand(count, 3)
     direction, weight = rays.drawn(normal, samples, LightSampler(light), torch.Generator().manual_seed(1))
-    arriving = light.lookup(direction)[..., 0] * direction[..., 2].clamp(min=0) * weight
-    sets = rays.sets_of(samples)
-    return sets * arriving.view(count, sets, -1).sum(-1)
+    return (light.lookup(direction)[..., 0] * direction[..., 2].clamp(min=0) * weight).sum(-1)
 
 
-def test_each_set_of_directions_is_unbiased_and_independent_of_the_other() -> None:
-    rays = RaySettings(directions=IncidentDirections(from_light=0.5, sets=2))
-    found = irradiance(rays, 20_000, 16)
-    exact = irradiance(RaySettings(directions=IncidentDirections(from_light=0.5, sets=1)), 20, 200_000).mean()
-    error = found / exact - 1
-    spread = float(error.std())
-    torch.testing.assert_close(error.mean(0), torch.zeros(2), rtol=0, atol=4 * spread / 20_000**0.5)
-    assert abs(float(torch.corrcoef(error.T)[0, 1])) < 4 / 20_000**0.5
+def test_directions_in_training_are_unbiased() -> None:
+    """Fixed heights, 4 of them, are 2 % off here."""
+    found = irradiance(0.5, 20_000, 8)
+    exact = irradiance(0.5, 20, 200_000).mean()
+    assert abs(float(found.mean() / exact) - 1) < 4 * float((found / exact).std()) / 20_000**0.5
 
 
-@pytest.mark.parametrize(("samples", "sets", "found"), [(1, 2, 1), (2, 2, 2), (7, 2, 6), (7, 1, 7)])
-def test_every_number_of_directions_can_be_asked_for(samples: int, sets: int, found: int) -> None:
-    rays = RaySettings(directions=IncidentDirections(from_light=0.5, sets=sets))  # type: ignore[arg-type]
+@pytest.mark.parametrize("samples", [1, 2, 7])
+def test_every_number_of_directions_can_be_asked_for(samples: int) -> None:
     sampler = LightSampler(EnvironmentMap(sunny().exp()))
-    direction, weight = rays.drawn(BALL.frame[..., 2], samples, sampler, torch.Generator().manual_seed(1))
-    assert direction.shape == (len(BALL), found, 3)
-    assert weight.shape == (len(BALL), found)
+    direction, weight = RaySettings().drawn(BALL.frame[..., 2], samples, sampler, torch.Generator().manual_seed(1))
+    assert direction.shape == (len(BALL), samples, 3)
+    assert weight.shape == (len(BALL), samples)
+
+
+def test_a_step_draws_one_set_anew_and_leaves_the_other() -> None:
+    stage = inverse_rendering(BALL, 0.9, light=sunny())
+    cache = stage.shader.cache
+    every = torch.arange(len(BALL))
+    for number in (0, 1, 0):
+        before = [cache.of_set(every, each).direction.clone() for each in (0, 1)]
+        fresh = cache.light_on(every, stage.model, 20 + number)
+        after = [cache.of_set(every, each) for each in (0, 1)]
+        assert torch.equal(after[1 - number].direction, before[1 - number])
+        assert not torch.equal(after[number].direction, before[number])
+        for name, value in vars(fresh).items():
+            torch.testing.assert_close(getattr(after[number], name), value.detach())
+
+
+def test_the_sets_of_a_surfel_are_independent() -> None:
+    """The errors of the irradiance of all surfels, over many draws, do not correlate between the sets."""
+    stage = inverse_rendering(BALL, 0.9, light=sunny())
+    cache, light, found = stage.shader.cache, EnvironmentMap(sunny().exp()), []
+    normal, every = BALL.frame[:, None, :, 2], torch.arange(len(BALL))
+    for _ in range(40):
+        cache.renew(stage.model, 0)
+        sets = [cache.of_set(every, number) for number in (0, 1)]
+        found.append(
+            [
+                (
+                    light.lookup(each.direction)[..., 0] * (each.direction * normal).sum(-1).clamp(min=0) * each.weight
+                ).sum(1)
+                for each in sets
+            ]
+        )
+    values = torch.stack([torch.stack(each) for each in found])
+    error = values - values.mean(0)
+    count = error[:, 0].numel()
+    assert abs(float(torch.corrcoef(error.transpose(0, 1).reshape(2, -1))[0, 1])) < 4 / count**0.5
 
 
 def share_near(direction: Tensor, row: int, column: int) -> float:
@@ -66,19 +96,19 @@ def share_near(direction: Tensor, row: int, column: int) -> float:
 
 
 def test_directions_follow_a_light_that_is_learnt() -> None:
-    materials = {"directions": IncidentDirections(from_light=0.5, sets=2)}
-    stage = inverse_rendering(BALL, 0.9, learning(**materials), sunny(), replace(BUDGET, incident_samples=16))
+    stage = inverse_rendering(BALL, 0.9, light=sunny(), budget=replace(BUDGET, incident_samples=16))
     stage.shader.cache.renew(stage.model, 0)
     assert share_near(stage.shader.cache.incident.direction, *SUN) > 0.2
     with torch.no_grad():
         stage.optimiser.tensors["log_environment"].copy_(sunny(6, 12))
+    stage.step()
     stage.step()
     assert share_near(stage.shader.cache.incident.direction, *SUN) < 0.1
     assert share_near(stage.shader.cache.incident.direction, 6, 12) > 0.2
 
 
 def test_the_shader_s_sets_are_the_sums_over_their_own_directions() -> None:
-    stage = inverse_rendering(BALL, 0.9, light=sunny(), budget=replace(BUDGET, incident_samples=12))
+    stage = inverse_rendering(BALL, 0.9, light=sunny(), budget=replace(BUDGET, incident_samples=6))
     model, incident = stage.model, stage.shader.cache.incident
     outgoing = towards(stage.views[0].camera, model.surfels)
     found = stage.shader.radiance(model, outgoing, PrefilteredLight(model.environment))

@@ -167,15 +167,15 @@ def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialis
 def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     stage = decided(initialised, plan)
-    before = copy_of(stage.shader.cache.incident)
     index = torch.tensor([5, 3, 9, 1])
+    before = stage.shader.cache.of_set(index, 1)
     light = stage.shader.cache.light_on(index, stage.model, 1)
     assert light.visibility.requires_grad or light.radiance.requires_grad
     for row, surfel in enumerate(index.tolist()):
         for name in vars(light):
             value = getattr(light, name)[row]
-            assert torch.equal(value, getattr(stage.shader.cache.incident, name)[surfel])
-        assert torch.equal(light.direction[row], before.direction[surfel]) != bool(plan.traced[surfel])
+            assert torch.equal(value, getattr(stage.shader.cache.of_set(index, 1), name)[row])
+        assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
 
 
 @pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
@@ -220,8 +220,9 @@ def test_without_indirect_light_occluders_keep_their_mean_radiance(
     light = stage.shader.cache.light_on(index, stage.model, 1)
     assert light.visibility.requires_grad
     for row in range(3):
-        hidden = (1 - before.visibility[row]).sum()
-        mean = before.radiance[row].sum(0) / hidden if hidden > 0 else torch.zeros(3)
+        weight = before.weight[row]
+        hidden = ((1 - before.visibility[row]) * weight).sum()
+        mean = (before.radiance[row] * weight[:, None]).sum(0) / hidden if hidden > 0 else torch.zeros(3)
         expected = (1 - light.visibility[row])[:, None] * mean
         torch.testing.assert_close(light.radiance[row], expected)
     assert light.radiance.any()
