@@ -36,7 +36,7 @@ from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, t
 from .plan_radiance import PlanRadiance
 from .probe import Findings, Occasion, probe
 from .probe_scene import ProbeRays, ProbeScene, trace_scene
-from .step_cost import Step, step_of
+from .step_cost import step_of
 from .substitutes import plan_without
 from .tile_errors import light_factor
 
