@@ -117,7 +117,7 @@ class SurfelTracer:
         back_from = None if self.back_offset is None else self.back_offset * width
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
-            origin, direction.flatten(0, 1), reach, back_from=back_from,
+            origin, direction.flatten(0, 1), reach, back_from=back_from, rays_of_origin=direction.shape[1],
         )  # fmt: skip
 
     def trace_from(

@@ -44,6 +44,7 @@ def trace(
     t_min: Float[Tensor, " rays"],
     stop: float = TRACE_TRANSMITTANCE_STOP,
     back_from: Float[Tensor, " rays"] | None = None,
+    rays_of_origin: int = 1,
 ) -> Hits:
     """Trace rays through surfels and blend their hits.
 
@@ -66,9 +67,10 @@ def trace(
         t_min: Distance from the origin beyond which a ray hits surfels, world units.
         stop: Transmittance below which a ray ends.
         back_from: Distance beyond which a ray also hits surfels from behind; None: never.
+        rays_of_origin: Number of consecutive rays that have the same origin, all through the list.
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
-    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
+    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop, rays_of_origin)
     radiance, scalars, blended = _Blend.apply(
         lists, direction, torch.is_grad_enabled(), origin, _rows(geometry), sh, features
     )
