@@ -132,8 +132,12 @@ def test_rays_of_one_origin_hit_what_each_hits_by_itself(of_origin: int, team: i
     assert_equal(by_ray(together), by_ray(apart))
 
 
-def test_rays_of_a_distant_origin_are_as_exact_together_as_apart() -> None:
-    surfels, (origin, direction) = scattered(300, 3.0), from_points(20, 64, 1000.0)
+@pytest.mark.parametrize(("away", "shift"), [(1000.0, 0.0), (4.0, 1000.0)])
+def test_rays_of_a_distant_origin_are_as_exact_together_as_apart(away: float, shift: float) -> None:
+    """Far from the surfels, or beside them and far from zero."""
+    surfels, (origin, direction) = scattered(300, 3.0), from_points(20, 64, away)
+    surfels.centre.add_(shift)
+    origin += shift
     start, backs = torch.zeros(len(origin)), torch.full((len(origin),), torch.inf)
     exact = {"origin": origin.double(), "direction": direction.double()}
     tree = SurfelBVH.build(surfels)
