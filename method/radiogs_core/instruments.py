@@ -135,6 +135,11 @@ def recording(into: Instruments | None = None) -> Iterator[Instruments]:
         _current.reset(token)
 
 
+def amounts_in(counts: Tensor) -> list[Amount]:
+    """The entries of a vector of counts: numbers if it is on the host, else tensors, which nothing waits for."""
+    return counts.tolist() if counts.device.type == "cpu" else list(counts.unbind())
+
+
 def count(**amounts: Amount) -> None:
     """Add to the work counters of the current recording."""
     if (instruments := current()) is not None:

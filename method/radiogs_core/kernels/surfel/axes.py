@@ -31,7 +31,8 @@ def met_by_rays(
 class _Axes(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *given: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        frame, log_scale, opacity_logit = given = tuple(value.contiguous() for value in given)
+        given = tuple(value.contiguous() for value in given)
+        frame, opacity_logit = given[0], given[2]
         axis_u, axis_v, normal = (frame.new_empty(len(frame), 3) for _ in range(3))
         out = axis_u, axis_v, normal, torch.empty_like(opacity_logit)
         arguments = [*given, *out]

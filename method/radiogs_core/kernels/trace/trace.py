@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ...instruments import count, fire, require_finite_blend
+from ...instruments import count, current, fire, require_finite_blend
 from ..arguments import Struct
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, launch_in_parallel
@@ -68,14 +68,16 @@ def trace(
         back_from: Distance beyond which a ray also hits surfels from behind; None: never.
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
-    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
+    lists = find_hits(bvh, origin, direction, t_min, backs, stop)
     radiance, scalars, blended = _Blend.apply(
         lists, direction, torch.is_grad_enabled(), origin, *vars(geometry).values(), sh, features
     )
-    fire(full_rays=(scalars[:, 0].detach() < stop).sum())
+    transmittance, depth = scalars.unbind(1)
+    if current() is not None:
+        fire(full_rays=(transmittance.detach() < stop).sum())
     require_finite_blend("traced radiance", radiance, {"sh": sh})
     require_finite_blend("traced features", blended, {"features": features})
-    return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])
+    return Hits(radiance, transmittance, blended, depth)
 
 
 def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
@@ -105,8 +107,8 @@ class _Blend(torch.autograd.Function):
         lit = origin.new_empty(3 * len(lists.surfel) if learns and any(ctx.needs_input_grad) else 0)
         arguments = [_hits(kernels, lists, direction, inputs), *outputs, lit]
         launch_in_parallel(kernels.forward, _runs(origin), origin.device, lambda _: arguments)
-        read_of_surfel = (sh[:1].numel() + features[:1].numel()) * origin.element_size()
-        count(bytes_read=len(lists.surfel) * read_of_surfel)
+        of_surfel = (sh.shape[1] * sh.shape[2] + features.shape[1]) * origin.element_size()
+        count(bytes_read=len(lists.surfel) * of_surfel)
         ctx.given = arguments[0]
         ctx.save_for_backward(*inputs, *outputs, lit)
         return outputs
