@@ -79,9 +79,7 @@ class _Filtered(torch.autograd.Function):
         return turned.unflatten(1, (ctx.height, -1)).transpose(0, 1).flatten(1, 2).to(pull.dtype), None
 
 
-def _some(
-    height: int, first: int, count: int, device: torch.device
-) -> Complex[Tensor, "frequencies grid texels"]:
+def _some(height: int, first: int, count: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
     """The matrices of ``count`` filters, from number ``first`` on."""
     size = GRID_HEIGHT * GRID_WIDTH // _turns(height)
     return filter_matrices(height, device)[:, first * size : (first + count) * size]
