@@ -239,7 +239,7 @@ def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "ra
     count, device = len(origin), origin.device
     code = torch.empty(count, dtype=torch.int32, device=device)
     if count > 0:
-        low, high = (bound.tolist() for bound in torch.aminmax(origin[::BOUNDED], dim=0))
+        low, high = torch.stack(torch.aminmax(origin[::BOUNDED], dim=0)).tolist()
         span = max(end - begin for begin, end in zip(low, high, strict=True))
         rays = [value.contiguous() for value in (origin, direction)]
         cells = (CELLS - 1) / span if span > 0 else 0.0
