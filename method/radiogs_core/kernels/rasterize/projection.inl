@@ -18,10 +18,10 @@ fill_last(count);
 const SCALAR* p = pose.data;
 
 // ---- keep
-// ``keep``: of the surfels from ``at`` on, which are LANES of the first ``some``, those in ``mask`` are moved to place
-// ``kept``, which does not lie after them; returns the place after them.
-auto keep = [&](int at, int some, int kept, auto mask) -> int {
-    for (int lane = 0; lane < LANES && at + lane < some; ++lane) {
+// ``keep``: of the LANES surfels from ``at`` on, those in ``mask`` are moved to place ``kept``, which does not lie after
+// them; returns the place after them.
+auto keep = [&](int at, int kept, auto mask) -> int {
+    for (int lane = 0; lane < LANES; ++lane) {
         chosen[kept] = chosen[at + lane];
         kept += LANE(mask, lane) ? 1 : 0;
     }
@@ -264,7 +264,7 @@ if (shown_only) {
 #include "turned"
 #include "away"
         write_rows(out_normal.data, 3, rows, n);
-        shown = keep(at, count, shown, facing < 0.0);
+        shown = keep(at, shown, facing < 0.0);
     }
     for (int surfel = first_surfel; surfel < first_surfel + count; ++surfel) {
         for (int k = 0; k < 4; ++k) out_tiles.data[4LL * surfel + k] = k < 2 ? 0 : -1;
@@ -286,7 +286,7 @@ for (int at = 0; at < shown; at += LANES) {
 #include "support.inl:measure"
 #include "bounds"
 #include "record"
-    lit = keep(at, shown, lit, shown_only ? is_touched : Pixels{} - 1);
+    lit = keep(at, lit, shown_only ? is_touched : Pixels{} - 1);
 }
 if (coefficients == 0) return;
 fill_last(lit);
@@ -326,7 +326,7 @@ for (int at = 0; at < count; at += LANES) {
     for (int k = 1; k < 12; ++k) is_pulled |= r[k] != SCALAR(0);
     for (int k = 0; k < 3; ++k)
         is_pulled |= (of_normal[k] != SCALAR(0)) | (of_radiance[k] != SCALAR(0)) | (of_sent[k] != SCALAR(0));
-    active = keep(at, count, active, is_pulled);
+    active = keep(at, active, is_pulled);
 }
 fill_last(active);
 for (long long surfel = first_surfel; surfel < first_surfel + count; ++surfel) {

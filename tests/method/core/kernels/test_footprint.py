@@ -156,7 +156,7 @@ def one_by_one(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
 
 
 @pytest.mark.parametrize("coefficients", [1, 9, 16])
-@pytest.mark.parametrize("pulled", [(0,), (1, 3), (2,), (0, 1, 2, 3)])
+@pytest.mark.parametrize("pulled", [(0,), (1, 3), (2,), (3,), (0, 1, 2, 3)])
 def test_surfels_projected_at_once_and_their_gradients_are_those_of_the_matrices(
     pulled: tuple[int, ...], coefficients: int
 ) -> None:
@@ -285,6 +285,9 @@ def test_scales_and_opacities_of_any_size_are_exponentials_to_float32_s_last_dig
         single, double = (found[name][:, columns] for name in names)
         assert bool((double != 0).all())
         assert float((single / double - 1).abs().max()) < 1.5e-6
+    # The last has an opacity of one, and what is left of it is the share of each.
+    expected = strong[names[1]][-1, 10] * torch.linspace(-80, 80, count).double().sigmoid()
+    torch.testing.assert_close(strong[names[1]][:, 10], expected, rtol=1e-13, atol=0)
     drawn = strong["kind torch.float64"] >= REGULAR
     assert 0.1 < float(drawn.double().mean()) < 0.9
     torch.testing.assert_close(*(strong[name][drawn, 11] for name in names), rtol=2e-6, atol=2e-6)
@@ -299,3 +302,14 @@ def test_what_no_number_holds_is_zero_or_infinite() -> None:
     assert found["kind torch.float32"].tolist() == kinds
     assert found["kind torch.float64"].tolist() == kinds
     assert not found["torch.float32"][:2, 10].any()
+
+
+def test_what_lies_far_beside_the_image_touches_nothing() -> None:
+    """At 1e17 pixels to the right and left of it, below and above, which no 32-bit integer holds."""
+    view = Camera(torch.eye(4), 20.0, 20.0, 8.5, 8.5, 16, 16)
+    centre = torch.tensor([[1e8, 0.0, 1e-8], [-1e8, 0.0, 1e-8], [0.0, 1e8, 1e-8], [0.0, -1e8, 1e-8]])
+    rotation = torch.tensor([[1.0, 0.0, -1.0, 0.0], [1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+    seen = project_surfels(view, (centre, rotation), torch.full((4, 2), -25.0), torch.full((4,), 3.0), None)
+    assert bool(((seen.normal * centre).sum(-1) < 0).all())
+    assert seen.bounds.kind.tolist() == 4 * [REGULAR]
+    assert seen.bounds.tiles.tolist() == 4 * [[0, 0, -1, -1]]
