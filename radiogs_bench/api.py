@@ -34,7 +34,8 @@ from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from .export.records import rows
-from .methods import budget_of, method_names, variant_by_recipe
+from .method_names import method_names
+from .methods import budget_of, variant_by_recipe
 from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption

@@ -1,8 +1,6 @@
-"""The methods that are installed, found by their entry points; those of this project are no exception.
+"""The methods that are installed (``method_names``), loaded and checked, with their variants and budgets.
 
-A package offers a method by an entry point of the group ``radiogs_bench.methods`` whose object is a
-``radiogs_core.contract.Method`` (docs/your_own_method.md). A method may also be a TOML file of commands
-(docs/methods_as_commands.md).
+A method may also be a TOML file of commands (docs/methods_as_commands.md).
 """
 
 import json
@@ -10,8 +8,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
-from importlib import resources
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -21,27 +18,12 @@ from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
 
 from .method_calls import calling, lacking
-
-GROUP = "radiogs_bench.methods"
+from .method_names import method_names, offered_methods, origin, recipes, substitutes
 
 DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""
 
 SUFFIX = ".toml"
-
-substitutes: dict[str, Method] = {}
-"""Methods given by a program that drives the harness from Python, by name; they come before installed ones."""
-
-
-def method_names() -> tuple[str, ...]:
-    """Names of all methods that are installed or given, sorted."""
-    return tuple(sorted({*offered_methods(), *recipes(), *substitutes}))
-
-
-def recipes() -> Mapping[str, Path]:
-    """Files of commands for published codes, by name; they come with the package, the codes do not."""
-    folder = Path(str(resources.files("radiogs_baselines"))) / "commands" / "recipes"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def method(name: str) -> Method:
@@ -59,14 +41,6 @@ def method(name: str) -> Method:
     if name not in offered:
         raise unknown("method", name, method_names(), "See them all:  radiogs-bench methods")
     return _loaded(offered[name])
-
-
-def origin(name: str) -> str:
-    """The package that offers a method."""
-    point = offered_methods().get(name)
-    if name in recipes():
-        return "a recipe for a published code"
-    return "this program" if point is None or point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
 def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
@@ -255,21 +229,6 @@ def describe(of: Method) -> dict[str, Any]:
         "variant": asdict(full),
         "stages": stages,
     }
-
-
-@cache
-def offered_methods() -> Mapping[str, EntryPoint]:
-    """The entry points of installed methods by name. Raises UsageError for two of one name."""
-    found: dict[str, EntryPoint] = {}
-    for point in entry_points(group=GROUP):
-        if point.name in found and point.value != found[point.name].value:
-            raise UsageError(
-                f"two packages offer a method '{point.name}'",
-                f"{found[point.name].value} and {point.value}.",
-                "Uninstall one of them, or rename its entry point.",
-            )
-        found[point.name] = point
-    return found
 
 
 @cache

@@ -5,6 +5,7 @@ receives the counts, an outer one is paused meanwhile, and outside all of them c
 are copied to the host only when they are read, so that counting never waits for the device.
 """
 
+import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
@@ -135,6 +136,11 @@ def recording(into: Instruments | None = None) -> Iterator[Instruments]:
         _current.reset(token)
 
 
+def amounts_in(counts: Tensor) -> list[Amount]:
+    """The entries of a vector of counts: numbers if it is on the host, else tensors, which nothing waits for."""
+    return counts.tolist() if counts.device.type == "cpu" else list(counts.unbind())
+
+
 def count(**amounts: Amount) -> None:
     """Add to the work counters of the current recording."""
     if (instruments := current()) is not None:
@@ -201,7 +207,7 @@ def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]
         blended: The blended values, one row for each pixel or ray.
         given: The values of each surfel that were blended, by name.
     """
-    if blended.requires_grad or bool(torch.isfinite(blended.detach().sum())) or bool(torch.isfinite(blended).all()):
+    if blended.requires_grad or math.isfinite(blended.detach().sum()) or bool(torch.isfinite(blended).all()):
         return
     fire(broken_colours=1)
     broken = [

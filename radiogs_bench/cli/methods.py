@@ -31,11 +31,14 @@ def add_to(commands: "Commands") -> None:
 
 
 def methods(options: argparse.Namespace) -> int:
-    """List all methods, or print everything about one."""
+    """List the names of all methods, or print everything about one, or about all of them as JSON."""
     if options.recipes:
         return _show_recipes(options.name)
+    if not (options.name or options.json):
+        return _list_all()
     from ..errors import explain, worst_exit_code
-    from ..methods import describe, method, method_names
+    from ..method_names import method_names
+    from ..methods import describe, method
     from .reporter import complain, say_whole
 
     described: list[dict[str, Any]] = []
@@ -50,10 +53,8 @@ def methods(options: argparse.Namespace) -> int:
     if options.json:
         for each in described:
             say_whole(json.dumps(each, allow_nan=False))
-    elif options.name:
-        _show_one(described[0])
     else:
-        _show_all(described)
+        _show_one(described[0])
     for failure in broken:
         complain(explain(failure))
     return worst_exit_code(broken)
@@ -75,18 +76,17 @@ def _show_recipes(name: str | None) -> int:
     return 0
 
 
-def _show_all(described: list[dict[str, Any]]) -> None:
-    from rich.table import Table
+def _list_all() -> int:
+    """Print what every method is called and which package offers it; none of them is loaded."""
+    from ..method_names import method_names, origin
+    from .reporter import say
 
-    from .reporter import say, show
-
-    table = Table("method", "title", "from", "stages", "presets")
-    for each in described:
-        stages = next(iter(each["stages"].values()))
-        names = ", ".join(stage["name"] for stage in stages)
-        table.add_row(each["name"], each["title"], each["origin"], names, ", ".join(each["presets"]))
-    show(table)
-    say("all about one:  radiogs-bench methods NAME;  to add yours: docs/your_own_method.md")
+    names = method_names()
+    width = max(map(len, names))
+    for name in names:
+        say(f"{name:{width}}  {origin(name)}")
+    say("presets, stages and fields of one:  radiogs-bench methods NAME;  to add yours: docs/your_own_method.md")
+    return 0
 
 
 def _show_one(described: Mapping[str, Any]) -> None:

@@ -94,8 +94,8 @@ def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
     assert {result["cell"]["protocol"] for result in Store(tmp_path).results()} == {used}
 
 
-@pytest.mark.parametrize("command", [["run", "--help"], ["datasets", "list"]])
-def test_help_and_names_of_scenes_come_without_importing_what_is_slow(command: list[str]) -> None:
+@pytest.mark.parametrize("command", [["run", "--help"], ["datasets", "list"], ["methods"]])
+def test_help_and_names_come_without_importing_what_is_slow(command: list[str]) -> None:
     code = (
         "import sys\n"
         "from radiogs_bench.cli import main\n"

@@ -27,7 +27,7 @@ from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
 from radiogs_bench.lab.rehearsal.record import whole_of
 from radiogs_bench.lab.rehearsal.row import Row
-from radiogs_bench.methods import substitutes
+from radiogs_bench.method_names import substitutes
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages
 from radiogs_core.errors import DataError

@@ -31,7 +31,8 @@ from radiogs_bench.lab.steps.subject import (
     OWN_START,
     subject_of,
 )
-from radiogs_bench.methods import method, substitutes
+from radiogs_bench.method_names import substitutes
+from radiogs_bench.methods import method
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.footprint import frames

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, Turned
-from radiogs_bench import methods
+from radiogs_bench import method_names, methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.run import report_failures
 from radiogs_bench.errors import MethodFailed, explain
@@ -283,10 +283,13 @@ def test_a_package_that_is_broken_does_not_hide_the_others(
 ) -> None:
     (tmp_path / "broken_method.py").write_text("x = 1\n1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    broken = EntryPoint("broken", "broken_method:METHOD", methods.GROUP)
-    offered = {**methods.offered_methods(), "broken": broken}
-    monkeypatch.setattr(methods, "offered_methods", lambda: offered)
-    assert main(["methods"]) == 2
+    broken = EntryPoint("broken", "broken_method:METHOD", method_names.GROUP)
+    offered = {**method_names.offered_methods(), "broken": broken}
+    for module in (methods, method_names):
+        monkeypatch.setattr(module, "offered_methods", lambda: offered)
+    assert main(["methods"]) == 0
+    assert "broken" in capsys.readouterr().out
+    assert main(["methods", "--json"]) == 2
     said = capsys.readouterr()
     assert "radiogs" in said.out
     assert "the method 'broken' cannot be loaded" in said.err
@@ -332,7 +335,7 @@ METHOD = Mine()
     module = f"mine_{abs(hash(change))}"
     (tmp_path / f"{module}.py").write_text(f"{text}{change}\n")
     monkeypatch.syspath_prepend(tmp_path)
-    offered = {"mine": EntryPoint("mine", f"{module}:METHOD", methods.GROUP)}
+    offered = {"mine": EntryPoint("mine", f"{module}:METHOD", method_names.GROUP)}
     monkeypatch.setattr(methods, "offered_methods", lambda: offered)
     with pytest.raises(UsageError, match="the method 'mine' is not what a method is") as refused:
         methods.method("mine")

@@ -103,7 +103,8 @@ class Arguments:
             elif value is None and dtype is not None:
                 addresses[address] = lengths[length] = 0
             else:
-                setattr(self.structure, name, value.__ctype__() if hasattr(value, "__ctype__") else value)
+                # Not hasattr: a vector of Warp takes a microsecond to say that it lacks an attribute.
+                setattr(self.structure, name, value.__ctype__() if isinstance(value, DESCRIBED) else value)
 
     def _refuse(self, tensor: torch.Tensor, name: str, dtype: torch.dtype | None) -> NoReturn:
         gaps = "" if tensor.is_contiguous() else " with gaps"
@@ -131,6 +132,10 @@ class Struct:
     def __ctype__(self) -> Any:
         """The struct as native code reads it, under Warp's name for that."""
         return self._arguments.structure
+
+
+DESCRIBED = (Struct, wp.array)
+"""Values that describe themselves to native code."""
 
 
 @cache

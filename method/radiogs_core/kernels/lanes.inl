@@ -34,6 +34,122 @@ auto bell = [](Lanes square) -> Lanes {
 };
 #endif
 
+// ---- root
+// ``root_of``: the square root of ``Lanes``.
+#if ON_CUDA
+auto root_of = [](SCALAR value) -> SCALAR { return wp::sqrt(value); };
+#else
+auto root_of = [](Lanes value) -> Lanes { return __builtin_elementwise_sqrt(value); };
+#endif
+
+// ---- exponential
+// ``exponential`` of ``Lanes``, to the last digits; its words are those of ``exponential_words``.
+#if ON_CUDA
+auto exponential = [](SCALAR x) -> SCALAR { return wp::exp(x); };
+#else
+// e^x = 2^n e^r with |r| <= log(2) / 2. From LEAST_POWER to LARGEST_POWER results go from zero to infinity; 2^n, which
+// is beyond the numbers there, is two factors.
+auto exponential = [](Lanes x) -> Lanes {
+    const Lanes above = x > SCALAR(LEAST_POWER) ? x : Lanes{} + SCALAR(LEAST_POWER);
+    const Lanes within = above < SCALAR(LARGEST_POWER) ? above : Lanes{} + SCALAR(LARGEST_POWER);
+    const Lanes n = __builtin_elementwise_floor(within * SCALAR(1 / 0.69314718055994530942) + SCALAR(0.5));
+    const Lanes r = (within - n * SCALAR(LOG2_HIGH)) - n * SCALAR(LOG2_LOW);
+    Lanes power = Lanes{} + SCALAR(1);
+    for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + r * power * (SCALAR(1) / SCALAR(term));
+    const Whole exponent = __builtin_convertvector(n, Whole), half = exponent >> 1;
+    const Whole one_factor = (half + EXPONENT_OF_ONE) << MANTISSA_BITS;
+    const Whole other_factor = (exponent - half + EXPONENT_OF_ONE) << MANTISSA_BITS;
+    return x == x ? power * (Lanes)one_factor * (Lanes)other_factor : x;
+};
+#endif
+
+// ---- logarithm
+// ``logarithm`` of ``Lanes`` of normal numbers above zero, to the last digits; infinity and NaN are returned, and the
+// result for others is undefined. Its words are those of ``logarithm_words``.
+#if ON_CUDA
+auto logarithm = [](SCALAR x) -> SCALAR { return wp::log(x); };
+#else
+auto logarithm = [](Lanes x) -> Lanes {
+    const Whole whole = ((Whole)x - BITS_OF_ROOT_HALF) >> MANTISSA_BITS;
+    const Lanes e = __builtin_convertvector(whole, Lanes);
+    const Lanes m = (Lanes)((Whole)x - (whole << MANTISSA_BITS));
+    const Lanes t = (m - SCALAR(1)) / (m + SCALAR(1)), square = t * t;
+    Lanes series = {};
+    for (int term = LOG_TERMS - 1; term >= 0; --term) series = SCALAR(1) / SCALAR(2 * term + 1) + square * series;
+    return x < SCALAR(__builtin_inf()) ? e * SCALAR(0.69314718055994530942) + SCALAR(2) * t * series : x;
+};
+#endif
+
+// ---- rows
+// ``read_rows``: the first numbers of LANES rows, as many as ``to`` has vectors (up to three, or a multiple of four),
+// into its vectors; lane l belongs to row ``rows[l]`` of a table of ``width`` numbers a row. ``write_rows`` is the
+// inverse, and ``write_each`` writes one number a row. A row may be named twice if it has the same numbers. LANES is 16,
+// or the one of CUDA's arrangement.
+#if ON_CUDA
+auto read_rows = [](const SCALAR* from, int width, const int* rows, auto& to) {
+    for (int k = 0; k < (int)(sizeof(to) / sizeof(to[0])); ++k) to[k] = from[(long long)width * rows[0] + k];
+};
+auto write_rows = [](auto* to, int width, const int* rows, const auto& from) {
+    for (int k = 0; k < (int)(sizeof(from) / sizeof(from[0])); ++k) to[(long long)width * rows[0] + k] = from[k];
+};
+#else
+// Four vectors of four blocks of four numbers; in each block, rows and columns change places.
+auto transpose = [](auto* rows) __attribute__((always_inline)) {
+    const auto a = rows[0], b = rows[1], c = rows[2], d = rows[3];
+    const auto ab = __builtin_shufflevector(a, b, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29);
+    const auto cd = __builtin_shufflevector(c, d, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29);
+    const auto ab_after = __builtin_shufflevector(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31);
+    const auto cd_after = __builtin_shufflevector(c, d, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31);
+    rows[0] = __builtin_shufflevector(ab, cd, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29);
+    rows[1] = __builtin_shufflevector(ab, cd, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31);
+    rows[2] = __builtin_shufflevector(ab_after, cd_after, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29);
+    rows[3] = __builtin_shufflevector(ab_after, cd_after, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31);
+};
+typedef SCALAR FourOfRow __attribute__((vector_size(4 * sizeof(SCALAR))));
+auto read_rows = [&](const SCALAR* from, int width, const int* rows, auto& to) __attribute__((always_inline)) {
+    constexpr int count = sizeof(to) / sizeof(to[0]), together = count < 4 ? count : 4;
+    static_assert(count % together == 0, "up to three numbers, or a multiple of four");
+    long long start[LANES];
+    for (int lane = 0; lane < LANES; ++lane) start[lane] = (long long)width * rows[lane];
+    for (int first = 0; first < count; first += together) {
+        Lanes block[4];
+        for (int k = 0; k < 4; ++k) {
+            FourOfRow four[4] = {};
+            for (int part = 0; part < 4; ++part)
+                memcpy(four + part, from + start[4 * part + k] + first, together * sizeof(SCALAR));
+            const auto low = __builtin_shufflevector(four[0], four[1], 0, 1, 2, 3, 4, 5, 6, 7);
+            const auto high = __builtin_shufflevector(four[2], four[3], 0, 1, 2, 3, 4, 5, 6, 7);
+            block[k] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        }
+        transpose(block);
+        for (int k = 0; k < together; ++k) to[first + k] = block[k];
+    }
+};
+auto write_rows = [&](auto* to, int width, const int* rows, const auto& from) __attribute__((always_inline)) {
+    constexpr int count = sizeof(from) / sizeof(from[0]), together = count < 4 ? count : 4;
+    static_assert(count % together == 0, "up to three numbers, or a multiple of four");
+    long long start[LANES];
+    for (int lane = 0; lane < LANES; ++lane) start[lane] = (long long)width * rows[lane];
+    for (int first = 0; first < count; first += together) {
+        decltype(+from[0]) block[4] = {};
+        for (int k = 0; k < together; ++k) block[k] = from[first + k];
+        transpose(block);
+        for (int k = 0; k < 4; ++k) {
+            const auto v = block[k];
+            const auto a = __builtin_shufflevector(v, v, 0, 1, 2, 3), b = __builtin_shufflevector(v, v, 4, 5, 6, 7);
+            const auto c = __builtin_shufflevector(v, v, 8, 9, 10, 11), d = __builtin_shufflevector(v, v, 12, 13, 14, 15);
+            memcpy(to + start[k] + first, &a, together * sizeof(*to));
+            memcpy(to + start[4 + k] + first, &b, together * sizeof(*to));
+            memcpy(to + start[8 + k] + first, &c, together * sizeof(*to));
+            memcpy(to + start[12 + k] + first, &d, together * sizeof(*to));
+        }
+    }
+};
+#endif
+auto write_each = [](auto* to, const int* rows, auto from) {
+    for (int lane = 0; lane < LANES; ++lane) to[rows[lane]] = LANE(from, lane);
+};
+
 // ---- bits
 // ``read`` and ``write`` LANES numbers, one after the other in memory; ``bits_of`` a mask of 8 lanes, lane 0 the lowest
 // bit; ``LOWEST``: the number of the lowest bit that is set.

@@ -27,6 +27,29 @@ def bell_words(dtype: torch.dtype) -> dict[str, str]:
     }
 
 
+def exponential_words(dtype: torch.dtype) -> dict[str, str]:
+    """The values of the words in ``exponential`` for a scalar type.
+
+    They are those of ``bell``, and the powers between which results are neither zero nor infinite.
+    """
+    least, largest = ("-746", "710") if dtype == torch.float64 else ("-104", "89")
+    return {**bell_words(dtype), "LEAST_POWER": least, "LARGEST_POWER": largest}
+
+
+def logarithm_words(dtype: torch.dtype) -> dict[str, str]:
+    """The values of the words in ``logarithm`` for a scalar type.
+
+    They are the layout of its numbers, the bits of sqrt(1/2), and the number of terms of the series of atanh(t) / t up
+    to t = 0.172 that reaches its last digit.
+    """
+    double = dtype == torch.float64
+    return {
+        **layout_words(dtype),
+        "BITS_OF_ROOT_HALF": "0x3fe6a09e667f3bcdLL" if double else "0x3f3504f3",
+        "LOG_TERMS": "10" if double else "5",
+    }
+
+
 def layout_words(dtype: torch.dtype) -> dict[str, str]:
     """The values of two words for a scalar type: the exponent bits of the number 1, and the number of mantissa bits."""
     double = dtype == torch.float64

@@ -88,6 +88,24 @@ def light_prior(incident: Float[Tensor, "surfels 3"]) -> Float[Tensor, ""]:
 
 def environment_smoothness(radiance: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
     """Mean squared difference of neighbouring texels' log radiance; the map wraps around in longitude."""
-    value = radiance.log()
-    around = value - value.roll(1, dims=1)
-    return around.square().mean() + (value[1:] - value[:-1]).square().mean()
+    return _Smoothness.apply(radiance)
+
+
+class _Smoothness(torch.autograd.Function):
+    """``environment_smoothness``, with its gradient in a third of the operations that PyTorch derives."""
+
+    @staticmethod
+    def forward(ctx: Any, radiance: Tensor) -> Tensor:
+        value = radiance.log()
+        around = value - value.roll(1, dims=1)
+        down = value[1:] - value[:-1]
+        ctx.save_for_backward(radiance, around, down)
+        return around.square().mean() + down.square().mean()
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> Tensor:
+        radiance, around, down = ctx.saved_tensors
+        slope = (around - around.roll(-1, dims=1)) / around.numel()
+        slope[1:].add_(down, alpha=1 / max(1, down.numel()))
+        slope[:-1].sub_(down, alpha=1 / max(1, down.numel()))
+        return 2 * pull * slope / radiance

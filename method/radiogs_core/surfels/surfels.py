@@ -12,6 +12,7 @@ from torch.nn.functional import normalize
 
 from ..errors import UsageError
 from ..kernels.rasterize.projection import ProjectedSurfels, project_surfels
+from ..kernels.surfel.axes import met_by_rays
 from ..kernels.surfel.footprint import frames, widened
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
@@ -82,10 +83,7 @@ class Surfels:
 
     def geometry(self) -> SplatGeometry:
         """The geometry of the surfels for the ray tracer."""
-        tangent_u, tangent_v, normal = self.frame.unbind(-1)
-        scale = self.scale
-        axes = tangent_u / scale[:, :1], tangent_v / scale[:, 1:]
-        return SplatGeometry(self.centre, *axes, normal.contiguous(), self.opacity)
+        return met_by_rays(self.centre, self.frame, self.log_scale, self.opacity_logit)
 
     def geometry_for(self, camera: Camera) -> SplatGeometry:
         """The geometry for rasterization: widened to the footprint of a pixel (``kernels.surfel.footprint``)."""

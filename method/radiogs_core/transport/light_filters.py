@@ -37,7 +37,8 @@ def turned_spectrum(light: Float[Tensor, "height width channels"]) -> Complex[Te
     height, width = light.shape[:2]
     turns = _turns(height)
     frequencies = torch.fft.rfft(light.double().unflatten(1, (turns, width // turns)), dim=1)
-    return frequencies.transpose(0, 1).flatten(1, 2)
+    # Small matrices are multiplied three times as fast if they have no gaps.
+    return frequencies.transpose(0, 1).contiguous().flatten(1, 2)
 
 
 def filtered(
@@ -50,9 +51,7 @@ def filtered(
     """
     turns = _turns(height)
     columns = GRID_WIDTH // turns
-    size = GRID_HEIGHT * columns
-    filters = filter_matrices(height, spectrum.device)[:, first * size : (first + count) * size]
-    turned = torch.fft.irfft(filters @ spectrum, n=turns, dim=0)
+    turned = torch.fft.irfft(_some(height, first, count, spectrum.device).bmm(spectrum), n=turns, dim=0)
     return turned.unflatten(1, (count, GRID_HEIGHT, columns)).permute(1, 2, 0, 3, 4).flatten(2, 3)
 
 
@@ -75,16 +74,21 @@ class _Filtered(torch.autograd.Function):
         turns = _turns(ctx.height)
         columns = GRID_WIDTH // turns
         spectrum = torch.fft.rfft(pull.double().unflatten(2, (turns, columns)), dim=2)
-        along = spectrum.permute(2, 0, 1, 3, 4).flatten(1, 3)
-        turned = torch.fft.irfft(_adjoint(ctx.height, len(pull), pull.device) @ along, n=turns, dim=0)
+        along = spectrum.permute(2, 0, 1, 3, 4).contiguous().flatten(1, 3)
+        turned = torch.fft.irfft(_adjoint(ctx.height, len(pull), pull.device).bmm(along), n=turns, dim=0)
         return turned.unflatten(1, (ctx.height, -1)).transpose(0, 1).flatten(1, 2).to(pull.dtype), None
+
+
+def _some(height: int, first: int, count: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
+    """The matrices of ``count`` filters, from number ``first`` on."""
+    size = GRID_HEIGHT * GRID_WIDTH // _turns(height)
+    return filter_matrices(height, device)[:, first * size : (first + count) * size]
 
 
 @cache
 def _adjoint(height: int, count: int, device: torch.device) -> Complex[Tensor, "frequencies texels grid"]:
     """The conjugate transposes of the first ``count`` filters' matrices."""
-    size = GRID_HEIGHT * GRID_WIDTH // _turns(height)
-    return filter_matrices(height, device)[:, : count * size].mH.contiguous().resolve_conj()
+    return _some(height, 0, count, device).mH.contiguous().resolve_conj()
 
 
 def filters_bytes(height: int) -> int:

@@ -99,7 +99,7 @@ class SurfelTracer:
             self._bvh = SurfelBVH.build(self._first.detach())
             self._fitted = self._first is self.geometry
         if not self._fitted:
-            self._bvh.refit(self.geometry.detach())
+            self._bvh.refit(self.geometry)
             self._fitted = True
         return self._bvh
 
@@ -117,7 +117,7 @@ class SurfelTracer:
         back_from = None if self.back_offset is None else self.back_offset * width
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
-            origin, direction.flatten(0, 1), reach, back_from=back_from,
+            origin, direction.flatten(0, 1), reach, back_from=back_from, rays_of_origin=direction.shape[1],
         )  # fmt: skip
 
     def trace_from(
@@ -145,23 +145,26 @@ class SurfelTracer:
 
         Effects and surfels that ``plan`` leaves out get the substitutes of ``untraced``.
         """
-        traced = plan.traced_among(index)
+        if plan.traces_all and len(index):
+            return Incident(direction, weight, *self._through_surfels(index, direction))
+        free, traced = self.untraced(index, direction, weight), plan.traced_among(index)
         if not len(traced):
-            return self.untraced(index, direction, weight)
-        none = self.geometry.centre.new_zeros(len(self.geometry), 0)
-        hits = self.trace(index[traced], direction[traced], none)
-        visibility, whole = visibility_of(hits)
-        shape = (len(traced), direction.shape[1])
-        visibility, radiance = visibility.view(shape), (hits.radiance * whole[:, None]).view(*shape, 3)
-        if plan.traces_all:
-            return Incident(direction, weight, visibility, radiance)
-        free = self.untraced(index, direction, weight)
+            return free
+        visibility, radiance = self._through_surfels(index[traced], direction[traced])
         return Incident(
             direction,
             weight,
             free.visibility.index_copy(0, traced, visibility) if plan.visibility else free.visibility,
             free.radiance.index_copy(0, traced, radiance) if plan.indirect else free.radiance,
         )
+
+    def _through_surfels(
+        self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]
+    ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
+        """Visibility and indirect radiance along given directions of the surfels ``index``."""
+        hits = self.trace(index, direction, self.geometry.centre.new_empty(len(self.geometry), 0))
+        visibility, whole = visibility_of(hits)
+        return visibility.view(direction.shape[:2]), (hits.radiance * whole[:, None]).view(direction.shape)
 
     def untraced(
         self,
@@ -184,8 +187,8 @@ def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " r
     light. The factor of other rays is 1.
     """
     solid = hits.transmittance < TRACE_TRANSMITTANCE_STOP
-    visibility = torch.where(solid, 0.0, hits.transmittance)
-    return visibility, 1 / torch.where(solid, 1 - hits.transmittance, 1.0)
+    visibility = hits.transmittance.masked_fill(solid, 0.0)
+    return visibility, 1 / (1 - hits.transmittance).masked_fill(~solid, 1.0)
 
 
 @torch.no_grad()

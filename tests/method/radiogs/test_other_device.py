@@ -19,6 +19,7 @@ from radiogs.relighting import relight
 from radiogs.settings import Relighting, Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import light_and_albedo
@@ -90,7 +91,7 @@ def test_a_step_rarely_waits_for_the_device() -> None:
         return min(found)
 
     long = with_values(SHORT, {"geometry.steps": 1000, "geometry.densify_interval": 500})
-    with elsewhere() as account:
+    with elsewhere() as account, recording():
         first = Initialisation(Run(SCENE, Variant(), long, 0, registered()))
         assert fewest(first, account) == MOST_WAITS["initialise"], account.awaited
         second = inverse_rendering(Run(SCENE, Variant(), SHORT, 0, registered()), through_a_file(first.state()))

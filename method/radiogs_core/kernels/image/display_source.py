@@ -11,7 +11,7 @@ import torch
 import warp as wp
 
 from ...scene.colour import LINEAR_KNEE
-from ..lanes import LANES, layout_words
+from ..lanes import LANES, logarithm_words
 from ..native_text import native_file, native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 
@@ -68,15 +68,8 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
 
 def power_words(dtype: torch.dtype) -> dict[str, str]:
-    """The values of the words in ``power``, and in a logarithm by the same series, for a scalar type.
+    """The values of the words in ``power`` for a scalar type.
 
-    They are the layout of its numbers, and the numbers of terms of the series of atanh(t) / t up to t = 0.172 and of
-    exp up to 0.5 that reach its last digit.
+    They are those of a logarithm, and the number of terms of the series of exp up to 0.5 that reach its last digit.
     """
-    double = dtype == torch.float64
-    return {
-        **layout_words(dtype),
-        "BITS_OF_ROOT_HALF": "0x3fe6a09e667f3bcdLL" if double else "0x3f3504f3",
-        "LOG_TERMS": "10" if double else "5",
-        "EXP_TERMS": "14" if double else "8",
-    }
+    return {**logarithm_words(dtype), "EXP_TERMS": "14" if dtype == torch.float64 else "8"}

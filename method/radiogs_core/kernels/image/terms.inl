@@ -25,26 +25,10 @@ auto nearness = [&](SCALAR z) -> SCALAR {
     return ((far > SCALAR(0)) & (beyond > SCALAR(1))) ? SCALAR(1) / (beyond * beyond * beyond * beyond) : SCALAR(1);
 };
 
-// ---- logarithm
-// ``logarithm`` of ``Lanes`` of normal numbers above zero, to the last digits; NaN is returned.
-#if ON_CUDA
-auto logarithm = [](SCALAR x) -> SCALAR { return SCALAR(log(x)); };
-#else
-auto logarithm = [](Lanes x) -> Lanes {
-    const Whole whole = ((Whole)x - BITS_OF_ROOT_HALF) >> MANTISSA_BITS;
-    const Lanes e = __builtin_convertvector(whole, Lanes);
-    const Lanes m = (Lanes)((Whole)x - (whole << MANTISSA_BITS));
-    const Lanes t = (m - SCALAR(1)) / (m + SCALAR(1)), square = t * t;
-    Lanes series = {};
-    for (int term = LOG_TERMS - 1; term >= 0; --term) series = SCALAR(1) / SCALAR(2 * term + 1) + square * series;
-    return x == x ? e * SCALAR(0.69314718055994530942) + SCALAR(2) * t * series : x;
-};
-#endif
-
 // ---- forward
 #include "block"
 #include "display.inl:power"
-#include "logarithm"
+#include "lanes.inl:logarithm"
 // Pixels beyond the block have to be zero.
 auto total = [](const SCALAR* values) -> SCALAR {
     SCALAR lanes[LANES] = {}, sum = SCALAR(0);

@@ -15,6 +15,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import LANES, exponential_words, logarithm_words
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 from ..surfel.footprint_source import FOOTPRINT, FOOTPRINT_WORDS, FRAME
@@ -23,17 +24,20 @@ from ..surfel.support_source import REGULAR, SUPPORT, SUPPORT_WORDS
 from .rasterize_source import TILE
 
 _TEXT = native_file(
-    __package__, "projection.inl", frame=FRAME, footprint=FOOTPRINT, support=SUPPORT, harmonics=HARMONICS
+    __package__, "projection.inl", lanes=LANES, frame=FRAME, footprint=FOOTPRINT, support=SUPPORT, harmonics=HARMONICS
 )
 
 
 def surfels_an_item(on_cuda: bool) -> int:
     """Number of surfels that one item of the kernels projects."""
-    return 1 if on_cuda else 64
+    return 1 if on_cuda else 128
 
 
 def _written_for(part: str, dtype: torch.dtype, on_cuda: bool) -> str:
     words = {
+        **logarithm_words(dtype),
+        **exponential_words(dtype),
+        "SURFELS_A_VECTOR": "1" if on_cuda else "16",
         "SURFELS_AN_ITEM": str(surfels_an_item(on_cuda)),
         "TILE": str(TILE),
         "REGULAR": str(REGULAR),

@@ -9,7 +9,7 @@ import warp as wp
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ...instruments import count, require_finite_blend
+from ...instruments import amounts_in, count, current, require_finite_blend
 from ...scene.camera import Camera
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, launch_in_parallel
@@ -93,8 +93,10 @@ class _Blend(torch.autograd.Function):
         outputs = [*_planes(kernels, images, planes), sums, ends, blended]
         arguments = [*view, records, together, *outputs]
         launch_in_parallel(kernels.forward, items, records.device, lambda _: arguments)
-        pairs = blended.sum()
-        count(blended_pairs=pairs, bytes_read=pairs * (records.shape[1] + together.shape[1]) * records.element_size())
+        if current() is not None:
+            (pairs,) = amounts_in(blended.sum(0, keepdim=True))
+            read = (records.shape[1] + together.shape[1]) * records.element_size()
+            count(blended_pairs=pairs, bytes_read=pairs * read)
         if detached:
             # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
             together = _joined(tuple(_zero_if(index in detached, values) for index, values in enumerate(features)))

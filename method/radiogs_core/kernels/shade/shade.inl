@@ -46,8 +46,8 @@ const int samples = given.samples, height = given.height, width = given.width;
 const long long first_sample = (long long)samples * surfel;
 #include "angle.inl:angle"
 auto total_of = [&](Lanes lanes) -> SCALAR { return sum_of((const SCALAR*)&lanes); };
+#include "lanes.inl:root"
 #if ON_CUDA
-auto root_of = [](Lanes value) -> Lanes { return wp::sqrt(value); };
 auto read = [](const SCALAR* from, int count, Lanes& to) { to = from[0]; };
 auto read_three = [](const SCALAR* from, int count, Lanes& x, Lanes& y, Lanes& z) {
     x = from[0], y = from[1], z = from[2];
@@ -55,7 +55,6 @@ auto read_three = [](const SCALAR* from, int count, Lanes& x, Lanes& y, Lanes& z
 auto write = [](Lanes value, int count, SCALAR* to) { to[0] = value; };
 auto write_three = [](Lanes x, Lanes y, Lanes z, int count, SCALAR* to) { to[0] = x, to[1] = y, to[2] = z; };
 #else
-auto root_of = [](Lanes value) -> Lanes { return __builtin_elementwise_sqrt(value); };
 auto read = [](const SCALAR* from, int count, Lanes& to) {
     to = Lanes{};
     if (count == LANES) memcpy(&to, from, sizeof(to));

@@ -15,10 +15,11 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import LANES
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 
-FRAME = native_file(__package__, "frame.inl")
+FRAME = native_file(__package__, "frame.inl", lanes=LANES)
 """Sections of ``frame.inl``."""
 
 
@@ -28,7 +29,7 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    forward_text, backward_text = (native_text(FRAME[part], dtype, False, {}) for part in ("forward", "backward"))
+    forward_text, backward_text = (native_text(FRAME[part], dtype, True, {}) for part in ("forward", "backward"))
 
     @wp.func_native(forward_text)
     def frame_of(surfel: wp.int32, rotation: flat, out: flat): ...
@@ -47,7 +48,7 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     return SimpleNamespace(forward=forward, backward=backward)
 
 
-FOOTPRINT = native_file(__package__, "footprint.inl")
+FOOTPRINT = native_file(__package__, "footprint.inl", lanes=LANES)
 """Sections of ``footprint.inl``."""
 
 PIXEL_FILTER_VARIANCE = 1 / 12
@@ -71,7 +72,7 @@ def footprint_kernels(dtype: torch.dtype) -> Any:
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
     forward_text, backward_text = (
-        native_text(FOOTPRINT[part], dtype, False, FOOTPRINT_WORDS) for part in ("forward", "backward")
+        native_text(FOOTPRINT[part], dtype, True, FOOTPRINT_WORDS) for part in ("forward", "backward")
     )
 
     @wp.func_native(forward_text)

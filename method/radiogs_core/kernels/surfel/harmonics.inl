@@ -2,9 +2,10 @@
 
 // ---- harmonics
 // ``harmonic``, the 16 basis functions in the direction of travel ``x``, ``y``, ``z``.
-const SCALAR xx = x * x, yy = y * y, zz = z * z;
-const SCALAR harmonic[16] = {
-    SCALAR(0.28209479177387814),
+using Number = decltype(x * x);
+const Number xx = x * x, yy = y * y, zz = z * z;
+const Number harmonic[16] = {
+    Number{} + SCALAR(0.28209479177387814),
     SCALAR(-0.4886025119029199) * y,
     SCALAR(0.4886025119029199) * z,
     SCALAR(-0.4886025119029199) * x,
@@ -28,7 +29,7 @@ const SCALAR a = SCALAR(0.4886025119029199), b = SCALAR(1.0925484305920792), e =
 const SCALAR f = SCALAR(0.5462742152960396), g = SCALAR(0.5900435899266435), h = SCALAR(2.890611442640554);
 const SCALAR i = SCALAR(0.4570457994644658), j = SCALAR(0.3731763325901154), m = SCALAR(1.445305721320277);
 const SCALAR two = SCALAR(2), three = SCALAR(3), four = SCALAR(4), six = SCALAR(6), eight = SCALAR(8);
-const SCALAR slopes[3] = {
+const Number slopes[3] = {
     -a * s[3] + b * (y * s[4] - z * s[7]) + two * x * (f * s[8] - e * s[6])
         - six * g * x * y * s[9] + h * y * z * s[10] + two * i * x * y * s[11] - six * j * x * z * s[12]
         - i * (four * zz - three * xx - yy) * s[13] + two * m * x * z * s[14] - three * g * (xx - yy) * s[15],

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from ...instruments import fire
+from ...instruments import current, fire
 from ..runtime import launch_in_parallel
 from .geometry import SplatGeometry
 from .support_source import DEGENERATE, FAINT, REGULAR, SATURABLE, support_kernel
@@ -37,11 +37,12 @@ class Support:
 
     def counted(self) -> "Support":
         """This support, after counting its guards; call it once for each set of surfels that is binned or fitted."""
-        fire(
-            degenerate_surfels=(self.kind == DEGENERATE).sum(),
-            faint_surfels=(self.kind == FAINT).sum(),
-            saturable_surfels=(self.kind == SATURABLE).sum(),
-        )
+        if current() is not None:
+            fire(
+                degenerate_surfels=(self.kind == DEGENERATE).sum(),
+                faint_surfels=(self.kind == FAINT).sum(),
+                saturable_surfels=(self.kind == SATURABLE).sum(),
+            )
         return self
 
 
@@ -49,7 +50,7 @@ class Support:
 def support_of(geometry: SplatGeometry) -> Support:
     """The supports of surfels."""
     supports = support_kernel(geometry.centre.dtype)
-    given = [getattr(geometry, field.name).detach().contiguous() for field in fields(geometry)]
+    given = [getattr(geometry, field.name).contiguous() for field in fields(geometry)]
     radius, extent = torch.empty_like(given[-1]), torch.empty_like(given[0])
     kind = torch.empty(len(radius), dtype=torch.uint8, device=radius.device)
     arguments = [*given, radius, extent, kind]

@@ -6,11 +6,12 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import LANES
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 from .geometry import ALPHA_THRESHOLD, MAX_ALPHA
 
-SUPPORT = native_file(__package__, "support.inl")
+SUPPORT = native_file(__package__, "support.inl", lanes=LANES)
 """Sections of ``support.inl``."""
 
 SUPPORT_WORDS = {"THRESHOLD": repr(ALPHA_THRESHOLD), "MAX_ALPHA": repr(MAX_ALPHA)}
@@ -27,7 +28,7 @@ def support_kernel(dtype: torch.dtype) -> Any:
     start_warp()
     flat, kinds = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.uint8)
 
-    @wp.func_native(native_text(SUPPORT["support"], dtype, False, SUPPORT_WORDS))
+    @wp.func_native(native_text(SUPPORT["support"], dtype, True, SUPPORT_WORDS))
     def measure(
         surfel: wp.int32, centre: flat, axis_u: flat, axis_v: flat, normal: flat, opacity: flat,
         radius: flat, extent: flat, kind: kinds,

@@ -1,11 +1,11 @@
 """Finds the hits of rays: for each ray its hits in depth order, as one packed list.
 
-Rays are processed in an order in which consecutive rays visit the same nodes (``coherent_order``).
+Rays are processed in an order in which consecutive rays visit the same nodes (``coherent_order``), or origin by origin.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,16 +13,22 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ...instruments import count
+from ...errors import UsageError
+from ...instruments import amounts_in, count, current
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
 from ..runtime import CHUNKS_PER_WORKER, in_parallel, launch, launch_in_parallel, workers
 from .bvh import SurfelBVH
+from .fit_source import LEAF_FIELDS
 from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, TOGETHER, hit_kernels
+from .topology import WIDTH
 
 RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 16, 1 << 20
 """Largest number of rays that are gathered together; it bounds the buffers (12 bytes a hit), of which the CPU touches
 only the filled part."""
+
+FEWEST_OF_ORIGIN = 16
+"""Least number of rays of an origin that go through the tree by themselves on the CPU."""
 
 FEWEST_RAYS = 2048
 """Least number of rays of a chunk on the CPU: the launches of a chunk cost as much as a few hundred rays."""
@@ -53,8 +59,6 @@ class _Round:
     """Numbers of the rays within their chunk."""
     found: Int[Tensor, " rays"]
     """Number of hits of each ray."""
-    source: Int[Tensor, " rays"]
-    """First entry of each ray's hits."""
     rest: Float[Tensor, " rays"]
     """Transmittance behind the last hit of a ray that needs another round; FINISHED for others."""
     surfel: Int[Tensor, " entries"]
@@ -63,10 +67,17 @@ class _Round:
     """Distance of each hit along its ray."""
     alpha: Float[Tensor, " entries"]
     """Alpha of each hit."""
-    visits: tuple[Tensor, Tensor]
+    visits: Int[Tensor, "2 items"]
     """Numbers of visited nodes and leaves."""
     start: list[Tensor]
     """Depth, surfel and transmittance at which the rays started this round, as by ``onwards``."""
+
+    @cached_property
+    def source(self) -> Int[Tensor, " rays"]:
+        """First entry of each ray's hits: on CUDA the ray's own part of the buffer, else the end of those before."""
+        if as_on_cuda(self.found.device):
+            return BUFFER * torch.arange(len(self.found), dtype=torch.int32, device=self.found.device)
+        return begins_of(self.found)[:-1]
 
     def onwards(self, more: Int[Tensor, " some"]) -> list[Tensor]:
         """Depth, surfel and transmittance at which the unfinished rays ``more`` resume."""
@@ -91,8 +102,8 @@ class _Found:
     """Distance of each hit along its ray."""
     alpha: Float[Tensor, " hits"]
     """Alpha of each hit."""
-    visits: tuple[Tensor, Tensor]
-    """Numbers of visited nodes and leaves."""
+    visits: list[Tensor]
+    """Numbers of visited nodes and leaves, of each round."""
 
 
 JOINED = ("counts", "surfel", "depth", "alpha")
@@ -107,15 +118,18 @@ def find_hits(
     t_min: Float[Tensor, " rays"],
     back_from: Float[Tensor, " rays"],
     stop: float,
+    rays_of_origin: int = 1,
 ) -> HitLists:
     """The hits of every ray beyond ``t_min``, up to the hit that takes its transmittance below ``stop``.
 
     Rays hit surfels from the front, and beyond ``back_from`` also from behind. Distances are in lengths of the
-    direction. Raises UsageError if there are more hits than kernels can count.
+    direction. ``rays_of_origin``: that many consecutive rays have the same origin, all through the list. Raises
+    UsageError if there are more hits than kernels can count.
     """
     on_cuda = as_on_cuda(origin.device)
     kernels = hit_kernels(origin.dtype, on_cuda)
-    order = coherent_order(origin, direction)
+    of_origin = 0 if on_cuda or rays_of_origin < FEWEST_OF_ORIGIN else rays_of_origin
+    order = ordered_by_origin(origin, direction, of_origin) if of_origin else coherent_order(origin, direction)
     rays = [value.contiguous() for value in (origin, direction)]
     tree = [bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order]
     start, backs = t_min.index_select(0, order), back_from.contiguous()
@@ -123,40 +137,51 @@ def find_hits(
     if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
         at_once = max(FEWEST_RAYS, min(at_once, share))
+    if of_origin:
+        at_once = max(1, at_once // of_origin) * of_origin
     chunks = zip(order.split(at_once), start.split(at_once), strict=True)
-    tasks = [partial(_find, kernels, [*rays, backs, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
+    fixed = [*rays, backs, stop, *tree]
+    tasks = [partial(_find, kernels, fixed, chunk, nearest, of_origin) for chunk, nearest in chunks]
     found = in_parallel(tasks, origin.device)
     counts, surfel, depth, alpha = (_together([getattr(part, name) for part in found]) for name in JOINED)
-    nodes, leaves = (torch.stack(kind).sum() for kind in zip(*(part.visits for part in found), strict=True))
-    read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
-    count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
+    if current() is not None:
+        nodes, leaves = amounts_in(torch.cat([visits for part in found for visits in part.visits], 1).sum(1))
+        read = (nodes * 6 * WIDTH + leaves * LEAF_FIELDS * WIDTH) * origin.element_size()
+        count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
     _require_countable(len(surfel))
     return HitLists(order, begins_of(counts), surfel, depth, alpha)
 
 
-def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
-    """Gather one chunk: a first round for all rays, and further rounds for rays with more hits than a round holds."""
+def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor, of_origin: int) -> _Found:
+    """Gather one chunk: a first round for all rays, and further rounds for rays with more hits than a round holds.
+
+    ``of_origin``: see ``_gather``; in further rounds each ray has its own origin.
+    """
     slot = torch.arange(len(order), device=order.device)
     start = [start_t, torch.full_like(order, NO_SURFEL), torch.ones_like(start_t)]
-    rounds = [_gather(kernels, fixed, slot, order, start)]
+    rounds = [_gather(kernels, fixed, slot, order, start, of_origin)]
     while len(more := torch.nonzero(rounds[-1].rest != FINISHED)[:, 0]):
         last = rounds[-1]
         slot, start = last.slot[more], last.onwards(more)
-        rounds.append(_gather(kernels, fixed, slot, order[slot], start))
-    visits = [torch.stack(kind).sum() for kind in zip(*(each.visits for each in rounds), strict=True)]
-    counts = rounds[0].found.clone()
-    for later in rounds[1:]:
-        counts[later.slot] += later.found
-    entries = number_of_entries(counts)
+        rounds.append(_gather(kernels, fixed, slot, order[slot], start, 0))
+    only = rounds[0]
     if len(rounds) == 1 and not as_on_cuda(order.device):
-        surfel, depth, alpha = (hits[:entries].clone() for hits in (rounds[0].surfel, rounds[0].depth, rounds[0].alpha))
+        counts, entries = only.found, number_of_entries(only.found)
+        surfel, depth, alpha = (hits.narrow_copy(0, 0, entries) for hits in (only.surfel, only.depth, only.alpha))
     else:
-        surfel, depth, alpha = _joined(kernels, rounds, counts, entries)
-    return _Found(counts, surfel, depth, alpha, (visits[0], visits[1]))
+        counts = only.found.clone()
+        for later in rounds[1:]:
+            counts[later.slot] += later.found
+        surfel, depth, alpha = _joined(kernels, rounds, counts, number_of_entries(counts))
+    return _Found(counts, surfel, depth, alpha, [each.visits for each in rounds])
 
 
-def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tensor, start: list[Tensor]) -> _Round:
+def _gather(
+    kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tensor, start: list[Tensor], of_origin: int
+) -> _Round:
     """Gather one round of hits. ``start``: depth, surfel and transmittance at which each ray starts.
+
+    ``of_origin``: consecutive rays that have one origin; 0 where each may have its own.
 
     On CUDA the buffer has BUFFER entries for each ray. On the CPU, where rays run in order, their hits are packed into
     a buffer of the same size: a ray may use more than BUFFER entries, and a ray that does not fit waits for the next
@@ -166,18 +191,19 @@ def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tens
     room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS + 8)
     hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
     hits_id = torch.empty(room, dtype=torch.int32, device=device)
-    items = len(rays) if as_on_cuda(device) else -(-len(rays) // TOGETHER)
-    found, (nodes, leaves) = torch.empty_like(rays), torch.empty(2, items, dtype=torch.int32, device=device)
+    items = len(rays) if as_on_cuda(device) else _groups(len(rays), of_origin)
+    found, visits = torch.empty_like(rays), torch.empty(2, items, dtype=torch.int32, device=device)
     rest = torch.empty_like(start[2])
     used = torch.zeros(1, dtype=torch.int32, device=device)
-    arguments = [rays, origin, direction, *start, backs, stop, *tree]
+    arguments = [of_origin, rays, origin, direction, *start, backs, stop, *tree]
     hits = [hits_t, hits_id, hits_alpha, used, found, rest]
-    launch(kernels.gather, items, device, [*arguments, *hits, nodes, leaves])
-    if as_on_cuda(device):
-        source = BUFFER * torch.arange(len(rays), dtype=torch.int32, device=device)
-    else:
-        source = begins_of(found)[:-1]
-    return _Round(slot, found, source, rest, hits_id, hits_t, hits_alpha, (nodes.sum(), leaves.sum()), start)
+    launch(kernels.gather, items, device, [*arguments, *hits, *visits])
+    return _Round(slot, found, rest, hits_id, hits_t, hits_alpha, visits, start)
+
+
+def _groups(rays: int, of_origin: int) -> int:
+    """Number of groups of rays that go through the tree together on the CPU."""
+    return rays // of_origin * -(-of_origin // TOGETHER) if of_origin else -(-rays // TOGETHER)
 
 
 def _joined(
@@ -202,7 +228,7 @@ def _together(parts: list[Tensor]) -> Tensor:
 def begins_of(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
     """The first entry of each ray's list, and the end of the last list."""
     begin = counts.new_zeros(len(counts) + 1)
-    begin[1:] = counts.cumsum(0, dtype=torch.int64)
+    torch.cumsum(counts, 0, dtype=counts.dtype, out=begin[1:])
     return begin
 
 
@@ -215,6 +241,24 @@ def number_of_entries(counts: Int[Tensor, " rays"]) -> int:
 
 def _require_countable(hits: int) -> None:
     require_countable(hits, "hits of rays and surfels", "Trace fewer rays together.")
+
+
+@torch.no_grad()
+def ordered_by_origin(
+    origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"], of_origin: int
+) -> Int[Tensor, " rays"]:
+    """Ray numbers with the ``of_origin`` rays of each origin together, origins in the order of their first rays.
+
+    Raises UsageError if the number of rays is no multiple of ``of_origin``.
+    """
+    if len(origin) % of_origin:
+        raise UsageError(
+            f"{len(origin)} rays are no multiple of {of_origin}",
+            "As many consecutive rays are said to have the same origin.",
+            "Trace as many rays from every origin, or leave rays_of_origin out.",
+        )
+    first = coherent_order(origin[::of_origin], direction[::of_origin])
+    return (first[:, None] * of_origin + torch.arange(of_origin, dtype=torch.int32, device=first.device)).flatten()
 
 
 CELLS = 512
@@ -233,7 +277,7 @@ def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "ra
     """
     kernels = hit_kernels(origin.dtype, as_on_cuda(origin.device))
     count, device = len(origin), origin.device
-    code = torch.zeros(count, dtype=torch.int32, device=device)
+    code = torch.empty(count, dtype=torch.int32, device=device)
     if count > 0:
         low, high = torch.stack(torch.aminmax(origin[::BOUNDED], dim=0)).tolist()
         span = max(end - begin for begin, end in zip(low, high, strict=True))

@@ -16,18 +16,22 @@ from ..surfel.geometry import MAX_ALPHA
 
 _TEXT = native_file(__package__, "hits.inl", lanes=LANES)
 
-TOGETHER = 32
-"""Rays that go through the tree together on the CPU: the bits of an integer."""
+TOGETHER = 64
+"""Most rays that go through the tree together on the CPU: the bits of an integer."""
 
 MOST_NODES = 4096
 """Largest number of nodes, and of leaves, that rays which go together enter; if there are more, each of these rays is
 traversed nearest first."""
 
+MOST_MET = 256
+"""Most pairs of a ray and a leaf with hits that are kept before the hits are added to those of their rays."""
+
 MOST_HITS = 248
 """Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
 
-FEW_HITS = 16
-"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones."""
+FEW_HITS = 32
+"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones: as many
+as ``put_in_order`` has code of its own for."""
 
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
@@ -55,6 +59,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         "STACK": STACK,
         "MOST_NODES": MOST_NODES,
         "MOST_HITS": MOST_HITS,
+        "MOST_MET": MOST_MET,
     }
     sizes |= {"NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
@@ -90,6 +95,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     @wp.func_native(native_text(_TEXT["gather"], dtype, on_cuda, words))
     def gather_hits(
         item: wp.int32,
+        of_origin: wp.int32,
         rays: wp.array(dtype=wp.int32),
         origins: wp.array(dtype=vector),
         directions: wp.array(dtype=vector),
@@ -115,6 +121,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def gather(
         first: wp.int32,
+        of_origin: wp.int32,
         rays: wp.array(dtype=wp.int32),
         origins: wp.array(dtype=vector),
         directions: wp.array(dtype=vector),
@@ -137,7 +144,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         leaves_out: wp.array(dtype=wp.int32),
     ):
         gather_hits(
-            first + wp.tid(), rays, origins, directions, starts_t, starts_id, starts_rest, backs_t, stop,
+            first + wp.tid(), of_origin, rays, origins, directions, starts_t, starts_id, starts_rest, backs_t, stop,
             boxes, children, leaves, order, hits_t, hits_id, hits_alpha, used, found_out, rest_out, nodes_out,
             leaves_out,
         )  # fmt: skip

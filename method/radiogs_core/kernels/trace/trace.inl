@@ -193,8 +193,9 @@ if (begin == end) {
 #include "towards"
 #include "fours"
 #include "harmonics_sum"
-const SCALAR* o = hits.origin.data + 3 * ray;
-const SCALAR* pull = pull_colour.data + 3 * ray;
+// Copies, which no store to a gradient can change.
+const SCALAR *from = hits.origin.data + 3 * ray, *to_colour = pull_colour.data + 3 * ray;
+const SCALAR o[3] = {from[0], from[1], from[2]}, pull[3] = {to_colour[0], to_colour[1], to_colour[2]};
 const SCALAR* colour_out = out_colour.data + 3 * ray;
 const SCALAR* blended_out = out_features.data + channels * ray;
 const SCALAR* blended_pull = pull_features.data + channels * ray;
@@ -247,7 +248,9 @@ for (int entry = begin; entry < end; ++entry) {
     behind -= weight * value;
     const SCALAR pull_alpha = left * value - (behind + rest_pull) / (SCALAR(1) - alpha);
 
-    add_to_harmonics(grad_sh.data + width * surfel, lit);
+    // A quarter of the hits are from behind, where surfels are black.
+    const bool pulled = (lit[0] != SCALAR(0)) | (lit[1] != SCALAR(0)) | (lit[2] != SCALAR(0));
+    if (pulled) add_to_harmonics(grad_sh.data + width * surfel, lit);
     SCALAR* to_features = grad_features.data + channels * surfel;
     for (int k = 0; k < channels; ++k) ADD(to_features + k, weight * blended_pull[k]);
 

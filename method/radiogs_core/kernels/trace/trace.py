@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ...instruments import count, fire, require_finite_blend
+from ...instruments import count, current, fire, require_finite_blend
 from ..arguments import Struct
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, launch_in_parallel
@@ -44,6 +44,7 @@ def trace(
     t_min: Float[Tensor, " rays"],
     stop: float = TRACE_TRANSMITTANCE_STOP,
     back_from: Float[Tensor, " rays"] | None = None,
+    rays_of_origin: int = 1,
 ) -> Hits:
     """Trace rays through surfels and blend their hits.
 
@@ -66,40 +67,50 @@ def trace(
         t_min: Distance from the origin beyond which a ray hits surfels, world units.
         stop: Transmittance below which a ray ends.
         back_from: Distance beyond which a ray also hits surfels from behind; None: never.
+        rays_of_origin: Number of consecutive rays that have the same origin, all through the list.
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
-    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
+    lists = find_hits(bvh, origin, direction, t_min, backs, stop, rays_of_origin)
     radiance, scalars, blended = _Blend.apply(
-        lists, direction, torch.is_grad_enabled(), origin, _rows(geometry), sh, features
+        lists, direction, torch.is_grad_enabled(), origin, *vars(geometry).values(), sh, features
     )
-    fire(full_rays=(scalars[:, 0].detach() < stop).sum())
+    transmittance, depth = scalars.unbind(1)
+    if current() is not None:
+        fire(full_rays=(transmittance.detach() < stop).sum())
     require_finite_blend("traced radiance", radiance, {"sh": sh})
     require_finite_blend("traced features", blended, {"features": features})
-    return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])
+    return Hits(radiance, transmittance, blended, depth)
 
 
 def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
     """Each surfel's centre and opacity, axes and normal in four vectors of four, one line of the cache."""
-    none = torch.zeros_like(geometry.opacity)[:, None]
-    centre_and_opacity = [geometry.centre, geometry.opacity[:, None]]
-    parts = [*centre_and_opacity, geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
+    opacity = geometry.opacity[:, None]
+    none = torch.zeros_like(opacity)
+    parts = [geometry.centre, opacity, geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
     return torch.cat(parts, -1)
+
+
+def _of_rows(rows: Float[Tensor, "surfels 16"]) -> tuple[Tensor, ...]:
+    """The fields of a geometry from such vectors."""
+    centre, opacity, axis_u, _, axis_v, _, normal, _ = rows.split([3, 1, 3, 1, 3, 1, 3, 1], 1)
+    return centre, axis_u, axis_v, normal, opacity[:, 0]
 
 
 class _Blend(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, lists: HitLists, direction: Tensor, learns: bool, *inputs: Tensor) -> tuple[Tensor, ...]:
-        inputs = tuple(value.detach().contiguous() for value in inputs)
-        direction = direction.detach().contiguous()
-        origin, _, _, features = inputs
+        origin, *surface, sh, features = inputs
+        inputs = origin.contiguous(), _rows(SplatGeometry(*surface)), sh.contiguous(), features.contiguous()
+        origin, _, sh, features = inputs
+        direction = direction.contiguous()
         kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         rays = len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
         lit = origin.new_empty(3 * len(lists.surfel) if learns and any(ctx.needs_input_grad) else 0)
         arguments = [_hits(kernels, lists, direction, inputs), *outputs, lit]
         launch_in_parallel(kernels.forward, _runs(origin), origin.device, lambda _: arguments)
-        read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
-        count(bytes_read=len(lists.surfel) * read_of_surfel)
+        of_surfel = (sh.shape[1] * sh.shape[2] + features.shape[1]) * origin.element_size()
+        count(bytes_read=len(lists.surfel) * of_surfel)
         ctx.given = arguments[0]
         ctx.save_for_backward(*inputs, *outputs, lit)
         return outputs
@@ -114,7 +125,8 @@ class _Blend(torch.autograd.Function):
         launch_in_parallel(
             kernels.backward, _runs(origin), origin.device, lambda worker: [*arguments, *sums.of(worker)]
         )
-        return None, None, None, grad_origin, *sums.total()
+        to_surface, to_sh, to_features = sums.total()
+        return None, None, None, grad_origin, *_of_rows(to_surface), to_sh, to_features
 
 
 def _runs(rays: Tensor) -> int:

@@ -18,6 +18,7 @@ from radiogs_core.kernels.rasterize.projection_source import geometry_kernels, s
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from radiogs_core.kernels.shade.shade_source import arrival_kernel, consistency_kernels, shade_kernels, spread_kernel
 from radiogs_core.kernels.shade.splitsum_source import lookup_kernels, splitsum_kernels
+from radiogs_core.kernels.surfel.axes_source import axes_kernels
 from radiogs_core.kernels.surfel.footprint_source import footprint_kernels, frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
 from radiogs_core.kernels.surfel.support_source import support_kernel
@@ -42,6 +43,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         edge_kernels(dtype, on_cuda, widths=(3, 3, 1)),
     )
     footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
+    axes = axes_kernels(dtype)
     projecting, seeing = geometry_kernels(dtype, on_cuda), seen_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
     lookup, compared = lookup_kernels(dtype, on_cuda), consistency_kernels(dtype, on_cuda)
@@ -54,7 +56,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         splitsum.forward, splitsum.backward,
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         allowance_kernel(dtype, on_cuda).forward, edges.forward, edges.backward,
-        footprints.forward, footprints.backward, projecting.forward, projecting.backward,
+        axes.forward, axes.backward, footprints.forward, footprints.backward, projecting.forward, projecting.backward,
         seeing.forward, seeing.backward, display.forward, display.backward,
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
         lookup.forward, lookup.backward, step_kernel(dtype, 1e-15), compared.forward, compared.backward,

@@ -156,7 +156,7 @@ def one_by_one(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
 
 
 @pytest.mark.parametrize("coefficients", [1, 9, 16])
-@pytest.mark.parametrize("pulled", [(0,), (1, 3), (2,), (0, 1, 2, 3)])
+@pytest.mark.parametrize("pulled", [(0,), (1, 3), (2,), (3,), (0, 1, 2, 3)])
 def test_surfels_projected_at_once_and_their_gradients_are_those_of_the_matrices(
     pulled: tuple[int, ...], coefficients: int
 ) -> None:
@@ -197,3 +197,119 @@ def test_the_radiance_of_surfels_beside_the_image_may_be_left_out() -> None:
     assert shown.radiance is not None
     assert bool((whole.radiance[~touched[:, 0]] > 0).any())
     assert torch.equal(shown.radiance, torch.where(touched, whole.radiance, 0.0))
+
+
+def test_surfels_beside_the_image_may_be_left_out_without_radiance() -> None:
+    centre, rotation, log_scale, opacity_logit, _ = raw_surfels().values()
+    whole, shown = (
+        project_surfels(camera(), (centre, rotation), log_scale, opacity_logit, None, only) for only in (False, True)
+    )
+    assert torch.equal(shown.bounds.tiles, whole.bounds.tiles)
+    touched = whole.bounds.touched
+    assert 0.2 < float(touched.double().mean()) < 0.8
+    assert torch.equal(shown.records[touched], whole.records[touched])
+    assert torch.equal(shown.normal, whole.normal)
+
+
+def values_and_gradients(
+    given: list[torch.Tensor], pulls: list[torch.Tensor], shown_only: bool
+) -> dict[str, torch.Tensor]:
+    """All that surfels are projected to, and their gradients; of what is not shown no record is defined."""
+    leaves = [value.clone().requires_grad_() for value in given]
+    view = camera().to(dtype=given[0].dtype)
+    seen = project_surfels(view, (leaves[0], leaves[1]), *leaves[2:], shown_only)
+    found = [seen.records, seen.normal, seen.radiance, seen.sent]
+    gradients = torch.autograd.grad(found, leaves, pulls)
+    bounds = {name: getattr(seen.bounds, name) for name in ("tiles", "depth", "kind", "touched")}
+    values = dict(zip(("records", "normal", "radiance", "sent"), (value.detach() for value in found), strict=True))
+    if shown_only:
+        values["records"] = torch.where(seen.bounds.touched[:, None], values["records"], 0.0)
+    return values | bounds | dict(zip(RAW, gradients, strict=True))
+
+
+@pytest.mark.parametrize("shown_only", [False, True])
+@pytest.mark.parametrize("coefficients", [1, 4, 9, 16])
+def test_a_surfel_is_projected_among_others_as_it_is_alone(coefficients: int, shown_only: bool) -> None:
+    """To the last bit, whatever its place among those that are shown and those that are pulled."""
+    count = 150
+    given = [value.float() for value in raw_surfels(count, coefficients).values()]
+    pulled = torch.rand(count, 1) < 0.6
+    pulls = [torch.randn(count, width) * pulled for width in (12, 3, 3, 3)]
+    # Normals are always defined, and what is not shown has no other pull, as in a step.
+    away = ~project_surfels(camera().to(dtype=torch.float32), (given[0], given[1]), *given[2:]).bounds.touched
+    for pull in pulls:
+        pull[away] = 0
+    together = values_and_gradients(given, pulls, shown_only)
+    assert 0.2 < float((together["centre"] != 0).double().mean()) < 0.6
+    for i in range(count):
+        alone = values_and_gradients([v[i : i + 1] for v in given], [v[i : i + 1] for v in pulls], shown_only)
+        for name, value in alone.items():
+            assert torch.equal(value[0], together[name][i]), (name, i)
+
+
+def test_a_surfel_without_pull_has_no_gradient_whatever_its_numbers() -> None:
+    given = [value.float() for value in raw_surfels(40).values()]
+    given[0][::3], given[2][1::3] = torch.nan, torch.inf
+    pulls = [torch.randn(40, width) for width in (12, 3, 3, 3)]
+    for pull in pulls:
+        pull[::3], pull[1::3] = 0, 0
+    found = values_and_gradients(given, pulls, shown_only=False)
+    for name in RAW:
+        assert not found[name][::3].any()
+        assert not found[name][1::3].any()
+        assert bool(found[name][2::3].isfinite().all())
+        assert bool(found[name][2::3].any())
+
+
+def facing_surfels(log_scale: torch.Tensor, opacity_logit: torch.Tensor) -> dict[str, torch.Tensor]:
+    """Surfels on a camera's axis that face it, in float32; columns of their frames are axes of the camera."""
+    count = len(opacity_logit)
+    view = Camera(torch.eye(4), 20.0, 20.0, 8.0, 8.0, 16, 16)
+    rotation = torch.tensor([[0.0, 1.0, 0.0, 0.0]]).expand(count, 4)
+    centre = torch.tensor([[0.0, 0.0, 3.0]]).expand(count, 3)
+    found = {}
+    for dtype in (torch.float32, torch.float64):
+        place = centre.to(dtype), rotation.to(dtype)
+        seen = project_surfels(view.to(dtype=dtype), place, log_scale.to(dtype), opacity_logit.to(dtype), None)
+        found[str(dtype)] = seen.records.double()
+        found[f"kind {dtype}"] = seen.bounds.kind
+    return found
+
+
+def test_scales_and_opacities_of_any_size_are_exponentials_to_float32_s_last_digits() -> None:
+    count, names = 777, (str(torch.float32), str(torch.float64))
+    scales = torch.linspace(-40, 40, count)
+    sized = facing_surfels(torch.stack([scales, scales + 0.01], 1), torch.full((count,), 3.0))
+    strong = facing_surfels(torch.zeros(count, 2), torch.linspace(-80, 80, count))
+    for found, columns in ((sized, [3, 7]), (strong, [10])):
+        single, double = (found[name][:, columns] for name in names)
+        assert bool((double != 0).all())
+        assert float((single / double - 1).abs().max()) < 1.5e-6
+    # The last has an opacity of one, and what is left of it is the share of each.
+    expected = strong[names[1]][-1, 10] * torch.linspace(-80, 80, count).double().sigmoid()
+    torch.testing.assert_close(strong[names[1]][:, 10], expected, rtol=1e-13, atol=0)
+    drawn = strong["kind torch.float64"] >= REGULAR
+    assert 0.1 < float(drawn.double().mean()) < 0.9
+    torch.testing.assert_close(*(strong[name][drawn, 11] for name in names), rtol=2e-6, atol=2e-6)
+
+
+def test_what_no_number_holds_is_zero_or_infinite() -> None:
+    opacity_logit = torch.tensor([-torch.inf, -1e30, -120.0, 120.0, 1e30, torch.inf, torch.nan, 3.0, 3.0, 3.0, 3.0])
+    log_scale = torch.zeros(len(opacity_logit), 2)
+    log_scale[7:, 0] = torch.tensor([-torch.inf, -1e30, 1e30, torch.nan])
+    found = facing_surfels(log_scale, opacity_logit)
+    kinds = [*3 * [FAINT], *3 * [SATURABLE], DEGENERATE, FAINT, FAINT, DEGENERATE, DEGENERATE]
+    assert found["kind torch.float32"].tolist() == kinds
+    assert found["kind torch.float64"].tolist() == kinds
+    assert not found["torch.float32"][:2, 10].any()
+
+
+def test_what_lies_far_beside_the_image_touches_nothing() -> None:
+    """At 1e17 pixels to the right and left of it, below and above, which no 32-bit integer holds."""
+    view = Camera(torch.eye(4), 20.0, 20.0, 8.5, 8.5, 16, 16)
+    centre = torch.tensor([[1e8, 0.0, 1e-8], [-1e8, 0.0, 1e-8], [0.0, 1e8, 1e-8], [0.0, -1e8, 1e-8]])
+    rotation = torch.tensor([[1.0, 0.0, -1.0, 0.0], [1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+    seen = project_surfels(view, (centre, rotation), torch.full((4, 2), -25.0), torch.full((4,), 3.0), None)
+    assert bool(((seen.normal * centre).sum(-1) < 0).all())
+    assert seen.bounds.kind.tolist() == 4 * [REGULAR]
+    assert seen.bounds.tiles.tolist() == 4 * [[0, 0, -1, -1]]

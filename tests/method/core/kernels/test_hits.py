@@ -6,9 +6,11 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.kernels.lanes import LANES
+from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import HitLists, find_hits
@@ -91,6 +93,75 @@ def test_a_ray_that_enters_more_nodes_than_fit_is_followed_nearest_first() -> No
     assert nodes > same, "those that were given up count as well"
     assert_equal(ours, theirs)
     assert ours.begin.diff().tolist() == [3] * RAYS
+
+
+def scattered(count: int, extent: float) -> SplatGeometry:
+    """Surfels of unit width in random orientation, in a ball of about the width ``extent``."""
+    frame = torch.linalg.qr(torch.randn(count, 3, 3)).Q
+    centre = extent * torch.randn(count, 3)
+    return SplatGeometry(centre, *(frame[..., k].contiguous() for k in range(3)), 0.05 + 0.9 * torch.rand(count))
+
+
+def from_points(points: int, of_origin: int, away: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Origins and directions of travel of ``of_origin`` consecutive rays from each of some points, which lie ``away``
+    from zero and look about there."""
+    point = away * torch.nn.functional.normalize(torch.randn(points, 3), dim=-1)
+    origin = point.repeat_interleave(of_origin, 0)
+    return origin, torch.nn.functional.normalize(3 * torch.randn(points * of_origin, 3) - origin, dim=-1)
+
+
+def by_ray(lists: HitLists) -> HitLists:
+    """The same lists in the order of the rays."""
+    place = lists.ray.long().argsort()
+    counts = lists.begin.diff()[place]
+    begin = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    entry = torch.arange(len(lists.surfel)) + (lists.begin[:-1][place] - begin[:-1]).repeat_interleave(counts)
+    fields = (lists.surfel[entry], lists.depth[entry], lists.alpha[entry])
+    return HitLists(lists.ray[place], begin.to(lists.begin.dtype), *fields)
+
+
+@pytest.mark.parametrize("team", [1, 2])
+@pytest.mark.parametrize("of_origin", [1, 15, 16, 63, 64, 65, 130])
+def test_rays_of_one_origin_hit_what_each_hits_by_itself(of_origin: int, team: int) -> None:
+    use_threads(team)
+    tree = SurfelBVH.build(scattered(301, 3.0))
+    origin, direction = from_points(40, of_origin, 4.0)
+    start, backs = torch.full((len(origin),), 0.5), torch.full((len(origin),), 5.0)
+    together, apart = (find_hits(tree, origin, direction, start, backs, 0.03, each) for each in (of_origin, 1))
+    assert 1 < len(together.surfel) / len(origin) < 100
+    assert_equal(by_ray(together), by_ray(apart))
+
+
+@pytest.mark.parametrize(("away", "shift"), [(1000.0, 0.0), (4.0, 1000.0)])
+def test_rays_of_a_distant_origin_are_as_exact_together_as_apart(away: float, shift: float) -> None:
+    """Far from the surfels, or beside them and far from zero."""
+    surfels, (origin, direction) = scattered(300, 3.0), from_points(20, 64, away)
+    surfels.centre.add_(shift)
+    origin += shift
+    start, backs = torch.zeros(len(origin)), torch.full((len(origin),), torch.inf)
+    exact = {"origin": origin.double(), "direction": direction.double()}
+    tree = SurfelBVH.build(surfels)
+    errors = []
+    for each in (64, 1):
+        lists = by_ray(find_hits(tree, origin, direction, start, backs, 1e-6, each))
+        ray, surfel = lists.ray.long().repeat_interleave(lists.begin.diff()), lists.surfel.long()
+        way, normal = exact["direction"][ray], surfels.normal[surfel].double()
+        off = exact["origin"][ray] - surfels.centre[surfel].double()
+        depth = -(normal * off).sum(-1) / (normal * way).sum(-1)
+        point = off + depth[:, None] * way
+        axes = (surfels.axis_u[surfel].double(), surfels.axis_v[surfel].double())
+        square = sum((axis * point).sum(-1).square() for axis in axes)
+        errors.append((surfels.opacity[surfel] * torch.exp(-square / 2) - lists.alpha).abs())
+    together, apart = errors
+    assert len(together) > 1000
+    assert float(together.mean()) < 2 * float(apart.mean()) < 1e-3
+
+
+def test_rays_that_are_no_multiple_of_those_of_an_origin_are_refused() -> None:
+    tree, (origin, direction) = SurfelBVH.build(scattered(20, 1.0)), from_points(1, 40, 4.0)
+    start = torch.zeros(40)
+    with pytest.raises(UsageError, match="no multiple"):
+        find_hits(tree, origin, direction, start, start, 0.03, 32)
 
 
 PROCESSORS = {"this": "-march=native", "AVX2": "-target-cpu haswell", "neither": "-target-cpu nehalem"}

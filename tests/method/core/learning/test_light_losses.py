@@ -26,6 +26,10 @@ def test_smoothness_is_the_mean_square_of_what_neighbouring_logarithms_differ_by
     assert float(environment_smoothness(radiance)) == pytest.approx(float(np.mean(around) + np.mean(down)), rel=1e-12)
 
 
+def test_the_gradient_of_smoothness_is_that_of_central_differences() -> None:
+    assert torch.autograd.gradcheck(lambda radiance: 3 * environment_smoothness(radiance), sky().requires_grad_())
+
+
 def test_smoothness_wraps_around_in_longitude_and_ends_at_the_poles() -> None:
     """Wherever the seam is cut, it is the same light; a step between the poles is none."""
     radiance = sky()
