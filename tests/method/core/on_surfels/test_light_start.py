@@ -80,6 +80,40 @@ def test_a_sun_is_found_through_shadows_and_shading_where_paint_changes_too() ->
         assert float(chosen.std(0).max()) < 0.25, "one paint, one albedo, in the sun and in the shadow"
 
 
+def mean_square(of: torch.Tensor) -> float:
+    around, down = of - of.roll(1, 1), of[1:] - of[:-1]
+    return float(around.square().mean() + down.square().mean())
+
+
+def test_the_weight_of_colour_s_smoothness_leaves_brightness_alone() -> None:
+    use_threads(1)
+    surfels, points, paint = ball_over_plate()
+    transport = transport_to(points, surfels, ROWS, generator())
+    shown = SeenPoints(points.centre, points.normal, paint * transport.white(sky_with_sun()))
+    chroma, grey = [], []
+    for weight in (0.0, 10.0):
+        found = least_variation_light(shown, transport, LightStart(chroma_smoothness=weight)).log()
+        grey.append(mean_square(found.mean(-1)))
+        chroma.append(mean_square(found - found.mean(-1, keepdim=True)))
+    assert chroma[1] < 0.1 * chroma[0]
+    assert grey[1] > 0.5 * grey[0]
+
+
+def test_noise_of_single_points_is_not_taken_for_white_paint() -> None:
+    """The brightest of nine paints of ten is as bright as without noise, so that the light is, too."""
+    use_threads(1)
+    surfels, points, paint = ball_over_plate()
+    transport = transport_to(points, surfels, ROWS, generator())
+    radiance = paint * transport.white(sky_with_sun())
+    noise = torch.randn(len(paint), 1, generator=torch.Generator().manual_seed(4))
+    clean, noisy = (
+        least_variation_light(SeenPoints(points.centre, points.normal, each), transport, LightStart(steps=150))
+        for each in (radiance, radiance * (0.4 * noise).exp())
+    )
+    level = float((transport.white(noisy) / transport.white(clean)).median())
+    assert level == pytest.approx(1.0, abs=0.2)
+
+
 def soft_light() -> torch.Tensor:
     """Bright towards +X and up, three times as bright as on the other side; no shadow tells where it is."""
     towards = normalize(torch.tensor([1.0, 0.0, 1.0], dtype=torch.float64), dim=0)
