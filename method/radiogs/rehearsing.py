@@ -88,6 +88,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
             budget.finetune_iterations if mode in RELIGHTING.by_steps else 0,
         )
         for mode, title in RELIGHTING.titles.items()
+        if mode != RELIGHTING.reference
     )
     return ShortRun(rehearsed, short, kinds, ways)
 

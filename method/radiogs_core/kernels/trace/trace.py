@@ -67,8 +67,33 @@ def trace(
         stop: Transmittance below which a ray ends.
         back_from: Distance beyond which a ray also hits surfels from behind; None: never.
     """
+    lists = hits_of(bvh, origin, direction, t_min, stop, back_from)
+    return blend_hits(lists, geometry, sh, features, origin, direction, stop)
+
+
+def hits_of(
+    bvh: SurfelBVH,
+    origin: Float[Tensor, "rays 3"],
+    direction: Float[Tensor, "rays 3"],
+    t_min: Float[Tensor, " rays"],
+    stop: float = TRACE_TRANSMITTANCE_STOP,
+    back_from: Float[Tensor, " rays"] | None = None,
+) -> HitLists:
+    """The hits of rays, which ``blend_hits`` can blend several times with other values; see ``trace``."""
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
-    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
+    return find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
+
+
+def blend_hits(
+    lists: HitLists,
+    geometry: SplatGeometry,
+    sh: Float[Tensor, "surfels coefficients 3"],
+    features: Float[Tensor, "surfels channels"],
+    origin: Float[Tensor, "rays 3"],
+    direction: Float[Tensor, "rays 3"],
+    stop: float = TRACE_TRANSMITTANCE_STOP,
+) -> Hits:
+    """Blend the hits that ``hits_of`` found for the same rays; see ``trace``."""
     radiance, scalars, blended = _Blend.apply(
         lists, direction, torch.is_grad_enabled(), origin, _rows(geometry), sh, features
     )
