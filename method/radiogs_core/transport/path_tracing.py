@@ -34,7 +34,7 @@ LEAST_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Met:
-    """The hits of rays: visibility, one of the surfels that each ray hits, and the share of its light that they send."""
+    """The hits of rays: visibility, one of the surfels that each ray hits, and how much of its light is theirs."""
 
     visibility: Float[Tensor, " rays"]
     """V of the distant light (``visibility_of``)."""
