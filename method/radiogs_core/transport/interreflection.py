@@ -41,7 +41,7 @@ class FixedRays:
         tracer: SurfelTracer,
         index: Int[Tensor, " chosen"],
         direction: Float[Tensor, "surfels samples 3"],
-        kept_bytes: int = KEPT_BYTES,
+        kept_bytes: int,
     ) -> None:
         self.tracer, self.direction = tracer, direction
         self.chunks = index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ()
@@ -88,7 +88,7 @@ def bounced_incident(
     reflectance = bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
     every, dark = torch.arange(len(albedo), device=albedo.device), torch.zeros_like(albedo)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
-    rays = FixedRays(tracer, plan.traced_among(every), direction)
+    rays = FixedRays(tracer, plan.traced_among(every), direction, KEPT_BYTES)
     if plan.visibility:
         for some, visibility, _ in rays.arriving(dark):
             incident.visibility[some] = visibility

@@ -103,18 +103,22 @@ class PathTracer:
         found = unoccluded(direction, weight)
         every = torch.arange(len(direction), device=direction.device)
         for some in every.split(max(1, RAYS_AT_ONCE // (2 * direction.shape[1]))):
-            along = direction[some]
-            met = self._met(some, along)
-            found.visibility[some] = met.visibility.view(len(some), -1)
-            arriving = torch.zeros_like(along).flatten(0, 1)
-            first = torch.arange(len(arriving), device=arriving.device)
-            whole = met.coverage[:, None].expand_as(arriving)
-            paths = self._facing(_Vertices(first, met.surfel, -along.flatten(0, 1), whole))
-            while len(paths.ray):
-                paths = self._scatter(paths, arriving)
-            found.radiance[some] = arriving.view_as(along)
+            found.visibility[some], found.radiance[some] = self.along(some, direction[some])
             after_chunk()
         return found
+
+    @torch.no_grad()
+    def along(
+        self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]
+    ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
+        """V along directions from the surfels at ``index``, and L_ind as one path a direction finds it."""
+        met, arriving = self._met(index, direction), torch.zeros_like(direction).flatten(0, 1)
+        first = torch.arange(len(arriving), device=arriving.device)
+        whole = met.coverage[:, None].expand_as(arriving)
+        paths = self._facing(_Vertices(first, met.surfel, -direction.flatten(0, 1), whole))
+        while len(paths.ray):
+            paths = self._scatter(paths, arriving)
+        return met.visibility.view(direction.shape[:2]), arriving.view_as(direction)
 
     def _scatter(self, paths: _Vertices, arriving: Float[Tensor, "rays 3"]) -> _Vertices:
         """Add the distant light that the paths' surfels send to ``arriving``; returns the next surfels."""
