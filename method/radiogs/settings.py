@@ -45,7 +45,7 @@ class Budget(SurfelBudget):
     relight_light_samples: int
     """Number of rays of each surfel in relighting that are drawn from the light."""
     relight_bounces: int
-    """Number of surfaces that light meets before it arrives, in relighting by traced bounces."""
+    """Number of surfaces that light meets before it arrives, in relighting by traced bounces; 1 or more."""
     relight_paths: int
     """Number of paths of each surfel in relighting by path tracing."""
     finetune_iterations: int
@@ -167,7 +167,7 @@ RELIGHTING = RelightingModes(
         "surfels": "fine-tuned surfels alone",
         "path": "path tracing",
     },
-    default="pbr",
+    default="bounces",
     by_steps=("surfels", "finetuned"),
     steps="finetune_iterations",
     reference=PATH,
@@ -199,7 +199,7 @@ class Variant(SurfelVariant):
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     """V and L_ind of L_rad: traced in every step with gradient to the surfels that rays hit ("traced"), without
     gradient ("detached"), or only once, before stage 2 begins ("precomputed")."""
-    relighting: Relighting = "pbr"
+    relighting: Relighting = "bounces"
     """Mode of relighting (see ``Relighting``)."""
     met_light: Literal["occluded", "unoccluded"] = "occluded"
     """Light on the surfaces that rays hit in "pbr" relighting. "occluded": reduced by their openness, plus the light

@@ -49,14 +49,14 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     assert main(["render", str(folder)]) == 0
     seen = read_png(folder / "render" / "image" / "test_000.png")
     assert read_exr(folder / "render" / "normal" / "test_000.exr").shape == (96, 96, 3)
-    for mode in ("pbr", "finetuned", "surfels"):
+    for mode in ("pbr", "bounces", "finetuned", "surfels", "path"):
         arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
         assert main(arguments) == 0
         relit = read_png(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
         # Ten steps of fine-tuning dim the surfels only in part.
         assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
     said = capsys.readouterr().out
-    assert said.count("ms a frame") == 4
+    assert said.count("ms a frame") == 6
     assert "means little" not in said
 
 

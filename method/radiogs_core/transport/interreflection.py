@@ -51,7 +51,7 @@ class FixedRays:
     def arriving(
         self, radiance: Float[Tensor, "surfels 3"]
     ) -> Iterator[tuple[Int[Tensor, " some"], Float[Tensor, "some samples"], Float[Tensor, "some samples 3"]]]:
-        """Some surfels at a time, V and L_ind along their rays if surfels send ``radiance`` (``SurfelTracer.blended``)."""
+        """Some surfels at a time, with V and L_ind along their rays if surfels send ``radiance`` to their front."""
         for place, some in enumerate(self.chunks):
             along = self.direction[some]
             yield some, *self.tracer.blended(self._hits(place, some, along), along, radiance)
