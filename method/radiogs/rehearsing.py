@@ -178,16 +178,13 @@ REFRESH = Phase(surfel=510, ray=60)
 RELIGHT = Phase(surfel=1440, ray=150)
 """The preparation of relighting by rays."""
 
-BOUNCE = Phase(surfel=900, ray=150)
+BOUNCE = Phase(surfel=400, ray=10)
 """The preparation of relighting by traced bounces."""
 
 FRAME = Phase(surfel=360, pixel=102)
 """A frame of a model that is relit by rays."""
 
-OWN_BOUNCE = Phase(surfel=900, ray=150)
-"""The preparation of relighting by traced bounces."""
-
-FRAME = Phase(surfel=120, pixel=55)
+OWN_FRAME = Phase(surfel=120, pixel=55)
 """A frame of the surfels' own radiance."""
 
 FINE_TUNE = Phase(surfel=1650, ray=90)
