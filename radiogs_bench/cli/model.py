@@ -75,7 +75,9 @@ def add_to(commands: "Commands") -> None:
         help="Relight by this .hdr or .exr file: latitude-longitude, Z up.",
     )  # fmt: skip
     relighting.add_argument(
-        "--mode", metavar="NAME", help="Choose one of the ways in which the method relights (default: that of the model's settings)."
+        "--mode",
+        metavar="NAME",
+        help="Choose one of the ways in which the method relights (default: that of the model's settings).",
     )
     relighting.add_argument(
         "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B",
