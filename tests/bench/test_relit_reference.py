@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from known_ball import BALL, WHITE, ball_scene
 from radiogs.model import Model
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
+from radiogs_bench.cli.main import main
 from radiogs_bench.scoring.evaluate import Evaluation, Scope, evaluate
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.score_maps import against_reference
@@ -21,6 +23,7 @@ from radiogs_core.contract import Run, Trained
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
+from radiogs_reports.summary import read_summary
 
 MEASURES = ("relight/bias", "relight/psnr_reference")
 
@@ -92,3 +95,18 @@ def test_every_mode_of_radiogs_is_compared_with_path_tracing(mode: Any) -> None:
     found = scored(TrainedRadioGS(Model(BALL, WHITE), run), scene).metrics
     assert found["relight/bias"]["value"] == pytest.approx(0, abs=30 if mode == "surfels" else 2)
     assert (found["relight/psnr_reference"]["value"] or 0) > (15 if mode == "surfels" else 35)
+
+
+@pytest.mark.slow
+def test_the_suite_has_a_bias_for_the_new_modes(tmp_path: Path) -> None:
+    """One model at preset smoke, relit by bounces and by paths."""
+    asked = ["run", "relight-cost", "--scenes", "convex", "--preset", "smoke", "--rows"]
+    rows = ("recommended-split-sum", "recommended-bounces", "recommended-path")
+    assert main([*asked, ",".join(rows), "--out", str(tmp_path)]) == 0
+    cells = read_summary(tmp_path)["cells"]
+    for row in rows:
+        for name in (*MEASURES, "relight/psnr", "render/ms", "prepare/ms"):
+            assert cells[row][name]["mean"] is not None, (row, name)
+    noise, bias = (abs(cells[row]["relight/bias"]["mean"] or 0) for row in rows[:0:-1])
+    assert noise < 1
+    assert bias < 3
