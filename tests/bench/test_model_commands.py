@@ -69,7 +69,7 @@ def test_a_relighting_mode_that_the_method_does_not_offer_is_refused(
     said = capsys.readouterr().err
     assert "unknown relighting mode 'finetune' of radiogs" in said
     assert "Did you mean 'finetuned'?" in said
-    assert "There are: pbr, finetuned, surfels." in said
+    assert "There are: pbr, bounces, finetuned, surfels, path." in said
 
 
 def metrics_of(record: Path) -> dict[str, float | None]:
@@ -91,7 +91,7 @@ def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path
     write_exr(tmp_path / f"{light}.exr", load_scene("convex").lights[light].radiance.numpy())
     assert main(["render", str(folder)]) == 0
     assert main(["relight", str(folder), "--envmap", str(tmp_path / f"{light}.exr")]) == 0
-    for place in ("render", "relight/pbr"):
+    for place in ("render", "relight/bounces"):
         out = tmp_path / f"{Path(place).name}.json"
         assert main(["score", str(folder / place), "--scene", "convex", "--out", str(out)]) == 0
     rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "pbr.json")
