@@ -94,7 +94,7 @@ def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path
     for place in ("render", "relight/bounces"):
         out = tmp_path / f"{Path(place).name}.json"
         assert main(["score", str(folder / place), "--scene", "convex", "--out", str(out)]) == 0
-    rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "pbr.json")
+    rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "bounces.json")
     for name in ("nvs/psnr", "albedo/psnr", "normal/mae", "roughness/mse", "environment/error_scaled", "depth/offset"):
         assert rendered[name] == pytest.approx(ended[name], rel=2e-3), name
     assert "relight/psnr" not in rendered

@@ -134,12 +134,14 @@ class SurfelTracer:
         They are those of ``incident`` for surfels with that radiance in all directions; without gradient.
         """
         rays, none = direction.flatten(0, 1), radiance.new_zeros(len(radiance), 0)
-        sh = radiance_to_sh(radiance)[:, None].contiguous()
+        # In units of the brightest surfel: harmonics are added to 1/2, where a dim light would lose its digits.
+        unit = radiance.amax() if len(radiance) else radiance.new_zeros(())
+        sh = radiance_to_sh(radiance / torch.where(unit > 0, unit, 1.0))[:, None].contiguous()
         # Blending reads origins for gradients alone.
         found = blend_hits(lists, self.geometry, sh, none, torch.empty_like(rays), rays)
         visibility, whole = visibility_of(found)
         shape = direction.shape[:2]
-        return visibility.view(shape), (found.radiance * whole[:, None]).view(*shape, 3)
+        return visibility.view(shape), (found.radiance * (unit * whole)[:, None]).view(*shape, 3)
 
     def _starts(
         self, index: Int[Tensor, " chosen"], samples: int

@@ -179,6 +179,14 @@ def test_no_surfel_sends_more_than_the_brightest_light_it_receives(samples: int)
     assert float(mean_over_cosine(normal, direction, weight, half).max()) <= 1 + 1e-5
 
 
+@pytest.mark.parametrize("factor", [2.0**-30, 2.0**30])
+def test_indirect_light_is_in_proportion_to_the_light(factor: float) -> None:
+    light = sky_with_sun()
+    other = EnvironmentMap(factor * light.radiance)
+    first, second = (bounced(open_box(), 0.7, each, 4).radiance for each in (light, other))
+    assert float((second / factor - first).abs().max() / first.mean()) < 1e-4
+
+
 def test_surfels_are_black_from_behind() -> None:
     """The upper of two walls is turned over: it hides the light from the lower one and sends nothing to it."""
     turned = two_walls()
