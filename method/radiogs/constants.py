@@ -152,6 +152,7 @@ CONSTANTS: tuple[Constant, ...] = (
     Constant(RAYS, "that distance, world units", "ray_offset", None, 0.05, "0.1 in the scripts of four scenes"),
     Constant(RAYS, "rays meet surfels from the front alone", "deviations.one-sided-rays", None, True),
     Constant(RAYS, "new views along N_s directions", "deviations.spread-views", True),
+    Constant(RELIGHTING, "mode", "relighting", "pbr"),
     Constant(RELIGHTING, "light on what relit rays meet", "met_light", "unoccluded"),
     Constant(RELIGHTING, "rays over the hemisphere", "budget.relight_hemisphere_samples", 256),
     Constant(RELIGHTING, "rays from the light", "budget.relight_light_samples", 128),

@@ -12,7 +12,7 @@ from .settings import PRESETS, Budget, Variant
 TOPICS: Mapping[str, tuple[str, ...]] = {
     "stage 1": ("geometry", "split_sum"),
     "stage 2": ("materials", "deviations"),
-    "light and rays": ("masking", "ray_offset", "met_light", "finetuning"),
+    "light and rays": ("masking", "ray_offset", "relighting", "met_light", "finetuning"),
 }
 """Labels of settings by the first part of their names."""
 

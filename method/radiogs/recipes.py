@@ -43,6 +43,7 @@ UNSAID: tuple[str, ...] = ("fixed-offset", "one-sided-rays", "start-light", "spr
 PRINTED: Values = {
     "deviations": UNSAID,
     "masking": "height-correlated",
+    "relighting": "pbr",
     "met_light": "unoccluded",
     "geometry.backgrounds": (1.0,),
     "geometry.normal_target": "central",

@@ -14,6 +14,7 @@ from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE as CHUNK
 from radiogs_core.kernels.trace.hits_source import BUFFER
 from radiogs_core.learning.views import PREPARED_BYTES
 from radiogs_core.plain_values import with_values
+from radiogs_core.transport.interreflection import KEPT_BYTES
 from radiogs_core.transport.light_filters import filters_bytes
 from radiogs_core.transport.splitsum import LARGEST_HEIGHT
 from radiogs_core.transport.tracer import RAYS_AT_ONCE
@@ -88,6 +89,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
             budget.finetune_iterations if mode in RELIGHTING.by_steps else 0,
         )
         for mode, title in RELIGHTING.titles.items()
+        if mode != RELIGHTING.reference
     )
     return ShortRun(rehearsed, short, kinds, ways)
 
@@ -176,6 +178,9 @@ REFRESH = Phase(surfel=510, ray=60)
 RELIGHT = Phase(surfel=1440, ray=150)
 """The preparation of relighting by rays."""
 
+BOUNCE = Phase(surfel=400, ray=10)
+"""The preparation of relighting by traced bounces."""
+
 FRAME = Phase(surfel=360, pixel=102)
 """A frame of a model that is relit by rays."""
 
@@ -184,6 +189,9 @@ OWN_FRAME = Phase(surfel=120, pixel=55)
 
 FINE_TUNE = Phase(surfel=1650, ray=90)
 """A step of fine-tuning."""
+
+KEPT_RAY, KEPT_HIT = 12, 12
+"""Bytes of a ray, and of each of its hits, that are kept between bounces (``transport.interreflection``)."""
 
 HIT = 24
 """Bytes of a hit: surfel, depth and opacity, once in the rounds of tracing and once concatenated."""
@@ -235,12 +243,16 @@ def memory_of(
     a_step = peak(inverted, INVERT, min(surfels, budget.consistency_surfels) * samples)
     anew = peak(inverted + surfels * (SAMPLE + DRAWN) * cached, REFRESH, together(surfels * cached))
     prepared = peak(relit, RELIGHT, together(surfels * budget.relight_hemisphere_samples))
+    held = alone + surfels * SAMPLE * directions
+    kept = min(KEPT_BYTES, round(surfels * directions * (KEPT_RAY + KEPT_HIT * hits)))
+    bounced = peak(held + kept, BOUNCE, together(surfels * directions))
     tuned = peak(finetuning, FINE_TUNE, together(budget.finetune_surfels * budget.finetune_samples))
     return (
         MemoryPhase("stage 1, a step", initialised, peak(initialised, INITIALISE)),
         MemoryPhase("stage 2, a step", inverted, a_step),
         *([MemoryPhase("stage 2, all light anew", inverted, max(a_step, anew))] if traced else []),
         MemoryPhase("relighting, preparing by rays", filtered, prepared),
+        MemoryPhase("relighting, preparing by traced bounces", alone, bounced),
         MemoryPhase("relighting, a frame by rays", relit, peak(relit, FRAME)),
         MemoryPhase("relighting, a step of fine-tuning", model, tuned),
         MemoryPhase("relighting, a frame by surfels alone", alone, peak(alone, OWN_FRAME)),

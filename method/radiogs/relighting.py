@@ -1,4 +1,4 @@
-"""Relighting (paper, section on relighting): by rays with split-sum or fine-tuned L_ind, or by surfels alone."""
+"""Relighting (paper, section on relighting): by rays with one of several kinds of L_ind, or by surfels alone."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,9 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.interreflection import bounced_incident
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
+from radiogs_core.transport.path_tracing import PathTracer
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -22,7 +24,7 @@ from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
 
 from .model import Model
 from .rays import RaySettings
-from .settings import RELIGHTING, Budget, Variant
+from .settings import PATH, RELIGHTING, Budget, Variant
 
 
 def relight(
@@ -36,9 +38,9 @@ def relight(
     """The model under ``light``, in the mode of the run's variant (``settings.Relighting``).
 
     ``albedo_scale``: factor for each channel of the recovered albedo, which images determine only up to such a factor.
-    ``after_step``: called after each step of fine-tuning, which uses the run's training cameras; it may raise to end
-    it. ``plan``: the effects that rays simulate; fine-tuning simulates all of them. Raises DataError for a light that
-    is not finite.
+    ``after_step``: called after each step of fine-tuning, which uses the run's training cameras, and between parts of
+    path tracing; it may raise to end them. ``plan``: the effects that rays simulate; fine-tuning and path tracing
+    simulate all of them. Raises DataError for a light that is not finite.
     """
     surfels, variant = model.surfels, run.variant
     device = surfels.centre.device
@@ -48,6 +50,8 @@ def relight(
         surfels = fine_tuned(surfels, RenderingEquation(light, albedo), run, after_step)
     if variant.relighting == "surfels":
         return RelitBySurfels(surfels, variant.straight)
+    if variant.relighting == PATH:
+        return path_traced(surfels, albedo, light, run, after_step)
     generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, RaySettings.of(variant)
     with torch.no_grad():
         direction, weight = relighting_directions(
@@ -58,6 +62,9 @@ def relight(
         tracer = rays.tracer(surfels)
         if variant.relighting == "finetuned":
             incident = incident_along(tracer, direction, weight, plan)
+        elif variant.relighting == "bounces":
+            count = budget.relight_bounces if plan.bounces else 1
+            incident = bounced_incident(tracer, albedo, light.radiance, direction, weight, count, plan)
         else:
             is_open = None
             if variant.met_light == "occluded":
@@ -67,6 +74,29 @@ def relight(
                 tracer, features, PrefilteredLight(light.radiance, variant.masking), direction, weight, plan
             )
     return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
+
+
+@torch.no_grad()
+def path_traced(
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    light: EnvironmentMap,
+    run: Run[Variant, Budget],
+    after_step: Callable[[], None],
+) -> "RelitByRays":
+    """The surfels under ``light`` with one path along each direction, half of these drawn from the light.
+
+    All effects are simulated. The directions have no floor, which is a deviation of the estimator and not of the
+    model (``hemisphere-floor``); origins and sides of rays are as in the run's variant.
+    """
+    generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
+    drawn = run.budget.relight_paths // 2
+    directions = relighting_directions(
+        surfels.frame[..., 2], LightSampler(light), run.budget.relight_paths - drawn, drawn, generator
+    )
+    tracer = RaySettings.of(run.variant).tracer(surfels)
+    incident = PathTracer(tracer, albedo, light, generator).incident(*directions, after_step)
+    return RelitByRays(surfels, albedo, light, incident, straight=run.variant.straight)
 
 
 def fine_tuned(

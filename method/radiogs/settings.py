@@ -27,6 +27,8 @@ class Budget(SurfelBudget):
     shown_only = (
         "relight_hemisphere_samples",
         "relight_light_samples",
+        "relight_bounces",
+        "relight_paths",
         "finetune_iterations",
         "finetune_surfels",
         "finetune_samples",
@@ -42,6 +44,10 @@ class Budget(SurfelBudget):
     """Number of rays of each surfel in relighting that are spread over the hemisphere."""
     relight_light_samples: int
     """Number of rays of each surfel in relighting that are drawn from the light."""
+    relight_bounces: int
+    """Number of surfaces that light meets before it arrives, in relighting by traced bounces; 1 or more."""
+    relight_paths: int
+    """Number of paths of each surfel in relighting by path tracing."""
     finetune_iterations: int
     """Number of steps of fine-tuning under another light (stage 3)."""
     finetune_surfels: int
@@ -66,6 +72,8 @@ PRESETS = by_name(
         light_height=8,
         relight_hemisphere_samples=16,
         relight_light_samples=16,
+        relight_bounces=2,
+        relight_paths=64,
         finetune_iterations=10,
         finetune_surfels=128,
         finetune_samples=16,
@@ -80,6 +88,8 @@ PRESETS = by_name(
         light_height=16,
         relight_hemisphere_samples=64,
         relight_light_samples=64,
+        relight_bounces=4,
+        relight_paths=1024,
         finetune_iterations=200,
         finetune_surfels=512,
         finetune_samples=64,
@@ -94,6 +104,8 @@ PRESETS = by_name(
         light_height=32,
         relight_hemisphere_samples=128,
         relight_light_samples=64,
+        relight_bounces=4,
+        relight_paths=1024,
         finetune_iterations=500,
         finetune_surfels=2048,
         finetune_samples=128,
@@ -108,6 +120,8 @@ PRESETS = by_name(
         light_height=64,
         relight_hemisphere_samples=256,
         relight_light_samples=128,
+        relight_bounces=4,
+        relight_paths=1024,
         finetune_iterations=2000,
         finetune_surfels=8192,
         finetune_samples=256,
@@ -135,20 +149,28 @@ FIRST_STAGE = frozenset({"display-radiance", "premultiplied-encoding"})
 START_RADIANCE = 1.5
 """Linear radiance of the initial light with ``start-light``."""
 
-Relighting = Literal["pbr", "finetuned", "surfels"]
-"""Mode of relighting. "pbr": by rays whose L_ind is the split sum at their hits. "finetuned": by rays whose L_ind is
-the radiance of surfels that were fine-tuned under the new light. "surfels": by splatting the fine-tuned radiance."""
+Relighting = Literal["pbr", "bounces", "finetuned", "surfels", "path"]
+"""Mode of relighting. "pbr": by rays whose L_ind is the split sum at their hits. "bounces": by rays whose L_ind is
+gathered bounce by bounce over the same rays. "finetuned": by rays whose L_ind is the radiance of surfels that were
+fine-tuned under the new light. "surfels": by splatting the fine-tuned radiance. "path": by path tracing, the reference,
+with all effects."""
+
+PATH: Relighting = "path"
+"""The mode of the reference."""
 
 RELIGHTING = RelightingModes(
     field="relighting",
     titles={
         "pbr": "rays that meet split-sum radiance",
+        "bounces": "rays, traced bounces",
         "finetuned": "rays to fine-tuned surfels",
         "surfels": "fine-tuned surfels alone",
+        "path": "path tracing",
     },
-    default="pbr",
+    default="bounces",
     by_steps=("surfels", "finetuned"),
     steps="finetune_iterations",
+    reference=PATH,
 )
 """The modes of relighting for the harness (see ``Relighting``)."""
 
@@ -177,7 +199,7 @@ class Variant(SurfelVariant):
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     """V and L_ind of L_rad: traced in every step with gradient to the surfels that rays hit ("traced"), without
     gradient ("detached"), or only once, before stage 2 begins ("precomputed")."""
-    relighting: Relighting = "pbr"
+    relighting: Relighting = "bounces"
     """Mode of relighting (see ``Relighting``)."""
     met_light: Literal["occluded", "unoccluded"] = "occluded"
     """Light on the surfaces that rays hit in "pbr" relighting. "occluded": reduced by their openness, plus the light

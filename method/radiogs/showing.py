@@ -4,6 +4,7 @@ Training never imports this module, so that a new map does not invalidate traine
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -28,7 +29,7 @@ from .labels import labels_of
 from .model import Model
 from .rays import RaySettings
 from .relighting import RelitBySurfels, relight
-from .settings import Budget, Variant
+from .settings import PATH, Budget, Variant
 from .varying import VaryingRadioGS
 
 SHOWN_BY_SURFELS: dict[str, MapKind] = {name: STANDARD_MAPS[name] for name in ("image", "alpha")}
@@ -37,6 +38,9 @@ SHOWN_BY_SURFELS: dict[str, MapKind] = {name: STANDARD_MAPS[name] for name in ("
 DENSER = 2
 """Factor of training's number of directions over the hemisphere; as many are drawn from the light. In training a
 surfel's directions change from step to step and the error of a set averages out; a view is shaded from one set."""
+
+OTHER_SEED = 1_000_003
+"""Added to the run's seed for the reference of relighting, so that it shares no random number with a mode."""
 
 
 class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
@@ -96,6 +100,14 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
             plan = plan_of(variant.effects)
         relit = relight(self.model, light, albedo_scale, self.run, after_step, plan)
         return Shown(relit, SHOWN_BY_SURFELS if isinstance(relit, RelitBySurfels) else STANDARD_MAPS, remarks)
+
+    def reference(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
+        """The path-traced model under another light; see ``radiogs_core.capabilities.RelitByReference``."""
+        variant = replace(self.run.variant, relighting=PATH)
+        run = replace(self.run, variant=variant, seed=self.run.seed + OTHER_SEED)
+        return Shown(relight(self.model, light, albedo_scale, run, after_step), STANDARD_MAPS)
 
     def varying(self, cameras: Sequence[Camera]) -> VaryingRadioGS:
         """The model with changed roughness or brightness; see ``radiogs_core.capabilities.Variable``."""

@@ -1,14 +1,14 @@
 """Optional protocols of methods, stages and models, beyond the contract; the harness checks by ``isinstance``."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
-from .contract import Run, Trained
+from .contract import Prepared, Run, Trained
 from .errors import DataError
 from .scene.camera import Camera
 from .scene.light import EnvironmentMap
@@ -67,6 +67,8 @@ class RelightingModes:
     """The modes that prepare for a light by steps of optimisation, such as fine-tuning, in the order of figures."""
     steps: str = ""
     """Dotted name of the budget's field with the number of these steps."""
+    reference: str = ""
+    """The mode without bias, however slow, to which the others are compared; empty if the method has none."""
 
     def plain(self) -> dict[str, Any]:
         """The modes as plain values, as the manifest of a run stores them."""
@@ -80,6 +82,19 @@ class RelitInModes(Protocol):
     @property
     def relighting_modes(self) -> RelightingModes:
         """The modes; each is a value of a field of the variant."""
+
+
+@runtime_checkable
+class RelitByReference(Protocol):
+    """A trained model that can also be relit in the reference mode of its method (``RelightingModes.reference``)."""
+
+    def reference(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
+        """The model under ``light`` in the reference mode, with other random numbers than ``Trained.prepare`` draws.
+
+        The arguments are those of ``Trained.prepare``.
+        """
 
 
 @runtime_checkable
@@ -200,7 +215,7 @@ class ShortRun:
     kinds: Mapping[str, tuple[StepKind, ...]]
     """The kinds of steps of each stage, by the stage's name."""
     relighting: tuple[Relighting, ...]
-    """All ways to relight."""
+    """All ways to relight but the reference (``RelightingModes.reference``), which is slow by design."""
 
 
 @runtime_checkable

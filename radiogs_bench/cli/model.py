@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,7 +75,9 @@ def add_to(commands: "Commands") -> None:
         help="Relight by this .hdr or .exr file: latitude-longitude, Z up.",
     )  # fmt: skip
     relighting.add_argument(
-        "--mode", metavar="NAME", help="Choose one of the ways in which the method relights (default: the method's)."
+        "--mode",
+        metavar="NAME",
+        help="Choose one of the ways in which the method relights (default: that of the model's settings).",
     )
     relighting.add_argument(
         "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B",
@@ -219,7 +221,7 @@ def relight(options: argparse.Namespace) -> int:
     for repair in repairs:
         say(repair)
     about = read_about(options.folder)
-    mode, changes = chosen_mode(about["method"], options.mode)
+    mode, changes = chosen_mode(about["method"], options.mode, about["variant"])
     if "effects" in about["variant"]:
         changes["effects"] = options.effects
     elif options.effects != "all":
@@ -238,13 +240,15 @@ def relight(options: argparse.Namespace) -> int:
         )  # fmt: skip
 
 
-def chosen_mode(name: str, mode: str | None) -> tuple[str, dict[str, Any]]:
-    """The relighting mode of a method that was chosen, else its default, and the field of the variant that holds it.
+def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """The relighting mode of a method that was chosen, and the field of the variant that holds it.
 
-    Raises UsageError for a mode that the method does not offer.
+    If none was chosen, it is that of the model's ``variant``, as plain values, else the method's default. Raises
+    UsageError for a mode that the method does not offer.
     """
     from radiogs_core.capabilities import RelitInModes
     from radiogs_core.errors import unknown
+    from radiogs_core.plain_values import flat
 
     from ..methods import method
 
@@ -256,7 +260,7 @@ def chosen_mode(name: str, mode: str | None) -> tuple[str, dict[str, Any]]:
     modes = used.relighting_modes
     if mode is not None and mode not in modes.titles:
         raise unknown("relighting mode", mode, modes.titles, of=used.name)
-    chosen = modes.default if mode is None else mode
+    chosen = flat(variant).get(modes.field, modes.default) if mode is None else mode
     return chosen, {modes.field: chosen}
 
 

@@ -15,6 +15,7 @@ from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_vi
 from ..scoring.metrics.protocols import protocol
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
+from ..suites.experiment import RELIGHTING
 from .cell import Cell
 from .result import EVALUATE, add_stage, data_of, empty_result
 from .scene_files import require_unchanged
@@ -33,7 +34,7 @@ def scored(bench: Bench, cell: Cell, scene: Scene, model: Trained) -> Evaluation
         bench.progress.advance("evaluation", done, total)
         bench.interruption.check()
 
-    scope = Scope(kept_views=bench.kept_views)
+    scope = Scope(kept_views=bench.kept_views, reference=cell.experiment == RELIGHTING)
     return evaluate(model, scene, protocol(cell.protocol), bench.device, advance, scope, cell.method)
 
 

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.capabilities import RelitByReference
 from radiogs_core.contract import NotOffered, Prepared, Trained
 from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.light import EnvironmentMap
@@ -29,6 +30,7 @@ from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
 from .score_maps import (  # fmt: skip
+    against_reference,
     compared_indirect,
     coverage,
     lit_views,
@@ -38,6 +40,7 @@ from .score_maps import (  # fmt: skip
     score_light,
     score_view,
     truth,
+    without_reference,
 )
 from .shown_surfels import surfel_arrays
 
@@ -58,6 +61,8 @@ class Scope:
     """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
     """Number of views whose maps are kept as 8-bit codes (``KeptViews``); None: as many as fit its limit."""
+    reference: bool = False
+    """Whether relit views are also compared with those of the method's reference mode (``RelitByReference``)."""
 
 
 TIMED = Scope()
@@ -268,15 +273,36 @@ class _Evaluator:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
             if self.scope.timed and relit.timed:
                 self.measure("render", relit, views)
+            reference = self._reference(trained, light, albedo_scale)
             for view in views:
-                self._score_relit(light, view, self.rendered(relit, view))
+                maps = self.rendered(relit, view)
+                self._score_relit(light, view, maps)
+                if self.scope.reference:
+                    self.scores.add("relight", view.name, self._against(reference, view, maps))
                 self.count()
         if self.scope.timed and prepared_in:
             self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
+    def _reference(self, trained: Trained, light: str, albedo_scale: Float[Tensor, "3"]) -> Prepared | None:
+        """The model under a light in the reference mode of its method, if that is asked for and there is one."""
+        if not (self.scope.reference and isinstance(trained, RelitByReference)):
+            return None
+        with calling(self.method, "reference()"):
+            ready = trained.reference(self.scene.lights[light], albedo_scale, self.still_there)
+        require(self.method, ready, Prepared, "reference()")
+        return ready
+
+    def _against(self, reference: Prepared | None, view: View, maps: Maps) -> dict[str, Value]:
+        """A relit view's metrics against the same view of the reference."""
+        if reference is None or "image" not in maps:
+            return without_reference(f"{self.method} has no reference of relighting")
+        return against_reference(maps["image"], self.rendered(reference, view)["image"], coverage(view))
+
     def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
         for view in views:
             self.scores.add("relight", view.name, self.rules.no_comparison(reason))
+            if self.scope.reference:
+                self.scores.add("relight", view.name, without_reference(reason))
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:

@@ -11,11 +11,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from .metrics.protocol import Protocol
+from .metrics.psnr import psnr
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]
@@ -52,6 +54,23 @@ def mean_roughness(view: View, maps: Maps) -> float | None:
     """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask."""
     inside = coverage(view)[..., 0] > 0.5
     return float(maps["roughness"][inside].double().mean()) if "roughness" in maps and inside.any() else None
+
+
+def against_reference(image: Image, reference: Image, mask: Float[Tensor, "height width 1"]) -> dict[str, Value]:
+    """``bias`` and ``psnr_reference`` of a relit image, display sRGB on black, against the same view of the reference.
+
+    Both show the same model under the same light: what they differ by is the estimator of light transport. ``bias``: by
+    how many percent the mean linear radiance, times the true coverage, is above that of the reference; clipped pixels
+    count as they are shown. ``psnr_reference``: PSNR of the display images times the true coverage.
+    """
+    radiance, expected = (float((srgb_decode(each) * mask).sum()) for each in (image, reference))
+    bias = Value(100 * (radiance / expected - 1)) if expected > 0 else Value(None, "the reference is black")
+    return {"bias": bias, "psnr_reference": Value(psnr(image * mask, reference * mask))}
+
+
+def without_reference(reason: str) -> dict[str, Value]:
+    """The measures of ``against_reference``, all n/a with the given reason."""
+    return dict.fromkeys(("bias", "psnr_reference"), Value(None, reason))
 
 
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:

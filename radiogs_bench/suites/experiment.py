@@ -42,6 +42,9 @@ COST = "cost"
 AUDIT = "audit"
 """Train a model and score it; the cost of training and the method's predictions are metrics too."""
 
+RELIGHTING = "relighting"
+"""Train a model and score it; relit views are also compared with those of the method's reference mode."""
+
 FORWARD_PARITY = "forward-parity"
 """Light transport through surfels against a path tracer's."""
 
@@ -56,6 +59,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment(TRAINING, f"{_TRAIN}:train_and_score"),
         Experiment(COST, f"{_TRAIN}:train_and_score_on_the_way", scores_on_the_way=True, sources=(*EVALUATION, _TRAIN)),
         Experiment(AUDIT, f"{_TRAIN}:train_score_and_account", sources=(*EVALUATION, _TRAIN)),
+        Experiment(RELIGHTING, f"{_TRAIN}:train_and_score", sources=(*EVALUATION, _TRAIN)),
         Experiment(FORWARD_PARITY, f"{_PARITY}:run_forward_parity", trains=False, on_surfaces=True, sources=(_PARITY,)),
         Experiment(STABILITY, f"{_HARD_CASES}:run_stability", trains=False, sources=(_HARD_CASES,)),
     )

@@ -29,7 +29,7 @@ FINETUNE = Suite(
     published=None,
     reference="split-sum",
     rows=(
-        Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
+        Row("split-sum", "PBR split-sum", "PBR split-sum", {"relighting": "pbr"}),
         *(
             Row(
                 f"{mode}-{_parts(factor)}",

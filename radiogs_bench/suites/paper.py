@@ -1,7 +1,7 @@
 """Suites on generated scenes: the paper's ablations and costs, and checks of the method."""
 
 from .baselines import IRGS, R3DG, RECOMMENDED, SVG_IR
-from .experiment import FORWARD_PARITY, STABILITY
+from .experiment import FORWARD_PARITY, RELIGHTING, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
 ABLATIONS = Suite(
@@ -144,21 +144,27 @@ RELIGHT_COST = Suite(
         IRGS,
         R3DG,
         SVG_IR,
-        Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
+        Row("split-sum", "PBR split-sum", "PBR split-sum", {"relighting": "pbr"}),
         Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),
         Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", {"relighting": "surfels"}),
         *(
             Row(f"recommended-{key}", f"{text} (recommended)", f"{text} (recommended)", variant, recipe="recommended")
             for key, text, variant in (
-                ("split-sum", "PBR split-sum", {}),
+                ("split-sum", "PBR split-sum", {"relighting": "pbr"}),
                 ("pbr-finetuned", "PBR finetuned", {"relighting": "finetuned"}),
                 ("surfel-finetuned", "Surfel finetuned", {"relighting": "surfels"}),
+                ("bounces", "PBR traced bounces", {"relighting": "bounces"}),
+                ("path", "PBR path tracing", {"relighting": "path"}),
             )
         ),
     ),
     recipe="printed",
-    columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
-)
+    columns=(
+        *(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips", "bias", "psnr_reference")),
+        Metric("render", "ms"), Metric("prepare", "ms"),
+    ),
+    experiment=RELIGHTING,
+)  # fmt: skip
 
 RELIGHT_RAYS = 384
 """Rays per surfel in preset ``paper`` when a model is relit: 256 over the hemisphere and 128 from the light."""

@@ -138,6 +138,12 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
         ledger.phase("relighting, a frame by rays", partial(shown[0].render, scene.test[0].camera))
     found |= ledger.phases
     del shown
+    bounced = replace(by_rays, variant=replace(variant, relighting="bounces"))
+    with allocations() as ledger:
+        preparing = partial(relight, Model.of(copied(tensors)), light, torch.ones(3), bounced)
+        ledger.phase("relighting, preparing by traced bounces", preparing)
+        del preparing
+    found |= ledger.phases
     with allocations() as ledger:
         alone = RelitBySurfels(Model.of(copied(tensors)).surfels)
         ledger.phase("relighting, a frame by surfels alone", partial(alone.render, scene.test[0].camera))
@@ -155,7 +161,7 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
 
 def tables(title: str, budget: Budget) -> int:
     """Bytes of the tables that were made before, in the phases that the formula counts them in."""
-    if title.endswith(("fine-tuning", "alone")):
+    if title.endswith(("fine-tuning", "alone", "bounces")):
         return 0
     if title.startswith("stage"):
         return matrices(budget.light_height)

@@ -50,7 +50,13 @@ def test_every_network_of_lpips_has_a_heading_of_its_own() -> None:
 
 def test_errors_fall_and_ratios_of_signal_to_noise_rise() -> None:
     better = {name: measure.better for name, measure in MEASURES.items()}
-    assert {name for name, way in better.items() if way == "up"} == {"psnr", "psnr_h", "psnr_l", "ssim"}
+    assert {name for name, way in better.items() if way == "up"} == {
+        "psnr",
+        "psnr_h",
+        "psnr_l",
+        "psnr_reference",
+        "ssim",
+    }
     for name, measure in MEASURES.items():
         # What a plan may cost is a difference of PSNR.
         assert (measure.unit == "dB") == (name.startswith("psnr") or name in ("bound", "worst"))

@@ -49,14 +49,14 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     assert main(["render", str(folder)]) == 0
     seen = read_png(folder / "render" / "image" / "test_000.png")
     assert read_exr(folder / "render" / "normal" / "test_000.exr").shape == (96, 96, 3)
-    for mode in ("pbr", "finetuned", "surfels"):
+    for mode in ("pbr", "bounces", "finetuned", "surfels", "path"):
         arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
         assert main(arguments) == 0
         relit = read_png(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
         # Ten steps of fine-tuning dim the surfels only in part.
         assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
     said = capsys.readouterr().out
-    assert said.count("ms a frame") == 4
+    assert said.count("ms a frame") == 6
     assert "means little" not in said
 
 
@@ -69,7 +69,7 @@ def test_a_relighting_mode_that_the_method_does_not_offer_is_refused(
     said = capsys.readouterr().err
     assert "unknown relighting mode 'finetune' of radiogs" in said
     assert "Did you mean 'finetuned'?" in said
-    assert "There are: pbr, finetuned, surfels." in said
+    assert "There are: pbr, bounces, finetuned, surfels, path." in said
 
 
 def metrics_of(record: Path) -> dict[str, float | None]:
@@ -91,10 +91,10 @@ def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path
     write_exr(tmp_path / f"{light}.exr", load_scene("convex").lights[light].radiance.numpy())
     assert main(["render", str(folder)]) == 0
     assert main(["relight", str(folder), "--envmap", str(tmp_path / f"{light}.exr")]) == 0
-    for place in ("render", "relight/pbr"):
+    for place in ("render", "relight/bounces"):
         out = tmp_path / f"{Path(place).name}.json"
         assert main(["score", str(folder / place), "--scene", "convex", "--out", str(out)]) == 0
-    rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "pbr.json")
+    rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "bounces.json")
     for name in ("nvs/psnr", "albedo/psnr", "normal/mae", "roughness/mse", "environment/error_scaled", "depth/offset"):
         assert rendered[name] == pytest.approx(ended[name], rel=2e-3), name
     assert "relight/psnr" not in rendered

@@ -159,7 +159,7 @@ def test_a_light_as_bright_as_the_sun_is_rendered_and_written(trained: Path, tmp
     radiance[1, 3:5] = 1e7
     write_hdr(tmp_path / "sun.hdr", radiance)
     assert main(["relight", str(trained), "--envmap", str(tmp_path / "sun.hdr")]) == 0
-    folder = trained / "relight/pbr"
+    folder = trained / "relight/bounces"
     bright = [read_exr(path) for path in sorted(folder.glob("*/sun/*.exr"))]
     assert max(float(image.max()) for image in bright) > 65504
 
@@ -180,7 +180,7 @@ def test_two_lights_of_one_name_do_not_share_a_folder(trained: Path, tmp_path: P
     write_exr(tmp_path / "x.exr", dim)
     for name in ("x.hdr", "x.exr"):
         assert main(["relight", str(trained), "--envmap", str(tmp_path / name)]) == 0
-    relit = trained / "relight/pbr/relit"
+    relit = trained / "relight/bounces/relit"
     assert (relit / "x/test_000.png").read_bytes() != (relit / "x_exr/test_000.png").read_bytes()
 
 

@@ -182,7 +182,7 @@ def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps()
     assert sum(kind.whole for kind in kinds["invert"].values()) == 20_000
     assert kinds["invert"]["step that traces all light anew"].whole == 199
     assert {way.variant.relighting: way.whole for way in short.relighting} == {
-        "pbr": 0, "finetuned": 2000, "surfels": 2000,
+        "pbr": 0, "bounces": 0, "finetuned": 2000, "surfels": 2000,
     }  # fmt: skip
 
 

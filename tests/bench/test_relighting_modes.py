@@ -33,7 +33,7 @@ def test_the_modes_of_radiogs_are_values_of_fields_that_exist() -> None:
     assert RELIGHTING.field in leaf_names(variant)
     assert RELIGHTING.steps in leaf_names(budget)
     assert getattr(variant, RELIGHTING.field) == RELIGHTING.default
-    assert {*RELIGHTING.by_steps, RELIGHTING.default} <= RELIGHTING.titles.keys()
+    assert {*RELIGHTING.by_steps, RELIGHTING.default, RELIGHTING.reference} <= RELIGHTING.titles.keys()
     for mode in RELIGHTING.titles:
         assert RADIOGS.stages(replace(variant, **{RELIGHTING.field: mode}), budget)[-1].reads == (
             RADIOGS.stages(variant, budget)[-1].reads
@@ -42,17 +42,18 @@ def test_the_modes_of_radiogs_are_values_of_fields_that_exist() -> None:
 
 def test_the_command_takes_the_modes_of_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(substitutes, "chain", TwoWays(("fit",)))
-    assert chosen_mode("chain", None) == ("bright", {"shown": "bright"})
-    assert chosen_mode("chain", "dim") == ("dim", {"shown": "dim"})
+    assert chosen_mode("chain", None, {}) == ("bright", {"shown": "bright"})
+    assert chosen_mode("chain", None, {"shown": "dim"}) == ("dim", {"shown": "dim"}), "that of the model's settings"
+    assert chosen_mode("chain", "dim", {"shown": "bright"}) == ("dim", {"shown": "dim"})
     with pytest.raises(UsageError, match=r"unknown relighting mode 'brihgt' of chain\nDid you mean 'bright'"):
-        chosen_mode("chain", "brihgt")
+        chosen_mode("chain", "brihgt", {})
 
 
 def test_a_method_without_modes_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(substitutes, "chain", Chain(("fit",)))
-    assert chosen_mode("chain", None) == (ONLY_MODE, {})
+    assert chosen_mode("chain", None, {}) == (ONLY_MODE, {})
     with pytest.raises(UsageError, match="chain relights in one way alone"):
-        chosen_mode("chain", "bright")
+        chosen_mode("chain", "bright", {})
 
 
 def test_a_run_records_the_modes_and_its_summary_has_them(

@@ -50,6 +50,16 @@ def lambert_albedo(
     return albedo + torch.where(specular_at, 0.0, lobe_albedo(roughness.detach()))[:, None]
 
 
+def bounded_albedo(
+    albedo: Float[Tensor, "surfels 3"], roughness: Float[Tensor, " surfels"]
+) -> Float[Tensor, "surfels 3"]:
+    """The albedo, lowered where it and ``lobe_albedo`` are more than 1: such a surface would send more than it gets.
+
+    An albedo in the factor of images, which relighting multiplies, can be larger. Bounces would then never die out.
+    """
+    return torch.minimum(albedo.clamp(min=0), 1 - lobe_albedo(roughness)[:, None])
+
+
 def lobe_albedo(roughness: Float[Tensor, " surfels"]) -> Float[Tensor, " surfels"]:
     """E(r), the hemispherical albedo of the specular lobe: the share of a white furnace's light that it scatters.
 

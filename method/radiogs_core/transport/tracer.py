@@ -14,8 +14,9 @@ from torch import Tensor
 from ..kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from ..kernels.surfel.support import support_of
 from ..kernels.trace.bvh import SurfelBVH
-from ..kernels.trace.trace import Hits, trace
-from ..surfels.surfels import Surfels
+from ..kernels.trace.hits import HitLists
+from ..kernels.trace.trace import Hits, blend_hits, hits_of, trace
+from ..surfels.surfels import Surfels, radiance_to_sh
 from .incident import Incident
 from .plan import EffectPlan
 from .sampling import hemisphere_directions
@@ -110,15 +111,50 @@ class SurfelTracer:
         features: Float[Tensor, "surfels channels"],
     ) -> Hits:
         """Trace rays from the centres of the surfels at ``index``; the result has chosen * samples rays."""
-        each = index.repeat_interleave(direction.shape[1])
-        origin = self.geometry.centre.index_select(0, each)
-        width = self.surfels.log_scale.detach().amax(-1).exp().index_select(0, each)
-        reach = self.offset * width if self.world_offset is None else torch.full_like(width, self.world_offset)
-        back_from = None if self.back_offset is None else self.back_offset * width
+        origin, reach, back_from = self._starts(index, direction.shape[1])
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
             origin, direction.flatten(0, 1), reach, back_from=back_from, rays_of_origin=direction.shape[1],
         )  # fmt: skip
+
+    def hits(self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]) -> HitLists:
+        """The hits of the rays of ``trace``, without gradient."""
+        origin, reach, back_from = self._starts(index, direction.shape[1])
+        samples = direction.shape[1]
+        return hits_of(
+            self.bvh, origin, direction.flatten(0, 1), reach, back_from=back_from, rays_of_origin=samples
+        )  # fmt: skip
+
+    @torch.no_grad()
+    def blended(
+        self,
+        lists: HitLists,
+        direction: Float[Tensor, "chosen samples 3"],
+        radiance: Float[Tensor, "surfels 3"],
+    ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
+        """V and L_ind along rays with known ``hits``, from surfels that send ``radiance`` (linear RGB) to their front.
+
+        They are those of ``incident`` for surfels with that radiance in all directions; without gradient.
+        """
+        rays, none = direction.flatten(0, 1), radiance.new_zeros(len(radiance), 0)
+        # In units of the brightest surfel: harmonics are added to 1/2, where a dim light would lose its digits.
+        unit = radiance.amax() if len(radiance) else radiance.new_zeros(())
+        sh = radiance_to_sh(radiance / torch.where(unit > 0, unit, 1.0))[:, None].contiguous()
+        # Blending reads origins for gradients alone.
+        found = blend_hits(lists, self.geometry, sh, none, torch.empty_like(rays), rays)
+        visibility, whole = visibility_of(found)
+        shape = direction.shape[:2]
+        return visibility.view(shape), (found.radiance * (unit * whole)[:, None]).view(*shape, 3)
+
+    def _starts(
+        self, index: Int[Tensor, " chosen"], samples: int
+    ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"], Float[Tensor, " rays"] | None]:
+        """Origins of rays from the surfels at ``index``, and the distances from which they hit fronts and backs."""
+        each = index.repeat_interleave(samples)
+        origin = self.geometry.centre.index_select(0, each)
+        width = self.surfels.log_scale.detach().amax(-1).exp().index_select(0, each)
+        reach = self.offset * width if self.world_offset is None else torch.full_like(width, self.world_offset)
+        return origin, reach, None if self.back_offset is None else self.back_offset * width
 
     def trace_from(
         self,

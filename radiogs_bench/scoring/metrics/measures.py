@@ -29,6 +29,8 @@ class Measure:
 
 MEASURES: Mapping[str, Measure] = {
     "psnr": Measure("PSNR", "dB", "up", 2),
+    # Of a relit image, against the one of the method's own reference.
+    "psnr_reference": Measure("PSNR to reference", "dB", "up", 2),
     "ssim": Measure("SSIM", "", "up", 3),
     "lpips": Measure("LPIPS", "", "down", 3),
     "mae": Measure("MAE", "deg", "down", 2),

@@ -12,13 +12,16 @@ from torch.nn.functional import normalize
 from hard_cases.constructions import joined
 from known_ball import CPU, SCENE
 from radiogs.model import Model
-from radiogs.relighting import RelitBySurfels, relight
+from radiogs.relighting import RelitByRays, RelitBySurfels, relight
 from radiogs.settings import PRESETS, Relighting, Variant
+from radiogs.showing import TrainedRadioGS
+from radiogs_core.capabilities import RelitByReference
 from radiogs_core.contract import Run
 from radiogs_core.learning.solver_rates import SolverRates
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.tracer import EVERYTHING
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box, Solid, Sphere
 from reference.quadrature import sphere_quadrature
@@ -26,6 +29,7 @@ from reference.shade import shade
 from scenes import look_at, surfels_over
 
 F64 = torch.float64
+BY_TRACED_LIGHT: tuple[Relighting, ...] = ("bounces", "path")
 MetLight = Literal["occluded", "unoccluded"]
 CLAY = Material((0.5, 0.35, 0.25), 0.5)
 PAINT = Material((0.3, 0.6, 0.7), 0.8)
@@ -35,7 +39,7 @@ PLATE = Box((-HALF_SIDE, -HALF_SIDE, TOP - 0.1), (HALF_SIDE, HALF_SIDE, TOP), PA
 CAMERA = look_at(torch.tensor([4.0, 0.6, -0.3]), torch.zeros(3), 20, 28.0)
 SCALES = [(1.0, 1.0, 1.0), (1.2, 0.7, 0.4)]
 BUDGET = replace(PRESETS["smoke"], relight_hemisphere_samples=128, relight_light_samples=32, finetune_iterations=100,
-                 finetune_surfels=400, finetune_samples=48)  # fmt: skip
+                 relight_bounces=4, relight_paths=256, finetune_surfels=400, finetune_samples=48)  # fmt: skip
 
 
 def gradient(low: tuple[float, ...], high: tuple[float, ...], towards: tuple[float, ...]) -> EnvironmentMap:
@@ -208,6 +212,57 @@ def test_fine_tuning_steps_at_the_rates_of_the_variant() -> None:
         assert isinstance(found, RelitBySurfels)
         moved.append(float((found.surfels.sh - model_of(BALL).surfels.sh)[:, 0].abs().max()))
     assert moved == [0.0, pytest.approx(0.01, rel=1e-3)]
+
+
+def test_traced_bounces_have_the_direct_light_of_the_same_rays() -> None:
+    by_split_sum, by_bounces = (maps(model_of(BALL, PLATE), AMBER, SCALES[1], mode) for mode in ("pbr", "bounces"))
+    assert torch.equal(by_split_sum["direct"], by_bounces["direct"])
+    assert not torch.allclose(by_split_sum["indirect"], by_bounces["indirect"], rtol=0.01)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_traced_bounces_agree_with_path_tracing(scale: tuple[float, ...]) -> None:
+    """The ball under a light from the side, which the plate and the ball send to each other."""
+    by_bounces, by_paths = (maps(model_of(BALL, PLATE), EVENING, scale, mode) for mode in BY_TRACED_LIGHT)
+    mean, pixels = off(on_the_ball(by_bounces, "direct"), on_the_ball(by_paths, "direct"))
+    assert mean < 0.02
+    assert pixels < 0.04
+    mean, pixels = off(on_the_ball(by_bounces, "indirect"), on_the_ball(by_paths, "indirect"))
+    assert mean < 0.05
+    assert pixels < 0.2
+
+
+def test_a_plan_without_bounces_and_a_budget_of_one_are_the_same() -> None:
+    run = Run(SCENE, Variant(relighting="bounces"), BUDGET, 0, CPU)
+    one = replace(run, budget=replace(BUDGET, relight_bounces=1))
+    model, scale = model_of(BALL, PLATE), torch.ones(3)
+    many, cut, single = (
+        relight(model, AMBER, scale, asked, plan=plan).render(CAMERA)["indirect"]
+        for asked, plan in ((run, EVERYTHING), (run, EVERYTHING.without("bounces")), (one, EVERYTHING))
+    )
+    assert torch.equal(cut, single)
+    assert float(many.mean()) > 1.02 * float(cut.mean())
+
+
+def test_the_reference_has_the_number_of_paths_of_the_budget_and_no_floor() -> None:
+    variant = Variant(relighting="path", deviations=("hemisphere-floor",))
+    found = relight(model_of(BALL), EVENING, torch.ones(3), Run(SCENE, variant, BUDGET, 0, CPU))
+    assert isinstance(found, RelitByRays)
+    assert found.incident.direction.shape[1] == BUDGET.relight_paths
+    height = (found.incident.direction * found.surfels.frame[:, None, :, 2]).sum(-1)[:, : BUDGET.relight_paths // 2]
+    assert 0 < float(height.min()) < 0.1
+
+
+def test_the_reference_of_a_model_is_path_traced_with_other_random_numbers_than_its_mode() -> None:
+    run = Run(SCENE, Variant(relighting="path"), BUDGET, 0, CPU)
+    trained = TrainedRadioGS(model_of(BALL, PLATE), run)
+    assert isinstance(trained, RelitByReference)
+    steps: list[None] = []
+    reference = trained.reference(EVENING, torch.ones(3), lambda: steps.append(None)).render(CAMERA)["image"]
+    own = trained.prepare(EVENING, torch.ones(3)).render(CAMERA)["image"]
+    assert steps
+    assert not torch.equal(reference, own)
+    assert float((reference - own).abs().mean()) < 0.02
 
 
 @pytest.mark.parametrize(("mode", "tolerance"), [("finetuned", 0.025), ("surfels", 0.05)])

@@ -1,4 +1,4 @@
-"""Relighting follows the variant's deviations for rays and image encoding, in each of its three modes."""
+"""Relighting follows the variant's deviations for rays and image encoding, in each of its modes."""
 
 import math
 from dataclasses import replace
@@ -52,7 +52,7 @@ def floors_middle(surfels: Surfels) -> Tensor:
     return (surfels.centre.norm(dim=-1) < 0.2) & (surfels.frame[:, 2, 2] > 0.9)
 
 
-BY_RAYS: tuple[Relighting, ...] = ("pbr", "finetuned")
+BY_RAYS: tuple[Relighting, ...] = ("pbr", "bounces", "finetuned")
 
 
 @pytest.mark.parametrize("mode", BY_RAYS)

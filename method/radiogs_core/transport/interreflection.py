@@ -1,0 +1,147 @@
+"""Indirect light under a given light, bounce by bounce along one set of rays, with met surfaces that are Lambertian.
+
+Every surfel has one set of directions, which all bounces share. Their rays are traced once as far as memory allows;
+each bounce blends what they hit with the radiance that the bounce before has left on the surfels. A surface that a ray
+hits scatters all it reflects by Lambert's law, the light of its specular lobe too (``lobe_albedo``).
+"""
+
+from collections.abc import Callable, Iterator
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ..kernels.shade.shade import shade
+from ..kernels.trace.hits import HitLists
+from .incident import Incident, unoccluded
+from .plan import EffectPlan
+from .shading import bounded_albedo, lobe_albedo
+from .splatting import DIFFUSE_DIRECT
+from .tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
+
+KEPT_BYTES = 1 << 30
+"""Most bytes of hits that are kept between bounces; rays whose hits do not fit are traced anew in every bounce."""
+
+MOST_LEFT = 0.95
+"""Largest share of the light of a bounce that the next one is taken to have when the rest of the series is added."""
+
+
+class FixedRays:
+    """Rays of some surfels in fixed directions, whose hits are kept up to a number of bytes.
+
+    Args:
+        tracer: Traces the rays.
+        index: The surfels from which rays start.
+        direction: Unit directions of all surfels.
+        kept_bytes: Most bytes of hits that are kept.
+    """
+
+    def __init__(
+        self,
+        tracer: SurfelTracer,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "surfels samples 3"],
+        kept_bytes: int,
+    ) -> None:
+        self.tracer, self.direction = tracer, direction
+        self.chunks = index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ()
+        self.left = kept_bytes
+        self.kept: dict[int, HitLists] = {}
+
+    def arriving(
+        self, radiance: Float[Tensor, "surfels 3"]
+    ) -> Iterator[tuple[Int[Tensor, " some"], Float[Tensor, "some samples"], Float[Tensor, "some samples 3"]]]:
+        """Some surfels at a time, with V and L_ind along their rays if surfels send ``radiance`` to their front."""
+        for place, some in enumerate(self.chunks):
+            along = self.direction[some]
+            yield some, *self.tracer.blended(self._hits(place, some, along), along, radiance)
+
+    def _hits(self, place: int, some: Tensor, along: Tensor) -> HitLists:
+        if place in self.kept:
+            return self.kept[place]
+        found = self.tracer.hits(some, along)
+        size = sum(each.nbytes for each in vars(found).values())
+        if size <= self.left:
+            self.kept[place] = found
+            self.left -= size
+        return found
+
+
+@torch.no_grad()
+def bounced_incident(
+    tracer: SurfelTracer,
+    albedo: Float[Tensor, "surfels 3"],
+    environment: Float[Tensor, "rows columns 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    bounces: int,
+    plan: EffectPlan = EVERYTHING,
+) -> Incident:
+    """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
+
+    ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
+    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced; surfels
+    without rays have the substitutes (``SurfelTracer.untraced``) and still send light.
+    """
+    surfels = tracer.surfels
+    normal, roughness = surfels.frame[..., 2].detach(), surfels.roughness.detach()
+    reflectance = bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
+    every, dark = torch.arange(len(albedo), device=albedo.device), torch.zeros_like(albedo)
+    incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
+    rays = FixedRays(tracer, plan.traced_among(every), direction, KEPT_BYTES)
+    if plan.visibility:
+        for some, visibility, _ in rays.arriving(dark):
+            incident.visibility[some] = visibility
+    if not plan.indirect:
+        return incident
+    no_lobe = torch.zeros(len(albedo), dtype=torch.bool, device=albedo.device)
+    direct = shade(
+        normal, reflectance, roughness, normal[:, None], direction, weight, incident.visibility, incident.radiance,
+        environment, no_lobe,
+    )[:, 0, DIFFUSE_DIRECT]  # fmt: skip
+
+    def again(sent: Tensor) -> Tensor:
+        scattered = dark.clone()
+        for some, _, arriving in rays.arriving(sent):
+            mean = mean_over_cosine(normal[some], direction[some], weight[some], arriving)
+            scattered[some] = reflectance[some] * mean
+        return scattered
+
+    for some, _, arriving in rays.arriving(summed(direct, again, bounces)):
+        incident.radiance[some] = arriving
+    return incident
+
+
+def mean_over_cosine(
+    normal: Float[Tensor, "surfels 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    radiance: Float[Tensor, "surfels samples 3"],
+) -> Float[Tensor, "surfels 3"]:
+    """Mean of incident radiance, weighted by solid angle and cosine: what a white Lambertian surface sends.
+
+    The weights of a surfel are divided by their sum, whose expected value is pi. By chance it is larger for some
+    surfels, which without the division would send more light than they receive.
+    """
+    flow = weight * (direction * normal[:, None]).sum(-1).clamp(min=0)
+    whole = flow.sum(-1, keepdim=True)
+    return ((flow / torch.where(whole > 0, whole, 1.0))[..., None] * radiance).sum(1)
+
+
+def summed(
+    first: Float[Tensor, "surfels 3"], again: Callable[[Tensor], Tensor], count: int
+) -> Float[Tensor, "surfels 3"]:
+    """The sum of a series of radiances: ``count`` terms, each ``again`` of the one before, and the rest by estimate.
+
+    The rest is that of a geometric series, whose ratio is that of the last two terms, summed over surfels, of each
+    channel, and at most MOST_LEFT. A single term has no ratio, and nothing is added to it.
+    """
+    total = term = first
+    for number in range(1, count):
+        before, term = term, again(term)
+        total = total + term
+        if number == count - 1:
+            whole = before.sum(0)
+            ratio = (term.sum(0) / torch.where(whole > 0, whole, 1.0)).clamp(0, MOST_LEFT)
+            total = total + term * (ratio / (1 - ratio))
+    return total
