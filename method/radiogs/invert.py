@@ -92,8 +92,9 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         by_sets = [images[name] for name in shaded]
         compared = [images["radiance"], *(crossed(*by_sets) if len(by_sets) == 2 else by_sets)]
         losses = image_terms(terms, camera, aim, blended, compared, [images["albedo"], images["roughness"]])
-        total = {"shaded": sum(losses.pop(name) for name in shaded)} if losses.keys() >= shaded.keys() else {}
-        return {**losses, **total, **self._light_losses(model, light)}
+        if by_set := [losses.pop(name) for name in shaded if name in losses]:
+            losses["shaded"] = torch.stack(by_set).sum()
+        return {**losses, **self._light_losses(model, light)}
 
     def _light_losses(self, model: Model, light: PrefilteredLight) -> dict[str, Tensor]:
         """The weighted losses of a light that is learnt; none for one that is held, which they have no gradient to."""

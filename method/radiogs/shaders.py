@@ -110,18 +110,22 @@ class MonteCarlo:
     ) -> Float[Tensor, "surfels sets 3"]:
         """The sums over each set of cached directions; see ``shade_total`` for the arguments."""
         surfels, incident, sets = model.surfels, self.cache.incident, self.cache.sets
-        given = (surfels.frame, lambert_albedo(surfels.albedo, surfels.roughness, specular_at), surfels.roughness)
+        albedo = lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
         count, samples = incident.weight.shape
+
+        def each(value: Tensor) -> Tensor:
+            """A surfel's value for each of its sets."""
+            return value if sets == 1 else value[:, None].expand(-1, sets, *value.shape[1:]).flatten(0, 1)
 
         def by_set(value: Tensor) -> Tensor:
             """The samples of each set as those of a surfel of their own."""
             return value.view(sets * count, samples // sets, *value.shape[2:])
 
         sums = shade_total(
-            *(_repeated(value, sets) for value in (*given, outgoing[:, None])),
+            each(surfels.frame), each(albedo), each(surfels.roughness), each(outgoing[:, None]),
             by_set(incident.direction), by_set(incident.weight),
             None if visibility is None else by_set(visibility), by_set(radiance), environment,
-            None if specular_at is None else _repeated(specular_at, sets),
+            None if specular_at is None else each(specular_at),
         )  # fmt: skip
         return sums.view(count, sets, 3) if sets == 1 else sets * sums.view(count, sets, 3)
 
@@ -141,11 +145,6 @@ class MonteCarlo:
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.cache.incident, self.arriving = Incident(**state["incident"]), None
-
-
-def _repeated(value: Tensor, times: int) -> Tensor:
-    """Each row ``times`` times in succession."""
-    return value if times == 1 else value[:, None].expand(-1, times, *value.shape[1:]).flatten(0, 1)
 
 
 class SplitSum:
