@@ -99,7 +99,7 @@ class MaterialRates:
     """Factor of stage 1's initial rates of geometry (``SurfelRates``): geometry is refined, not learnt again."""
     length_power: float = 0.0
     """Power of the length rule for the rates of albedo, light and harmonics (``on_surfels.length``)."""
-    roughness_length_power: float = 0.66
+    roughness_length_power: float = 0.5
     """Power of the length rule for the rate of roughness, of which a step's gradient is mostly noise."""
 
     def __post_init__(self) -> None:
