@@ -17,8 +17,8 @@ from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS
 from radiogs_core.plain_values import value_at, with_values
 from radiogs_datasets.registry import LAYOUTS
 
-LENGTH_POWER = "materials.rates.length_power"
-"""The one field that neither paper nor code has a value for: both have runs of one length."""
+LENGTH_POWER, ROUGHNESS_POWER = "materials.rates.length_power", "materials.rates.roughness_length_power"
+"""The fields that neither paper nor code has a value for: both have runs of one length."""
 
 
 HULL = "geometry.start.points"
@@ -27,7 +27,7 @@ HULL = "geometry.start.points"
 
 def listed() -> list[Constant]:
     """The constants that recipes reproduce, and for which the paper or its code has a value."""
-    return [each for each in CONSTANTS if each.field and each.field != LENGTH_POWER]
+    return [each for each in CONSTANTS if each.field and each.field not in (LENGTH_POWER, ROUGHNESS_POWER)]
 
 
 @pytest.mark.parametrize("constant", listed(), ids=lambda each: each.field)
@@ -112,10 +112,17 @@ def test_the_length_rule_changes_nothing_at_the_papers_length_and_longer_steps_a
 
 
 def test_the_length_rule_scales_the_rates_of_materials_light_and_harmonics_in_stage_2_alone() -> None:
-    variant = with_values(Variant(), {LENGTH_POWER: 0.5})
+    variant = with_values(Variant(), {LENGTH_POWER: 0.5, ROUGHNESS_POWER: 0.0})
     for searched in (False, True):
         whole, quarter = (rates_of(variant, 1.0, steps, searched) for steps in (20_000, 5_000))
         longer = {name for name in whole if quarter[name] == 2 * whole[name] > 0}
-        materials = {"albedo_logit", "roughness_logit", "sh", "sh_rest"}
+        materials = {"albedo_logit", "sh", "sh_rest"}
         assert longer == materials | (set() if searched else {"log_environment"})
         assert all(quarter[name] == whole[name] for name in whole.keys() - longer)
+
+
+def test_the_rate_of_roughness_has_a_power_of_its_own() -> None:
+    variant = with_values(Variant(), {LENGTH_POWER: 0.0, ROUGHNESS_POWER: 0.5})
+    whole, quarter = (rates_of(variant, 1.0, steps) for steps in (20_000, 5_000))
+    assert {name for name in whole if quarter[name] != whole[name]} == {"roughness_logit"}
+    assert quarter["roughness_logit"] == 2 * whole["roughness_logit"]
