@@ -75,6 +75,9 @@ OTHER = {
     "materials.start.search.far_share": 0.1,
     "materials.start.search.other_paint": 0.2,
     "materials.start.search.brightest": 0.5,
+    "materials.start.search.colour": 0.02,
+    "materials.directions.sets": 1,
+    "materials.consistent_roughness": True,
     "materials.start.search.albedo_range": (0.1, 0.3),
     "materials.start.white": 0.4,
     "materials.start.brightest": 0.5,
@@ -82,6 +85,7 @@ OTHER = {
     "materials.weights.distortion": 1.0,
     "materials.rates.light": 0.001,
     "materials.rates.length_power": 0.5,
+    "materials.rates.roughness_length_power": 0.1,
     "finetuning.unit": "one",
     "finetuning.last_share": 0.5,
 }
