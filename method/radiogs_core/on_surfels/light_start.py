@@ -28,6 +28,7 @@ from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
 from ..transport.plan import EffectPlan
 from ..transport.sampling import hemisphere_directions
+from ..transport.shading import lobe_albedo
 from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, visibility_of
 from .model import LitSurfels
@@ -154,7 +155,7 @@ def _searched(
 ) -> LightAndAlbedo | None:
     if start.light == "constant":
         return None
-    return light_and_albedo(learnt, views, rows, start.search, generator, two_sided, plan)
+    return light_and_albedo(learnt, views, rows, start, generator, two_sided, plan)
 
 
 def _constant(learnt: Surfels, views: tuple[TrainingView, ...], rows: int, start: StartValues) -> LightAndAlbedo:
@@ -166,7 +167,7 @@ def light_and_albedo(
     surfels: Surfels,
     views: tuple[TrainingView, ...],
     rows: int,
-    learning: LightStart,
+    start: StartValues,
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
@@ -183,9 +184,9 @@ def light_and_albedo(
     if too_few:
         return None
     transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan)
-    light = least_variation_light(points, transport, learning)
+    light = least_variation_light(points, transport, start.search)
     radiance = mean_radiance(surfels, views)
-    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
+    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, start)
 
 
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
@@ -357,9 +358,13 @@ def albedo_under(
     transport: Transport,
     surfels: Surfels,
     radiance: Float[Tensor, "surfels 3"],
-    learning: LightStart,
+    start: StartValues,
 ) -> Float[Tensor, "surfels 3"]:
-    """Linear albedo of each surfel under ``light``, from its ``radiance`` and the irradiance at nearby seen points."""
+    """Linear albedo of each surfel under ``light``, from its ``radiance`` and the irradiance at nearby seen points.
+
+    The specular lobe of the initial roughness sends its part of the radiance, by its hemispherical albedo.
+    """
+    learning, lobe = start.search, lobe_albedo(radiance.new_tensor([start.roughness]))
     white = transport.white(light).log()
     positions, normals = points.centre.cpu(), points.normal.cpu()
     bend = float(positions.std(0).norm()) * learning.turned
@@ -368,7 +373,7 @@ def albedo_under(
     near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(positions)))[1])
     lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
     low, high = learning.albedo_range
-    return (radiance / lit).clamp(low, high)
+    return (radiance / lit - lobe).clamp(low, high)
 
 
 def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:

@@ -23,7 +23,7 @@ from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import light_and_albedo
-from radiogs_core.on_surfels.start_values import LightStart
+from radiogs_core.on_surfels.start_values import LightStart, StartValues
 from radiogs_core.plain_values import with_values
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
@@ -107,7 +107,7 @@ def test_the_search_for_the_light_runs_on_the_surfels_device() -> None:
 
     def light_on(device: torch.device) -> torch.Tensor:
         views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
-        found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=1), generator)
+        found = light_and_albedo(moved(BALL, device), views, 8, StartValues(search=LightStart(steps=1)), generator)
         assert found is not None
         return found[0].cpu()
 

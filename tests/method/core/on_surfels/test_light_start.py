@@ -21,15 +21,17 @@ from radiogs_core.on_surfels.light_start import (
     seen_points,
     transport_to,
 )
-from radiogs_core.on_surfels.start_values import LightStart
+from radiogs_core.on_surfels.start_values import LightStart, StartValues
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.plan import plan_of
+from radiogs_core.transport.shading import lobe_albedo
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import surfels_over
 
 ROWS = 8
+START = StartValues(search=LightStart(steps=60))
 NOISE = 0.1
 """Standard deviation of log-radiance from point to point, as that of learnt surfels."""
 
@@ -216,13 +218,14 @@ def test_points_lie_on_the_seen_surface_and_show_its_radiance() -> None:
 
 def test_the_start_explains_the_images_whatever_light_was_found() -> None:
     use_threads(1)
-    light, albedo = light_and_albedo(BALL, load(SCENE.train, CPU), 16, LightStart(steps=60), generator())
+    light, albedo = light_and_albedo(BALL, load(SCENE.train, CPU), 16, START, generator())
     assert light.shape == (16, 32, 3)
     assert bool((light > 0).all())
     points = seen_points(BALL, load(SCENE.train, CPU), generator())
     transport = transport_to(points, BALL, 16, generator())
     nearest = torch.cdist(BALL.centre, points.centre).argmin(1)
-    sent = (albedo * transport.white(light)[nearest]).median(0).values
+    lobe = lobe_albedo(torch.tensor([START.roughness]))
+    sent = ((albedo + lobe) * transport.white(light)[nearest]).median(0).values
     torch.testing.assert_close(sent, torch.tensor(COLOUR), rtol=0.1, atol=0.0)
 
 
@@ -232,8 +235,10 @@ def test_albedo_is_radiance_over_the_light_of_the_same_side() -> None:
     light = sky_with_sun()
     white = transport.white(light)
     of_points = surfels.take(torch.nonzero((surfels.frame[..., 2, 2] > 0.05) & (surfels.centre[:, 2] > -0.01))[:, 0])
-    found = albedo_under(light, points, transport, of_points, 0.5 * white, LightStart())
+    sent = (0.5 + lobe_albedo(torch.tensor([START.roughness]))) * white
+    found = albedo_under(light, points, transport, of_points, sent, START)
     assert float(((found - 0.5).abs() < 0.1).double().mean()) > 0.9
+    assert float(found.median()) == pytest.approx(0.5, abs=0.005)
 
 
 def test_an_enlarged_light_keeps_its_mean_and_its_seam() -> None:
