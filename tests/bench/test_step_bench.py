@@ -67,7 +67,7 @@ def test_all_kinds_of_steps_beginnings_of_stages_and_frames_are_measured(measure
     one, two = "stage 1, initialisation", "stage 2, inverse rendering"
     once = {f"{one}: beginning", f"{two}: beginning", f"{two}: step that traces all light anew"}
     assert {*once, f"{one}: step", f"{two}: step", f"{one}: round of density control"} <= rows.keys()
-    assert sum("a frame" in title for title in rows) == 3
+    assert sum("a frame" in title for title in rows) == 4
     assert all([len(each) for each in rows[title]["passes"]] == [1] for title in once), (
         "the pass that counts is left out"
     )

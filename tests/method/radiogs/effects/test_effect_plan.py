@@ -244,7 +244,8 @@ def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int)
 
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
-    variant = with_values(Variant(effects=but(*off)), {"materials.rates.light": 5e-4})
+    learnt = {"materials.rates.light": 5e-4, "materials.consistent_roughness": True}
+    variant = with_values(Variant(effects=but(*off)), learnt)
     stage = inverse_rendering(Run(SCENE, variant, BUDGET, 0, CPU), initialised)
     loss = stage.consistency_loss(stage.visible_model(), stage.views[0])
     loss.backward()
