@@ -187,7 +187,7 @@ FRAME = Phase(surfel=360, pixel=102)
 OWN_FRAME = Phase(surfel=120, pixel=55)
 """A frame of the surfels' own radiance."""
 
-FINE_TUNE = Phase(surfel=1650, ray=90)
+FINE_TUNE = Phase(surfel=1650, ray=45)
 """A step of fine-tuning."""
 
 KEPT_RAY, KEPT_HIT = 12, 12

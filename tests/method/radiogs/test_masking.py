@@ -45,7 +45,7 @@ def rendered(masking: Masking) -> float:
 
 
 def relit(masking: Masking) -> float:
-    run = Run(SCENE, Variant(masking=masking), BUDGET, 0, CPU)
+    run = Run(SCENE, Variant(masking=masking, relighting="pbr"), BUDGET, 0, CPU)
     surfels = surfels_over([FLOOR, Sphere((0.0, 0.0, 0.5), 0.3, CLAY)], 0.12)
     found = relight(Model(surfels, torch.zeros(8, 16, 3)), EnvironmentMap(sky()), torch.ones(3), run)
     return float(found.render(cameras()[0])["indirect"].mean())

@@ -85,4 +85,6 @@ def test_split_sum_shading_needs_no_memory_for_rays() -> None:
         for shading in ("monte-carlo", "split-sum")
     )
     assert {phase.title for phase in traced} - {phase.title for phase in not_traced} == {"stage 2, all light anew"}
-    assert traced[1].held - not_traced[1].held == 10_000 * 64 * (SAMPLE + 12), "with what arrives under a held light"
+    assert traced[1].held - not_traced[1].held == 10_000 * 2 * 64 * (SAMPLE + 12), (
+        "two sets, with what arrives under a held light"
+    )
