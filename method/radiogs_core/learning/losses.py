@@ -87,25 +87,29 @@ def light_prior(incident: Float[Tensor, "surfels 3"]) -> Float[Tensor, ""]:
 
 
 def environment_smoothness(radiance: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
-    """Mean squared difference of neighbouring texels' log radiance; the map wraps around in longitude."""
-    return _Smoothness.apply(radiance)
+    """The unevenness of a light's log-radiance."""
+    return unevenness(radiance.log())
 
 
-class _Smoothness(torch.autograd.Function):
-    """``environment_smoothness``, with its gradient in a third of the operations that PyTorch derives."""
+def unevenness(texels: Float[Tensor, "height width channels"]) -> Float[Tensor, ""]:
+    """Mean squared difference of neighbouring texels of a map that wraps around in longitude."""
+    return _Unevenness.apply(texels)
+
+
+class _Unevenness(torch.autograd.Function):
+    """``unevenness``, with its gradient in a third of the operations that PyTorch derives."""
 
     @staticmethod
-    def forward(ctx: Any, radiance: Tensor) -> Tensor:
-        value = radiance.log()
-        around = value - value.roll(1, dims=1)
-        down = value[1:] - value[:-1]
-        ctx.save_for_backward(radiance, around, down)
+    def forward(ctx: Any, texels: Tensor) -> Tensor:
+        around = texels - texels.roll(1, dims=1)
+        down = texels[1:] - texels[:-1]
+        ctx.save_for_backward(around, down)
         return around.square().mean() + down.square().mean()
 
     @staticmethod
     def backward(ctx: Any, pull: Tensor) -> Tensor:
-        radiance, around, down = ctx.saved_tensors
+        around, down = ctx.saved_tensors
         slope = (around - around.roll(-1, dims=1)) / around.numel()
         slope[1:].add_(down, alpha=1 / max(1, down.numel()))
         slope[:-1].sub_(down, alpha=1 / max(1, down.numel()))
-        return 2 * pull * slope / radiance
+        return 2 * pull * slope

@@ -20,6 +20,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d, normalize
 
 from ..instruments import fire
+from ..learning.losses import unevenness
 from ..learning.views import TrainingView
 from ..order_statistics import quantile
 from ..scene.colour import LINEAR_KNEE, srgb_decode
@@ -285,8 +286,8 @@ def least_variation_light(
         variation = variation + learning.far_share * _mean(apart, far)
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
         brightest = _among_neighbours(log_albedo, near).amax(-1).quantile(learning.brightest)
-        loss = variation + learning.smoothness * _unevenness(log_light)
-        loss = loss + learning.chroma_smoothness * _unevenness(log_light - log_light.mean(-1, keepdim=True))
+        loss = variation + learning.smoothness * unevenness(log_light)
+        loss = loss + learning.chroma_smoothness * unevenness(log_light - log_light.mean(-1, keepdim=True))
         loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
         adam.zero_grad()
         loss.backward()
@@ -321,12 +322,6 @@ def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
     second = torch.from_numpy(near.reshape(len(positions), -1)[:, 1:]).to(points.centre.device)
     first = torch.arange(len(positions), device=second.device).repeat_interleave(second.shape[1])
     return _Pairs.of(first, second.flatten(), points, learning)
-
-
-def _unevenness(texels: Float[Tensor, "rows columns 3"]) -> Float[Tensor, ""]:
-    """Mean squared difference of neighbouring texels; the map wraps around in longitude."""
-    around, down = texels - texels.roll(1, 1), texels[1:] - texels[:-1]
-    return around.square().mean() + down.square().mean()
 
 
 def _among_neighbours(log_albedo: Float[Tensor, "points 3"], near: _Pairs) -> Float[Tensor, "points 3"]:
