@@ -88,22 +88,25 @@ class IncidentCache:
 
     def of_set(self, index: Int[Tensor, " chosen"], number: int) -> Incident:
         """The cached light on the surfels at ``index`` along the directions of the set ``number`` alone."""
-        rows, shape = self.rows(index, number), (-1, self.samples)
-        whole = vars(self.incident).items()
-        light = Incident(**{name: value.view(*shape, *value.shape[2:])[rows] for name, value in whole})
+        rows = self.rows(index, number)
+        light = Incident(**{name: self._by_set(value)[rows] for name, value in vars(self.incident).items()})
         return replace(light, weight=self.sets * light.weight)
 
     def store(self, index: Int[Tensor, " chosen"], number: int, fresh: Incident) -> None:
         """Overwrite the set ``number`` of the surfels at ``index`` with ``fresh``, without gradient."""
-        rows, shape = self.rows(index, number), (-1, self.samples)
+        rows = self.rows(index, number)
         for name, value in vars(replace(fresh, weight=fresh.weight / self.sets)).items():
-            kept = getattr(self.incident, name)
-            kept.view(*shape, *kept.shape[2:])[rows] = value.detach()
+            self._by_set(getattr(self.incident, name))[rows] = value.detach()
+
+    def _by_set(self, value: Tensor) -> Tensor:
+        """A view of cached samples, [surfels, all samples, ...], in which each set of a surfel is a row."""
+        return value.view(self.sets * len(value), -1, *value.shape[2:])
 
     def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
-        """The light on the surfels ``index``: traced now and cached, or from the cache if the policy traces once."""
+        """The light on the surfels ``index`` along a set of directions: traced now and cached, or from the cache if the
+        policy traces once."""
         if not self.policy.traced_again:
-            return self.incident.of(index)
+            return self.of_set(index, self.set_of(iteration))
         if iteration % self.interval == 0 and iteration != self.traced_at:
             self.refresh(model, iteration)
         self.tracer.follow(model.surfels)

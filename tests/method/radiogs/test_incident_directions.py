@@ -69,6 +69,21 @@ def test_a_step_draws_one_set_anew_and_leaves_the_other() -> None:
             torch.testing.assert_close(getattr(after[number], name), value.detach())
 
 
+def test_light_that_is_traced_once_stays_as_it_was() -> None:
+    """Also what arrives under a held light, which every step writes for the surfels that it draws."""
+    variant = replace(Variant(), incident="precomputed")
+    stage = inverse_rendering(BALL, 0.0, variant, sunny(), replace(BUDGET, consistency_surfels=50))
+    stage.optimiser.tensors["log_environment"].requires_grad_(False)
+    shader = stage.shader
+    arrived, directions = shader.arrived(stage.model).clone(), shader.cache.incident.direction.clone()
+    for _ in range(4):
+        light = shader.cache.light_on(torch.arange(50), stage.model, stage.iteration)
+        assert light.weight.shape == (50, BUDGET.incident_samples)
+        stage.step()
+    assert torch.equal(shader.arrived(stage.model), arrived)
+    assert torch.equal(shader.cache.incident.direction, directions)
+
+
 def test_the_sets_of_a_surfel_are_independent() -> None:
     """The errors of the irradiance of all surfels, over many draws, do not correlate between the sets."""
     stage = inverse_rendering(BALL, 0.9, light=sunny())
