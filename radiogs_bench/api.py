@@ -34,7 +34,7 @@ from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from .export.records import rows
-from .method_names import method_names
+from .installed_methods import method_names
 from .methods import budget_of, variant_by_recipe
 from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of

@@ -17,8 +17,8 @@ from radiogs_core.contract import LARGEST_COUNT, Method
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
 
+from .installed_methods import method_names, offered_methods, origin, recipes, substitutes
 from .method_calls import calling, lacking
-from .method_names import method_names, offered_methods, origin, recipes, substitutes
 
 DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""

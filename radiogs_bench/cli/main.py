@@ -146,7 +146,7 @@ def _words_or_paths() -> dict[str, list[str]]:
     """The known names for options that also take a path, by option."""
     from radiogs_datasets import known_names
 
-    from ..method_names import method_names
+    from ..installed_methods import method_names
     from ..suites.registry import SUITES
 
     scenes = list(known_names())

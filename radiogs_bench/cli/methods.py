@@ -37,7 +37,7 @@ def methods(options: argparse.Namespace) -> int:
     if not (options.name or options.json):
         return _list_all()
     from ..errors import explain, worst_exit_code
-    from ..method_names import method_names
+    from ..installed_methods import method_names
     from ..methods import describe, method
     from .reporter import complain, say_whole
 
@@ -78,7 +78,7 @@ def _show_recipes(name: str | None) -> int:
 
 def _list_all() -> int:
     """Print what every method is called and which package offers it; none of them is loaded."""
-    from ..method_names import method_names, origin
+    from ..installed_methods import method_names, origin
     from .reporter import say
 
     names = method_names()

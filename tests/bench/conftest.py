@@ -7,7 +7,7 @@ import pytest
 
 from bench import fake_method
 from radiogs_bench.cli import main
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import preflight, train
 from radiogs_bench.runs.engines import run as sweeping
 from radiogs_bench.suites import scenes

@@ -17,7 +17,7 @@ import torch
 from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.settings import PRESETS, Budget, Variant
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption

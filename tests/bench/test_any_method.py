@@ -13,7 +13,7 @@ from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.cli import main
 from radiogs_bench.errors import Interrupted, MethodFailed
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import train
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells

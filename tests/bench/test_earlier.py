@@ -8,7 +8,7 @@ import pytest
 import radiogs_bench as rb
 from bench import fake_method
 from radiogs_bench.cli.main import main
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.trained_folder import read_about
 from radiogs_core.errors import UsageError
 

@@ -16,7 +16,7 @@ from radiogs_bench.cli import main, showing
 from radiogs_bench.cli.run import say_other_run
 from radiogs_bench.cli.showing import write
 from radiogs_bench.errors import UNEXPECTED, Killed, StoreError, exit_code, explain
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import budget_of, variant_of
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.engines import run as engines

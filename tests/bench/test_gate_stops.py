@@ -39,8 +39,8 @@ CHANGES = {
     ),
     "V is one where the light is hidden": (
         "radiogs_core/transport/tracer.py",
-        "visibility = torch.where(solid, 0.0, hits.transmittance)",
-        "visibility = torch.where(solid, 1.0, 1 - hits.transmittance)",
+        "visibility = hits.transmittance.masked_fill(solid, 0.0)",
+        "visibility = (1 - hits.transmittance).masked_fill(solid, 1.0)",
     ),
     "L_rad towards the camera alone": (
         "radiogs_core/kernels/shade/shade.inl",

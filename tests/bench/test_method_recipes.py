@@ -15,7 +15,7 @@ from radiogs.method import RADIOGS
 from radiogs.recipes import recipe_values
 from radiogs.settings import Variant
 from radiogs_bench.cli import main
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import nearest_recipe, variant_by_recipe
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.trained_folder import read_about, read_trained

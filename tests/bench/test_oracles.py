@@ -11,7 +11,7 @@ import torch
 
 from bench.chain_method import Chain, Turned
 from radiogs_bench.cli import main
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import train
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption

@@ -19,6 +19,7 @@ from bench.fake_method import FAKE, FakeStage
 from radiogs.rehearsing import INITIALISE_STEPS, TITLES, memory_of, short_run
 from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli import main
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.lab.rehearsal import climb as climbing
 from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
 from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
@@ -27,7 +28,6 @@ from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
 from radiogs_bench.lab.rehearsal.record import whole_of
 from radiogs_bench.lab.rehearsal.row import Row
-from radiogs_bench.method_names import substitutes
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages
 from radiogs_core.errors import DataError

@@ -11,7 +11,7 @@ from bench.fake_method import FAKE
 from radiogs.method import RADIOGS
 from radiogs.settings import RELIGHTING
 from radiogs_bench.cli.model import ONLY_MODE, chosen_mode
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_core.capabilities import RelightingModes, RelitInModes
 from radiogs_core.errors import UsageError

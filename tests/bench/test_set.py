@@ -16,7 +16,7 @@ from bench.fake_method import FakeSweep, asked
 from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import setting
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import budget_of, method, settable, settings_of
 from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.runs.sweep import plain_preset, preset_text, read_sweep

@@ -16,6 +16,7 @@ import torch
 
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.lab.kernels.clock import processor_seconds
 from radiogs_bench.lab.kernels.scenes import sphere_and_plane
 from radiogs_bench.lab.steps import yardsticks
@@ -31,7 +32,6 @@ from radiogs_bench.lab.steps.subject import (
     OWN_START,
     subject_of,
 )
-from radiogs_bench.method_names import substitutes
 from radiogs_bench.methods import method
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.kernels.runtime import use_threads

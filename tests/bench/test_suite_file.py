@@ -14,7 +14,7 @@ from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_bench.cli import main
-from radiogs_bench.method_names import substitutes
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.suites.own import EFFECTS_SUITE
 from radiogs_bench.suites.registry import read_suite
 from radiogs_bench.suites.suite import Metric, Row, Suite, with_numbers

@@ -11,7 +11,7 @@ from bench.chain_method import Chain
 from bench.fake_method import SCENE, asked
 from radiogs.settings import PRESETS, Variant
 from radiogs_baselines.published import published, published_tables
-from radiogs_bench.method_names import method_names, substitutes
+from radiogs_bench.installed_methods import method_names, substitutes
 from radiogs_bench.methods import DEFAULT
 from radiogs_bench.runs.sweep import Request
 from radiogs_bench.scoring.metrics.measures import MEASURES

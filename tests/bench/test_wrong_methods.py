@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, Turned
-from radiogs_bench import method_names, methods
+from radiogs_bench import installed_methods, methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.run import report_failures
 from radiogs_bench.errors import MethodFailed, explain
@@ -283,9 +283,9 @@ def test_a_package_that_is_broken_does_not_hide_the_others(
 ) -> None:
     (tmp_path / "broken_method.py").write_text("x = 1\n1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    broken = EntryPoint("broken", "broken_method:METHOD", method_names.GROUP)
-    offered = {**method_names.offered_methods(), "broken": broken}
-    for module in (methods, method_names):
+    broken = EntryPoint("broken", "broken_method:METHOD", installed_methods.GROUP)
+    offered = {**installed_methods.offered_methods(), "broken": broken}
+    for module in (methods, installed_methods):
         monkeypatch.setattr(module, "offered_methods", lambda: offered)
     assert main(["methods"]) == 0
     assert "broken" in capsys.readouterr().out
@@ -335,7 +335,7 @@ METHOD = Mine()
     module = f"mine_{abs(hash(change))}"
     (tmp_path / f"{module}.py").write_text(f"{text}{change}\n")
     monkeypatch.syspath_prepend(tmp_path)
-    offered = {"mine": EntryPoint("mine", f"{module}:METHOD", method_names.GROUP)}
+    offered = {"mine": EntryPoint("mine", f"{module}:METHOD", installed_methods.GROUP)}
     monkeypatch.setattr(methods, "offered_methods", lambda: offered)
     with pytest.raises(UsageError, match="the method 'mine' is not what a method is") as refused:
         methods.method("mine")

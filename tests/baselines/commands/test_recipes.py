@@ -15,7 +15,7 @@ from radiogs_baselines.commands.method import CommandMethod, read_method
 from radiogs_baselines.commands.placeholders import filled
 from radiogs_baselines.commands.workspace import Workspace
 from radiogs_baselines.outputs.codes import CODES
-from radiogs_bench.method_names import recipes
+from radiogs_bench.installed_methods import recipes
 from radiogs_core.scene.scene import Scene
 
 STAND_IN = Path(__file__).with_name("stand_in_python.py")
