@@ -1,8 +1,8 @@
-"""Suites without a table in the paper: cost, the audit of effect plans, and the oracle ladder.
+"""Suites without a table in the paper: cost, length, the audit of effect plans, and the oracle ladder.
 
-``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time. ``effects`` trains with only the
-effects that a scene needs, against training with all. ``oracles`` replaces parts of what a method finds by the truth,
-to see what each is responsible for.
+``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time, ``length`` the steps of stage 2.
+``effects`` trains with only the effects that a scene needs, against training with all.
+``oracles`` replaces parts of what a method finds by the truth, to see what each is responsible for.
 """
 
 from collections.abc import Sequence
@@ -86,6 +86,26 @@ COST_OF_ACCURACY = Suite(
     ),
     experiment=COST,
 )  # fmt: skip
+
+
+STEPS = "<inverse_iterations>"
+
+LENGTH = Suite(
+    name="length",
+    title="Quality by the length of stage 2",
+    published=None,
+    reference="steps-1",
+    rows=tuple(
+        Row(f"steps-{name}", f"{STEPS} it.", f"{STEPS} steps", {}, {"inverse_iterations": factor})
+        for name, factor in (("1", 1.0), ("2-5", 2.5), ("5", 5.0), ("10", 10.0))
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
+        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    ),
+    scenes=("corner", "front_plain", "front_patterned", "glossware", "crowd", "lamps", "sculpture"),
+)  # fmt: skip
+"""The preset's steps, and up to ten times as many, on a scene of each kind."""
 
 
 def _all_but(*left_out: str) -> dict[str, tuple[str, ...]]:

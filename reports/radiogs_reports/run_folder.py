@@ -13,6 +13,7 @@ from .figures.canvas import FOLDER, Drawn, save
 from .figures.contact_sheet import write_contact_sheet
 from .figures.convergence import convergence_figures
 from .figures.cost import cost_figures, knob_figures
+from .figures.curves import curve_figures
 from .figures.finetuning import finetuning_figures
 from .figures.ladder import ladder_figures
 from .figures.light import environment_figures, illumination_figures, relighting_figures
@@ -94,6 +95,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     """Write every figure that the stored results allow into ``out``/figures; the same results give the same bytes."""
     figures = [
         *(knob_figures(summary) or cost_figures(summary)),
+        *curve_figures(summary),
         *audit_figure(summary),
         *ladder_figures(summary),
         *convergence_figures(summary),

@@ -61,15 +61,20 @@ def knobs(summary: Summary) -> list[Knob]:
         field = None if content is None else only_difference(content, base)
         if content is not None and field is not None:
             found.setdefault(field, []).append(Setting(flat(content["budget"])[field], row["key"]))
-    texts = TEXTS.get(base.get("method", RADIOGS), {})  # results from before methods were named are RadioGS's
     return [
         Knob(
             field,
-            texts.get(field, field.replace("_", " ")),
+            label_of(base, field),
             tuple(sorted([*settings, Setting(flat(base["budget"])[field], reference_of(summary))])),
         )
         for field, settings in found.items()
     ]
+
+
+def label_of(content: Mapping[str, Any], field: str) -> str:
+    """The label of a field of the budget of the method that a cell's content names."""
+    texts = TEXTS.get(content.get("method", RADIOGS), {})  # results from before methods were named are RadioGS's
+    return texts.get(field, field.replace("_", " "))
 
 
 def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str | None:
