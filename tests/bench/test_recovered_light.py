@@ -18,9 +18,8 @@ from radiogs_bench.scoring.recovered_light import (
     score_light_on_surfaces,
     seen_surface,
 )
-from radiogs_bench.store.schema import MetricValue
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.scene import Scene, View
+from radiogs_core.scene.scene import View
 
 RULES = protocol("default")
 TINTED = torch.tensor([0.5, 2.0, 3.0])
@@ -137,12 +136,6 @@ def test_the_views_share_a_bounded_number_of_pixels_evenly() -> None:
     assert len(seen_surface([view]).normals) == pytest.approx(PIXELS / 2, rel=0.05)
 
 
-def lit(*views: View, light: torch.Tensor | None = None) -> dict[str, MetricValue]:
-    true = EnvironmentMap(sunny(4, 1, 3) if light is None else light)
-    scene = replace(scene_of(*views), training_light=true)
-    return evaluate(Perfect(scene, light=true), scene, RULES, CPU, lambda done, total: None).metrics
-
-
 def reasons(**missing: torch.Tensor) -> tuple[str | None, str | None]:
     maps = {"normal": torch.ones(SIZE, SIZE, 3), "roughness": torch.full((SIZE, SIZE, 1), 0.3)} | missing
     seen = seen_surface([facing(**{name: image for name, image in maps.items() if image.numel()})])
@@ -166,7 +159,9 @@ def test_each_value_that_is_missing_says_why() -> None:
 
 
 def test_evaluation_stores_all_three() -> None:
-    found = lit(*(view_with(place, EVERYTHING) for place in range(2)))
+    true = EnvironmentMap(sunny(4, 1, 3))
+    scene = replace(scene_of(*(view_with(place, EVERYTHING) for place in range(2))), training_light=true)
+    found = evaluate(Perfect(scene, light=true), scene, RULES, CPU, lambda done, total: None).metrics
     for name in ("irradiance", "reflection", "floor"):
         assert found[f"environment/{name}"]["value"] == pytest.approx(0, abs=1e-9)
 
@@ -175,7 +170,6 @@ def test_a_scene_without_masks_has_neither_and_says_why() -> None:
     view = view_with(0, EVERYTHING)
     bare = replace(view, sources={name: each for name, each in view.sources.items() if name != "alpha"})
     scene = replace(scene_of(view), train=(bare,), training_light=EnvironmentMap(sunny(4, 1, 3)))
-    assert isinstance(scene, Scene)
     found = evaluate(Perfect(scene, light=scene.training_light), scene, RULES, CPU, lambda done, total: None).metrics
     for name in ("error_scaled", "irradiance", "reflection"):
         assert "no masks" in (found[f"environment/{name}"]["reason"] or "")

@@ -53,7 +53,7 @@ MEASURES: Mapping[str, Measure] = {
     # Of a recovered environment map, as it is and after the protocol's alignment.
     "error": Measure("error", "", "down", 3),
     "error_scaled": Measure("error up to scale", "", "down", 3),
-    # Of what surfaces in the test views receive under it, and the error up to scale of the true map at its resolution.
+    # Recovered light as surfaces in the test views receive it, and the error that its resolution alone costs.
     "irradiance": Measure("error of irradiance", "", "down", 3),
     "reflection": Measure("error of reflections", "", "down", 3),
     "floor": Measure("error of the truth at this resolution", "", "down", 3),
