@@ -2,7 +2,7 @@
 
 Three kinds of doubt: the images do not determine the quantity (``scoring.determined``); a map scores no better than the
 best one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart. Methods state
-their differences as labels among a model's facts.
+their differences as labels among a model's facts. A remark says what error resolution alone costs recovered light.
 """
 
 import math
@@ -33,6 +33,11 @@ BRIGHTNESS = ("brightness", "brightness, albedo free")
 CONSTANTS = {"roughness/mse": "roughness", "environment/error_scaled": "light"}
 """Metrics beside which ``task/constant`` is measured, and what is constant there."""
 
+LIGHT = "environment/error_scaled"
+
+NEAR_FLOOR = 0.1, 0.05
+"""An error is hardly worse than ``environment/floor`` if it exceeds that by less: a share of it, and this much more."""
+
 FEWEST_SEEDS = 3
 """The interval from two values is five times as wide as from three, and says little."""
 
@@ -40,7 +45,7 @@ IN_NO_COLUMN = "No column depends on it: the protocol compares albedo and light 
 
 
 def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
-    """All doubts about a sweep's columns, in their order; last, what the protocol takes out of every column."""
+    """All doubts about a sweep's columns, in their order; last, remarks that mark no value."""
     finished = [(ref, result) for ref, result in cells if result is not None]
     if not finished:
         return []
@@ -51,6 +56,8 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
         found += undetermined(finished, column, quantities)
         found += no_better_than_constant(finished, column)
         found += spread_over_seeds(finished, column, quantities)
+    if LIGHT in sweep["columns"]:
+        found += resolution_of_light(finished, {row["key"]: row["text"] for row in sweep["rows"]})
     if not any("brightness" in depends_on(column, conventions) for column in sweep["columns"]):
         for doubt in undetermined(finished, "", BRIGHTNESS):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
@@ -103,6 +110,29 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
         f" {_range(references, 4)}. The recovered one carries no information."
     )
     return [Doubt(column=column, rows=rows, text=text)]
+
+
+def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Doubt]:
+    """A remark on the error that resolution alone costs the recovered light, naming the rows that have hardly more.
+
+    ``texts``: labels of the rows by key.
+    """
+    floors, near = [], []
+    for row, results in _by_row(finished).items():
+        pairs = list(_pairs(results, LIGHT, "environment/floor"))
+        floors += [(row, floor) for _, floor in pairs]
+        share, more = NEAR_FLOOR
+        if pairs and math.fsum(own - (1 + share) * floor - more for own, floor in pairs) <= 0:
+            near.append(row)
+    if not floors:
+        return []
+    text = (
+        "recovered light: averaged to the resolution of the recovered map, the true light has an error up to scale of"
+        f" {_range([floor for _, floor in floors], 3)}."
+    )
+    if near:
+        text += f" Hardly worse than that: {', '.join(texts[row] for row in near)}."
+    return [Doubt(column="", rows=list(dict.fromkeys(row for row, _ in floors)), text=text)]
 
 
 def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:

@@ -29,6 +29,7 @@ from .metrics.protocol import Protocol
 from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
+from .recovered_light import score_light
 from .score_maps import (  # fmt: skip
     against_reference,
     compared_indirect,
@@ -37,7 +38,6 @@ from .score_maps import (  # fmt: skip
     mean_roughness,
     score_albedo,
     score_depth,
-    score_light,
     score_view,
     truth,
     without_reference,
@@ -238,7 +238,7 @@ class _Evaluator:
                 self.method, f"its light is a {type(light).__name__}", "It has to be an EnvironmentMap, or None."
             )
         self.given.add("environment")
-        score_light(self.scores, self.scene, light)
+        score_light([self.scores], self.scene, light)
         score_constant_light(self.scores, self.scene)
         if self.scene.training_light is not None:
             self.arrays |= light_maps(light, self.scene.training_light)

@@ -18,4 +18,5 @@ def withhold_light(scores: MetricsByView, scene: Scene) -> None:
     rules, light = scores.rules, Value(None, NOT_DISTANT)
     for task in ("relight", "albedo"):
         scores.add_whole(task, rules.no_comparison(NOT_DISTANT))
-    scores.add_whole("environment", {"error": light, "error_scaled": light})
+    measures = ("error", "error_scaled", "irradiance", "reflection")
+    scores.add_whole("environment", dict.fromkeys(measures, light))

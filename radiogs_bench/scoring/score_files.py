@@ -11,6 +11,7 @@ from .metrics.protocol import Protocol
 from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
+from .recovered_light import score_light
 from .score_maps import (
     Maps,
     compared_indirect,
@@ -18,7 +19,6 @@ from .score_maps import (
     lit_views,
     score_albedo,
     score_depth,
-    score_light,
     score_view,
     truth,
 )
@@ -63,12 +63,11 @@ def score_predictions(
     for light, view in _lit_pairs(lit):
         if view.name not in predictions.relit.get(light, {}):
             _withhold_relit(by_protocol, measures, light, view)
-    found = predictions.read_light()
+    if (found := predictions.read_light()) is not None:
+        score_light(by_protocol, scene, found)
     scores = []
     for each in by_protocol:
         score_depth(each, scene, kept)
-        if found is not None:
-            score_light(each, scene, found)
         scale = score_albedo(each, scene, kept)
         withhold_light(each, scene)
         scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))

@@ -12,7 +12,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from .metrics.protocol import Protocol
@@ -86,15 +85,6 @@ def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Map
     for view, prediction, target, mask, alpha in zip(views, predictions, truths, masks, alphas, strict=True):
         scores.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
     return scale
-
-
-def score_light(scores: MetricsByView, scene: Scene, found: EnvironmentMap) -> None:
-    """Score a recovered environment map at the resolution of the true one, if that is known and distant."""
-    if scene.training_light is None or scene.surrounded:
-        return
-    true_light = scene.training_light.radiance.cpu()
-    directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)
-    scores.add_whole("environment", scores.rules.score_environment(found.lookup(directions), true_light))
 
 
 def score_depth(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> None:

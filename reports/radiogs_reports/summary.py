@@ -106,8 +106,8 @@ class Doubt(TypedDict):
     """A reason why values are uncertain."""
 
     column: str
-    """Key of the column; empty where the text concerns no column, because the protocol removes the quantity from all of
-    them, or because it is a difference between a method and the published one."""
+    """Key of the column; empty where the text marks no value, because the protocol removes the quantity from all
+    columns, or because it is a difference between a method and the published one or the least error of a light map."""
     rows: list[str]
     """Keys of the rows that it concerns."""
     text: str

@@ -13,6 +13,7 @@ from radiogs_bench.results.doubts import (
     doubts,
     no_better_than_constant,
     recovered,
+    resolution_of_light,
     spread_over_seeds,
     undetermined,
 )
@@ -38,7 +39,7 @@ def cell(row: str, seed: int = 0, scene: str = "corner", **content: Any) -> tupl
 
 
 def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
-    return {"rows": [{"key": row} for row in rows], "columns": list(columns)}
+    return {"rows": [{"key": row, "text": row.title()} for row in rows], "columns": list(columns)}
 
 
 def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:
@@ -125,6 +126,25 @@ def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
     assert found["rows"] == ["ours"]
     cells = [*cells, cell("ours", 2, metrics={"roughness/mse": 0.001, "roughness/constant": 0.02})]
     assert no_better_than_constant(cells, "roughness/mse") == []
+
+
+def test_a_remark_says_what_error_resolution_alone_costs_and_who_has_no_more() -> None:
+    def light(row: str, error: float, floor: float) -> tuple[Any, Any]:
+        return cell(row, metrics={"environment/error_scaled": error, "environment/floor": floor})
+
+    cells = [light("near", 0.30, 0.23), light("far", 0.31, 0.23), light("sharp", 0.98, 0.92), cell("unlit")]
+    texts = {row["key"]: row["text"] for row in sweep("near", "far", "sharp", "unlit")["rows"]}
+    (found,) = resolution_of_light(cells, texts)
+    assert (found["column"], found["rows"]) == ("", ["near", "far", "sharp"])
+    assert found["text"] == (
+        "recovered light: averaged to the resolution of the recovered map, the true light has an error up to scale of"
+        " 0.230 to 0.920. Hardly worse than that: Near, Sharp."
+    )
+    (alone,) = resolution_of_light(cells[1:2], texts)
+    assert alone["text"].endswith("an error up to scale of 0.230.")
+    assert resolution_of_light(cells[3:], texts) == []
+    assert found in doubts(cells, sweep(*texts))
+    assert found not in doubts(cells, sweep(*texts, columns=("nvs/psnr",)))
 
 
 def test_seeds_that_find_different_roughness_are_a_remark() -> None:

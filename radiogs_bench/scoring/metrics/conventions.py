@@ -149,6 +149,9 @@ class DepthOffset:
 
 @dataclass(frozen=True)
 class Environment:
-    """Squared error of the recovered light over the squared true light, each texel weighted by its solid angle."""
+    """Squared error of the recovered light over the squared true light, by texel, irradiance or reflection.
+
+    ``scale`` is the least-squares factor that is applied to what is compared first.
+    """
 
     scale: Literal["none", "one factor", "factor a channel"] = "factor a channel"

@@ -53,6 +53,10 @@ MEASURES: Mapping[str, Measure] = {
     # Of a recovered environment map, as it is and after the protocol's alignment.
     "error": Measure("error", "", "down", 3),
     "error_scaled": Measure("error up to scale", "", "down", 3),
+    # Recovered light as surfaces in the test views receive it, and the error that its resolution alone costs.
+    "irradiance": Measure("error of irradiance", "", "down", 3),
+    "reflection": Measure("error of reflections", "", "down", 3),
+    "floor": Measure("error of the truth at this resolution", "", "down", 3),
     # Of the best map that is the same everywhere: a recovered one that is no better carries no information.
     "constant": Measure("error of a constant", "", "down", 4),
     # Of float32 against float64, in units of its rounding, 1.19e-7.
