@@ -23,6 +23,7 @@ from ..methods import SUFFIX, method, require_recipe
 from ..scoring.metrics.measures import MEASURES
 from ..store.names import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
+from .consistency import CONSISTENCY_LENGTH, DEPARTURES, RIVALS
 from .data_sets import DATA_SET_SUITES
 from .experiment import EXPERIMENTS
 from .own import COST_OF_ACCURACY, EFFECTS_SUITE, FINETUNE, LENGTH, ORACLES
@@ -45,7 +46,8 @@ SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, RELIGHT_COST, EFFICIENCY, FINETUNE,
-        COST_OF_ACCURACY, LENGTH, EFFECTS_SUITE, ORACLES, FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
+        COST_OF_ACCURACY, LENGTH, DEPARTURES, RIVALS, CONSISTENCY_LENGTH, EFFECTS_SUITE, ORACLES,
+        FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
         BASELINES, *BASELINE_ABLATIONS,
     )
 }  # fmt: skip

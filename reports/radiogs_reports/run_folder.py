@@ -4,12 +4,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .analysis.audit import audit_report
+from .analysis.chain import chain_report
 from .analysis.cost import cost_report
 from .analysis.ladder import ladder_report
 from .analysis.published_order import order_report
 from .analysis.settling import settling_report
 from .figures.audit import audit_figure
 from .figures.canvas import FOLDER, Drawn, save
+from .figures.chain import chain_figures
 from .figures.contact_sheet import write_contact_sheet
 from .figures.convergence import convergence_figures
 from .figures.cost import cost_figures, knob_figures
@@ -31,6 +33,7 @@ from .tables.suite import suite_table
 from .write.analyses import (
     Findings,
     audit_csv,
+    chain_csv,
     cost_csv,
     cost_latex,
     cost_markdown,
@@ -96,6 +99,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     figures = [
         *(knob_figures(summary) or cost_figures(summary)),
         *curve_figures(summary),
+        *chain_figures(summary),
         *audit_figure(summary),
         *ladder_figures(summary),
         *convergence_figures(summary),
@@ -149,12 +153,14 @@ def _tables(summary: Summary) -> dict[str, str]:
 def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
     """Title, findings and CSV of every analysis that the run allows, by file name."""
     audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
-    settling = settling_report(summary)
+    chain, settling = chain_report(summary), settling_report(summary)
     found: dict[str, tuple[str, Findings, str]] = {}
     if audit is not None:
         found["audit"] = "the audit of plans", audit, audit_csv(audit)
     if ladder is not None:
         found["ladder"] = "the oracle ladder", ladder, ladder_csv(ladder)
+    if chain is not None:
+        found["chain"] = "what each step is worth", chain, chain_csv(chain)
     if order is not None:
         found["published_order"] = "measured and published order", order, order_csv(order)
     if settling is not None:

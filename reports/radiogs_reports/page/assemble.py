@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from .. import maps
 from ..analysis.audit import audit_report
+from ..analysis.chain import chain_report
 from ..analysis.cost import cost_report
 from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
@@ -96,7 +97,7 @@ def page(
     """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
     means = means_table(summary)
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
-    order, settling = order_report(summary), settling_report(summary)
+    chain, order, settling = chain_report(summary), order_report(summary), settling_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
     return (
@@ -112,6 +113,8 @@ def page(
             grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
             audit=audit,
             audit_table=None if audit is None else grid_table(audit.grid),
+            chain=chain,
+            chain_table=None if chain is None else grid_table(chain.grid),
             ladder=ladder,
             ladder_table=None if ladder is None else grid_table(ladder.grid),
             order=order,

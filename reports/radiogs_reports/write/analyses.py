@@ -1,11 +1,13 @@
 """Findings of the analyses of a run as Markdown, LaTeX and CSV: sentences, grids of derived values, and records."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import pandas as pd
 
 from ..analysis.audit import AuditReport
+from ..analysis.chain import ChainReport
 from ..analysis.cost import CostReport
 from ..analysis.cost_knobs import doublings, steps
 from ..analysis.efficiency import efficiencies
@@ -137,6 +139,16 @@ def ladder_csv(report: LadderReport) -> str:
                 {"method": rung.method, "scene": rung.scene, "metric": rung.column["key"], "part": part}
                 | {key: value for name, each in estimates.items() for key, value in estimate_fields(name, each).items()}
             )
+    return pd.DataFrame.from_records(records).to_csv(index=False)
+
+
+def chain_csv(report: ChainReport) -> str:
+    """One record per metric and step: the difference to the row before with the ends of its interval."""
+    records = [
+        {"metric": worth.column["key"], "row": row, "after": before} | estimate_fields("difference", worth.steps[row])
+        for worth in report.worth
+        for before, row in pairwise(report.rows)
+    ]
     return pd.DataFrame.from_records(records).to_csv(index=False)
 
 

@@ -1,0 +1,119 @@
+"""Rows of which each changes something more in the row before: what every step of the way is worth.
+
+Such a chain leads from one group of settings to another, as from a method as printed to the method as recommended.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from ..statistics import Estimate, mean_of, paired_difference
+from ..summary import ColumnSummary, Summary, row_texts
+from ..wording import heading, label_with_unit, signed
+from .grid import Grid, Item, estimate_item, name_item, plain_item
+from .samples import costs_of, flat, made_from, values_of
+
+FEWEST = 3
+"""Steps of a chain."""
+
+SECONDS: ColumnSummary = {
+    "key": "training/seconds", "label": "Training", "unit": "s", "direction": "down", "decimals": 0,
+}  # fmt: skip
+"""Processor seconds of training, in the form of a column."""
+
+
+class Worth(NamedTuple):
+    """A metric along a chain: its value at the first and the last row, and the difference of each step."""
+
+    column: ColumnSummary
+    first: Estimate | None
+    last: Estimate | None
+    steps: dict[str, Estimate | None]
+    """By the row that the step leads to."""
+
+
+class ChainReport(NamedTuple):
+    """The values of all steps, the sentences about them, and the grid that shows them."""
+
+    rows: list[str]
+    worth: list[Worth]
+    sentences: list[str]
+    grid: Grid
+
+
+def chain_report(summary: Summary) -> ChainReport | None:
+    """The report of a run whose rows are a chain with at least one finished cell each; None for other runs."""
+    rows = chain_of(summary)
+    if rows is None:
+        return None
+    worth = [
+        Worth(
+            column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]),
+            {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)},
+        )
+        for column, values in _values(summary, rows)
+    ]  # fmt: skip
+    texts = row_texts(summary)
+    return ChainReport(rows, worth, [_sentence(each, texts) for each in worth], _grid(worth, rows, texts))
+
+
+def chain_of(summary: Summary) -> list[str] | None:
+    """The rows in order, if each changes fields of the variant of the row before that no other step changes."""
+    rows = [row["key"] for row in summary["rows"]]
+    contents = [made_from(summary, row) for row in rows]
+    if len(rows) <= FEWEST or any(content is None or "variant" not in content for content in contents):
+        return None
+    known = [content for content in contents if content is not None]
+    if len({repr([content.get("method"), content.get("budget", {})]) for content in known}) > 1:
+        return None
+    changes = [_changed(one["variant"], other["variant"]) for one, other in pairwise(known)]
+    apart = len(set().union(*changes)) == sum(map(len, changes))
+    return rows if all(changes) and apart else None
+
+
+def _changed(one: Mapping[str, Any], other: Mapping[str, Any]) -> set[str]:
+    left, right = flat(one), flat(other)
+    return {name for name in left.keys() | right.keys() if left.get(name) != right.get(name)}
+
+
+def _values(summary: Summary, rows: list[str]) -> list[tuple[ColumnSummary, dict[str, Any]]]:
+    """The values of every column that has a better side, and the seconds of training, by row."""
+    columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
+    found = [(column, {row: values_of(summary, row, column["key"]) for row in rows}) for column in columns]
+    if all(column["key"] != SECONDS["key"] for column in columns):
+        found.append((SECONDS, {row: costs_of(summary, row, "seconds") for row in rows}))
+    return [(column, values) for column, values in found if any(values.values())]
+
+
+def resolved(step: Estimate | None) -> bool:
+    """Whether the interval of a step lies on one side of zero."""
+    return step is not None and step.low is not None and step.high is not None and step.low * step.high > 0
+
+
+def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:
+    decimals = worth.column["decimals"]
+    ends = [None if each is None else f"{each.mean:.{decimals}f}" for each in (worth.first, worth.last)]
+    said = [
+        f"{texts[row]} {signed(step.mean, decimals)}"
+        for row, step in worth.steps.items()
+        if step is not None and resolved(step)
+    ]
+    steps = f"resolved steps: {', '.join(said)}" if said else "no step is resolved"
+    return f"{label_with_unit(worth.column)}: {ends[0]} to {ends[1]}; {steps}."
+
+
+def _grid(worth: list[Worth], rows: list[str], texts: Mapping[str, str]) -> Grid:
+    heads = ["row", *(heading(each.column) for each in worth)]
+    lines: list[list[Item]] = [
+        [name_item(texts[rows[0]]), *(plain_item(each.first, each.column["decimals"]) for each in worth)]
+    ]
+    for row in rows[1:]:
+        steps = [estimate_item(each.steps[row], each.column["decimals"]) for each in worth]
+        lines.append([name_item(f"+ {texts[row]}"), *steps])
+    lines.append([name_item("all together"), *(plain_item(each.last, each.column["decimals"]) for each in worth)])
+    note = (
+        "Every row has the changes of all rows above it. First and last line: values. Between them: differences to the"
+        " row above, paired by scene and seed; ± is the half-width of the 95 % t interval, and without it there is only"
+        " one unit to compare. Another order of the steps would give each another share."
+    )
+    return Grid("chain", "What each step is worth", note, heads, lines)
