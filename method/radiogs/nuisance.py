@@ -27,8 +27,8 @@ class Answer(NamedTuple):
     """Added to the perceptual roughness."""
     slope: Float[Tensor, "surfels 2"]
     """Added to the normal, along the first two axes of the surfel's frame; the sum is normalised."""
-    light: Float[Tensor, "texels 3"]
-    """Added to the natural logarithm of each texel's radiance."""
+    light: Float[Tensor, "blocks 3"]
+    """Added to the natural logarithm of the radiance of each block (``light_blocks``)."""
 
     def flat(self) -> Float[Tensor, " parameters"]:
         """All changes as one vector."""
@@ -53,61 +53,52 @@ def turned(
     return normalize(frame[..., 2] + (frame[..., :2] * slope[..., None, :]).sum(-1), dim=-1)
 
 
-@dataclass(frozen=True)
-class LightPaths:
-    """The radiance that surfels send towards cameras as a linear function of a light's texels."""
+LIGHT_ROWS = 8
+"""Rows of the blocks in which a light answers, and half their columns, at most: all texels of a block by one factor."""
 
-    radiance: Float[Tensor, "texels 3"]
-    """The light as recovered, linear RGB: an answer multiplies it."""
-    texel: Int[Tensor, "surfels samples 4"]
-    """The texels around each direction of incident light."""
-    share: Float[Tensor, "surfels samples 4"]
-    """Bilinear shares of these texels, times the visibility."""
-    diffuse: Float[Tensor, "surfels samples"]
-    """Diffuse radiance of an albedo of 1 by an incident radiance of 1 along each direction."""
-    albedo: Float[Tensor, "cameras surfels 3"]
-    """Lambertian albedo; zero towards cameras behind the surfel."""
-    lobe: Float[Tensor, "surfels cameras samples"]
-    """Radiance of the lobe by an incident radiance of 1 along each direction."""
+TOGETHER = 256
+"""Surfels whose light is assigned to blocks at once."""
 
-    def change(self, light: Float[Tensor, "texels 3"]) -> Float[Tensor, "cameras surfels 3"]:
-        """The linearised change of radiance by a change of the light's logarithm."""
-        arriving = ((self.radiance * light)[self.texel] * self.share[..., None]).sum(-2)
-        scattered = torch.einsum("sk,skc->sc", self.diffuse, arriving)
-        return self.albedo * scattered + torch.bmm(self.lobe, arriving).transpose(0, 1)
 
-    def pull(self, radiance: Float[Tensor, "cameras surfels 3"]) -> Float[Tensor, "texels 3"]:
-        """The transposed product with ``change``."""
-        scattered = (self.albedo * radiance).sum(0)
-        arriving = self.diffuse[..., None] * scattered[:, None]
-        arriving = arriving + torch.bmm(self.lobe.transpose(1, 2), radiance.transpose(0, 1))
-        by_texel = (arriving[..., None, :] * self.share[..., None]).reshape(-1, 3)
-        return self.radiance * torch.zeros_like(self.radiance).index_add_(0, self.texel.flatten(), by_texel)
+def light_blocks(height: int, width: int, device: torch.device) -> Int[Tensor, " texels"]:
+    """The block of each texel of a light; blocks are numbered from 0 row by row."""
+    rows, columns = min(height, LIGHT_ROWS), min(width, 2 * LIGHT_ROWS)
+    row = torch.arange(height, device=device) * rows // height
+    column = torch.arange(width, device=device) * columns // width
+    return (row[:, None] * columns + column).flatten()
 
 
 @torch.no_grad()
-def light_paths(
+def to_light(
     surfels: Surfels,
     cameras: Sequence[Camera],
     incident: Incident,
     light: Float[Tensor, "rows columns 3"],
     specular_at: Bool[Tensor, " surfels"] | None,
-) -> LightPaths:
-    """The paths of distant light to surfels and on to cameras; ``incident`` is that of these surfels."""
-    normal, roughness = surfels.frame[..., 2], surfels.roughness
-    texel, share = bilinear_texels(incident.direction, *light.shape[:2])
-    cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
+) -> Float[Tensor, "3 cameras surfels blocks"]:
+    """Derivative of the radiance towards each camera to the logarithm of the light's blocks, by channel.
+
+    ``incident``: the light on these surfels.
+    """
+    normal = surfels.frame[..., 2]
     outgoing = torch.stack([towards(camera, surfels) for camera in cameras], 1)
-    in_front = ((outgoing * normal[:, None]).sum(-1) > 0).T[..., None]
+    in_front = ((outgoing * normal[:, None]).sum(-1) > 0).to(light)
+    cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
+    diffuse = in_front[..., None] * (incident.weight * cosine / torch.pi)[:, None]
     lobes = [_lobe(surfels, outgoing[:, place], incident, light, specular_at) for place in range(len(cameras))]
-    return LightPaths(
-        radiance=light.flatten(0, 1),
-        texel=texel,
-        share=share * incident.visibility[..., None],
-        diffuse=incident.weight * cosine / torch.pi,
-        albedo=in_front * lambert_albedo(surfels.albedo, roughness, specular_at),
-        lobe=torch.stack(lobes, 1),
-    )
+    lobe, albedo = torch.stack(lobes, 1), lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
+    texel, share = bilinear_texels(incident.direction, *light.shape[:2])
+    share = share * incident.visibility[..., None]
+    block = light_blocks(*light.shape[:2], light.device)
+    blocks, radiance = int(block.max()) + 1, light.flatten(0, 1)
+    found = []
+    for some in torch.arange(len(normal), device=light.device).split(TOGETHER):
+        own, index = texel[some], block[texel[some]]
+        for channel in range(3):
+            arriving = share.new_zeros(*own.shape[:2], blocks)
+            arriving.scatter_add_(2, index, share[some] * radiance[own, channel])
+            found.append(torch.bmm(albedo[some, channel, None, None] * diffuse[some] + lobe[some], arriving))
+    return torch.stack([torch.cat(found[channel::3]).transpose(0, 1) for channel in range(3)]).contiguous()
 
 
 def _lobe(
@@ -162,8 +153,8 @@ class Jacobian:
     """Derivative of a surfel's radiance, linear RGB, to its albedo; those to roughness and slope follow."""
     to_roughness: Float[Tensor, "cameras seen 3"]
     to_slope: Float[Tensor, "cameras seen 3 2"]
-    paths: LightPaths | None
-    """The light's way to the cameras; None if the light does not answer."""
+    to_light: Float[Tensor, "3 cameras seen blocks"]
+    """The same to the logarithm of the light's blocks, by channel; no block if the light does not answer."""
     blendings: Sequence[Blending]
 
     @torch.no_grad()
@@ -171,8 +162,8 @@ class Jacobian:
         """The change of each image, display sRGB."""
         radiance = self.to_albedo * answer.albedo + self.to_roughness * answer.roughness[:, None]
         radiance = radiance + (self.to_slope * answer.slope[:, None]).sum(-1)
-        if self.paths is not None:
-            radiance = radiance + self.paths.change(answer.light)
+        by_light = torch.bmm(self.to_light.flatten(1, 2), answer.light.T[..., None])
+        radiance = radiance + by_light.view(3, *radiance.shape[:2]).permute(1, 2, 0)
         return [
             each.change(torch.zeros_like(each.radiance).index_copy_(0, self.seen, own))
             for each, own in zip(self.blendings, radiance, strict=True)
@@ -182,13 +173,23 @@ class Jacobian:
         """The transposed product with ``change``."""
         pulls = [each.pull(image)[self.seen] for each, image in zip(self.blendings, images, strict=True)]
         radiance = torch.stack(pulls)
-        light = radiance.new_zeros(0, 3) if self.paths is None else self.paths.pull(radiance)
         return Answer(
             (self.to_albedo * radiance).sum(0),
             (self.to_roughness * radiance).sum((0, 2)),
             (self.to_slope * radiance[..., None]).sum((0, 2)),
-            light,
+            self.light_pull(radiance),
         )
+
+    def light_pull(self, radiance: Float[Tensor, "cameras seen 3"]) -> Float[Tensor, "blocks 3"]:
+        """The derivative to the light of the sum of ``radiance`` times the radiance towards the cameras."""
+        return torch.bmm(radiance.permute(2, 0, 1).reshape(3, 1, -1), self.to_light.flatten(1, 2))[:, 0].T
+
+    def scale(self, unit: Float[Tensor, " parameters"]) -> Float[Tensor, " parameters"]:
+        """The root of |J|' |J| 1 for parameters in ``unit``; 1 where a parameter changes no image."""
+        size = replace(self, to_roughness=self.to_roughness.abs(), to_slope=self.to_slope.abs())
+        changes = size.change(Answer.of(unit, len(self.seen)))
+        square = unit * size.pull(changes).flat()
+        return torch.where(square > 0, square, 1.0).sqrt()
 
 
 class NuisanceOfSurfels:
@@ -212,6 +213,7 @@ class NuisanceOfSurfels:
         self.jacobian, self.render = jacobian, render
         self.unit = Answer(*(part * unit.to(part) for part, unit in zip(free, UNITS, strict=True))).flat()
         direction = torch.zeros_like(self.unit) if kept is None else self.unit * kept.flat()
+        self.scale = 1 / jacobian.scale(self.unit)
         self.kept = direction / direction.norm().clamp(min=torch.finfo(direction.dtype).tiny)
 
     @property

@@ -21,7 +21,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .effects.image_share import image_share
 from .model import Model
-from .nuisance import Answer, Blending, Jacobian, NuisanceOfSurfels, light_paths, turned
+from .nuisance import Answer, Blending, Jacobian, NuisanceOfSurfels, light_blocks, to_light, turned
 from .settings import Variant
 
 FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
@@ -106,15 +106,15 @@ class VaryingRadioGS:
         """
         self._require_free(quantity)
         jacobian = self._jacobian
-        seen, paths = jacobian.seen, jacobian.paths
+        seen = jacobian.seen
         share, none = self.share[seen], Answer(*map(torch.zeros_like, self._all))
         kept = None
         if quantity == "roughness variation":
             # Weighted by what roughness changes in the images: those that it does not change cannot undo the change.
             effect = (self.weight[:, seen, None] * jacobian.to_roughness.square()).sum((0, 2))
             kept = none._replace(roughness=effect * (self.roughness[seen] - self.mean_roughness))
-        if quantity == "brightness, albedo free" and paths is not None:
-            kept = none._replace(light=paths.pull(self.weight[:, seen, None].expand(-1, -1, 3)))
+        if quantity == "brightness, albedo free":
+            kept = none._replace(light=jacobian.light_pull(self.weight[:, seen, None].expand(-1, -1, 3)))
         held = {
             "albedo": "albedo" in self.given or quantity == "brightness",
             "roughness": "roughness" in self.given or quantity == "roughness",
@@ -133,7 +133,8 @@ class VaryingRadioGS:
         slope = torch.zeros_like(albedo[:, :2]).index_copy_(0, seen, answer.slope)
         roughness = roughness.index_add(0, seen, answer.roughness).clamp(ROUGHNESS_FLOOR, 1)
         if len(answer.light):
-            light = light * answer.light.view_as(light).exp()
+            block = light_blocks(*light.shape[:2], light.device)
+            light = light * answer.light[block].view_as(light).exp()
         unit, rest = self._shaded(roughness, light, turned(self.surfels.frame.detach(), slope))
         return self._seen(albedo.index_add(0, seen, answer.albedo).clamp(0, 1) * unit + rest)
 
@@ -141,8 +142,8 @@ class VaryingRadioGS:
     def _all(self) -> Answer:
         """One for every nuisance parameter."""
         jacobian, new = self._jacobian, self.albedo.new_ones
-        seen, texels = len(jacobian.seen), 0 if jacobian.paths is None else self.light[..., 0].numel()
-        return Answer(new(seen, 3), new(seen), new(seen, 2), new(texels, 3))
+        seen, blocks = len(jacobian.seen), jacobian.to_light.shape[-1]
+        return Answer(new(seen, 3), new(seen), new(seen, 2), new(blocks, 3))
 
     @cached_property
     @torch.no_grad()
@@ -159,17 +160,16 @@ class VaryingRadioGS:
         axes = DIFFERENCE * torch.eye(2).to(here)
         frame = self.surfels.frame.detach()
         to_slope = [slope_of(*self._shaded(self.roughness, self.light, turned(frame, axis))) for axis in axes]
-        paths = None
+        by_light = here.new_zeros(3, len(self.cameras), len(seen), 0)
         if self.incident is not None:
-            specular_at = self.model.plan.specular_among(self.albedo)
-            some = None if specular_at is None else specular_at[seen]
-            own = self.surfels.take(seen)
-            paths = light_paths(own, self.cameras, self.incident.of(seen), self.light, some)
+            lobes = self.model.plan.specular_among(self.albedo)
+            own, some = self.surfels.take(seen), None if lobes is None else lobes[seen]
+            by_light = to_light(own, self.cameras, self.incident.of(seen), self.light, some)
         blendings = [
             Blending(camera, self.surfels, radiance, self.straight)
             for camera, radiance in zip(self.cameras, here, strict=True)
         ]
-        return Jacobian(seen, self.unit[:, seen], to_roughness, torch.stack(to_slope, -1), paths, blendings)
+        return Jacobian(seen, self.unit[:, seen], to_roughness, torch.stack(to_slope, -1), by_light, blendings)
 
     def _require_free(self, quantity: str) -> None:
         if quantity not in self.free:

@@ -324,6 +324,10 @@ class Nuisance(Protocol):
     def like(self) -> Float[Tensor, " parameters"]:
         """An answer that changes nothing: zeros, on the model's device."""
 
+    @property
+    def scale(self) -> Float[Tensor, " parameters"]:
+        """About the answer by which each parameter on its own changes the images equally (Jacobi preconditioner)."""
+
     def change(self, answer: Float[Tensor, " parameters"]) -> list[Float[Tensor, "height width 3"]]:
         """The linearised change of each image by an answer: the product with the Jacobian, display sRGB."""
 

@@ -38,7 +38,7 @@ ROUNDING = 1 / 255**2 / 12
 
 CONFIDENCE = 0.95
 
-PRODUCTS = 30
+PRODUCTS = 12
 """Products with the Jacobian, at most, and as many with its transpose, by which the best answer is approached."""
 
 DAMPING = 0.01
@@ -127,18 +127,18 @@ class Comparison:
 def free_rise(nuisance: Nuisance, step: float, shown: Sequence[Images], comparison: Comparison) -> float:
     """An upper bound on the rise by a step if everything else may answer: mean over a step up and a step down.
 
-    ``shown``: the images as recovered, a step above, and a step below. Each change is compensated by the least-squares
-    answer of the linearised images, the whole or a part of it. The images are then rendered with it, so that the
-    result bounds the least mean squared change from above however good the linearisation is.
+    ``shown``: the images as recovered, a step above, and a step below. The least-squares answer of the linearised images
+    compensates the step up, its negative the step down, the whole or a part of it. The images are then rendered with
+    it, so that the result bounds the least mean squared change from above however good the linearisation is.
     """
-    here, *changed = (comparison.vector(images) for images in shown)
+    here, above, below = (comparison.vector(images) for images in shown)
+    answer = least_squares_answer(nuisance, (below - above) / 2, comparison)
     changes = []
-    for amount, there in zip((step, -step), changed, strict=True):
+    for sign, there in ((1.0, above), (-1.0, below)):
         least = float((there - here).square().sum())
-        answer = least_squares_answer(nuisance, here - there, comparison)
         for factor in SHORTENED:
             if least > HALF_A_LEVEL:
-                answered = comparison.vector(nuisance.images(amount, factor * answer))
+                answered = comparison.vector(nuisance.images(sign * step, sign * factor * answer))
                 least = min(least, float((answered - here).square().sum()))
         changes.append(least)
     return math.fsum(changes) / len(changes)
@@ -152,21 +152,21 @@ def least_squares_answer(
     Conjugate gradients on the normal equations of |J x - wanted|^2 + damping |x|^2, from zero (Bjorck, Numerical
     Methods for Least Squares Problems, 1996, section 7.4).
     """
-    answer = nuisance.like
-    damping = DAMPING * HALF_A_LEVEL / max(1, len(answer))
+    scale, answer = nuisance.scale, nuisance.like
+    damping = DAMPING * HALF_A_LEVEL / max(1, len(answer)) * scale.square()
     left = wanted
-    gradient = direction = nuisance.pull(comparison.images(left))
+    gradient = direction = scale * nuisance.pull(comparison.images(left))
     size = float(gradient.square().sum())
     for _ in range(PRODUCTS):
-        change = comparison.vector(nuisance.change(direction))
-        bend = float(change.square().sum() + damping * direction.square().sum())
+        change = comparison.vector(nuisance.change(scale * direction))
+        bend = float(change.square().sum() + (damping * direction.square()).sum())
         if size == 0 or bend == 0:
             break
         answer, left = answer + size / bend * direction, left - size / bend * change
-        gradient = nuisance.pull(comparison.images(left)) - damping * answer
+        gradient = scale * nuisance.pull(comparison.images(left)) - damping * answer
         before, size = size, float(gradient.square().sum())
         direction = gradient + size / before * direction
-    return answer
+    return scale * answer
 
 
 def with_free_rise(held: Determined, rise: float) -> Determined:
