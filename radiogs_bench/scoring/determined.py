@@ -180,7 +180,7 @@ def with_free_rise(held: Determined, rise: float) -> Determined:
 
 
 def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
-    """Judges a quantity by three errors of each view: as recovered, and a step above and below.
+    """Tests a quantity by three errors of each view: as recovered, and a step above and below.
 
     Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
     point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point
@@ -201,6 +201,11 @@ def from_errors(value: float, step: float, here: Error, above: Error, below: Err
         half_width=None if half_width is None else half_width * step,
         determined=offset is not None and half_width is not None and abs(offset) + half_width <= 1,
     )
+
+
+def shown_by_images(record: Determined) -> bool:
+    """Whether a step changes the images by more than half a level of 8 bits, with everything else free where known."""
+    return record.get("rise_free", record["rise"]) > HALF_A_LEVEL
 
 
 def decibels(error: float, rise: float) -> float:
