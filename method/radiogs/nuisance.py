@@ -121,9 +121,7 @@ def _lobe(
 class Blending:
     """The image of one camera as a linearised function of its surfels' radiance; see ``splat`` and ``displayed``."""
 
-    def __init__(
-        self, camera: Camera, surfels: Surfels, radiance: Float[Tensor, "surfels 3"], straight: bool
-    ) -> None:
+    def __init__(self, camera: Camera, surfels: Surfels, radiance: Float[Tensor, "surfels 3"], straight: bool) -> None:
         """Linearise around ``radiance``, linear RGB. Clipped pixels do not change."""
         self.camera, self.surfels = camera, surfels
         with torch.enable_grad():

@@ -81,7 +81,9 @@ def determined(
             rise = held["rise"]
             if rise > HALF_A_LEVEL:
                 with calling(method, f"nuisance() of {quantity}"):
-                    rise = min(rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(views)))
+                    rise = min(
+                        rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(views))
+                    )
                 if not math.isfinite(rise):
                     raise NumericalFailure(f"{method} showed an image that is not finite, with {quantity} changed")
                 still_there()
