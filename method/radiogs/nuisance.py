@@ -42,8 +42,8 @@ class Answer(NamedTuple):
 
 
 UNITS = Answer(*map(torch.tensor, (0.1, 0.1, 0.1, 0.25)))
-"""The change of each parameter within which images are about linear in it: a tenth of the range of albedo and roughness,
-a slope of 0.1 of the normal (6 degrees), and a quarter of a light's radiance."""
+"""The change of each parameter within which images are about linear in it: a tenth of the range of albedo and
+roughness, a slope of 0.1 of the normal (6 degrees), and a quarter of a light's radiance."""
 
 
 def turned(

@@ -107,7 +107,7 @@ class VaryingRadioGS:
         self._require_free(quantity)
         jacobian = self._jacobian
         seen = jacobian.seen
-        share, none = self.share[seen], Answer(*map(torch.zeros_like, self._all))
+        none = Answer(*map(torch.zeros_like, self._all))
         kept = None
         if quantity == "roughness variation":
             # Weighted by what roughness changes in the images: those that it does not change cannot undo the change.

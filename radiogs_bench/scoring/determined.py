@@ -129,9 +129,9 @@ class Comparison:
 def free_rise(nuisance: Nuisance, step: float, shown: Sequence[Images], comparison: Comparison) -> float:
     """An upper bound on the rise by a step if everything else may answer: mean over a step up and a step down.
 
-    ``shown``: the images as recovered, a step above, and a step below. The least-squares answer of the linearised images
-    compensates the step up, its negative the step down, the whole or a part of it. The images are then rendered with
-    it, so that the result bounds the least mean squared change from above however good the linearisation is.
+    ``shown``: the images as recovered, a step above, and a step below. The least-squares answer of the linearised
+    images compensates the step up, its negative the step down, the whole or a part of it. The images are then rendered
+    with it, so that the result bounds the least mean squared change from above however good the linearisation is.
     """
     here, above, below = (comparison.vector(images) for images in shown)
     answer = least_squares_answer(nuisance, (below - above) / 2, comparison)

@@ -64,8 +64,8 @@ class Determined(TypedDict):
     decibels: float
     """The same increase in decibels."""
     rise_free: NotRequired[float]
-    """Upper bound on the increase if everything else may compensate the change; at most ``rise``. Absent where the method
-    does not offer the measurement, and in results of earlier versions."""
+    """Upper bound on the increase if everything else may compensate the change; at most ``rise``. Absent where the
+    method does not offer the measurement, and in results of earlier versions."""
     decibels_free: NotRequired[float]
     """``rise_free`` in decibels; present with it."""
     offset: float | None
