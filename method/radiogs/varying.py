@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -19,6 +21,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .effects.image_share import image_share
 from .model import Model
+from .nuisance import Answer, Blending, Jacobian, NuisanceOfSurfels, light_blocks, to_light, turned
 from .settings import Variant
 
 FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
@@ -32,9 +35,21 @@ FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 """The quantities that change the light."""
 
+DIFFERENCE = 0.02
+"""Change of roughness, and of the normal's slope, over which the difference of radiance stands for the derivative."""
+
+
+class Changed(NamedTuple):
+    """Materials and light with one quantity changed."""
+
+    albedo: Float[Tensor, "surfels 3"]
+    roughness: Float[Tensor, " surfels"]
+    light: Float[Tensor, "rows columns 3"]
+    """Linear RGB."""
+
 
 class VaryingRadioGS:
-    """A RadioGS model for a few cameras with one quantity changed; see ``radiogs_core.capabilities.Varying``.
+    """A RadioGS model for a few cameras with one quantity changed; see ``radiogs_core.capabilities.VaryingFreely``.
 
     Outgoing radiance is a U + R: a is the albedo, U the diffuse radiance for an albedo of 1, and R the radiance of the
     specular lobe. When roughness or light changes, the albedo of each surfel compensates the mean change of R over the
@@ -48,7 +63,7 @@ class VaryingRadioGS:
     def __init__(self, model: Model, incident: Incident | None, cameras: Sequence[Camera], variant: Variant) -> None:
         """``incident``: the light on each surfel in ``showing.Renderer``; None for split-sum shading."""
         self.model, self.incident, self.surfels = model, incident, model.surfels
-        self.straight, self.masking = variant.straight, variant.masking
+        self.straight, self.masking, self.given = variant.straight, variant.masking, set(variant.given)
         like = self.surfels.centre
         self.cameras = [camera.to(like.device, like.dtype) for camera in cameras]
         with torch.no_grad():
@@ -58,7 +73,8 @@ class VaryingRadioGS:
         self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
         self.mean_roughness = (self.share * self.roughness).sum()
         self.unit, self.rest = self._shaded(self.roughness, self.light)
-        self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & set(variant.given)]
+        self.changed: dict[tuple[str, float], Changed] = {}
+        self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & self.given]
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -78,11 +94,92 @@ class VaryingRadioGS:
 
         Raises UsageError for a quantity that is given or unknown.
         """
+        self._require_free(quantity)
+        changed, radiance = self._change(quantity, amount)
+        self.changed[quantity, amount] = changed
+        return self._seen(radiance)
+
+    def nuisance(self, quantity: str) -> NuisanceOfSurfels:
+        """Everything but ``quantity`` that was learnt and is not given: see docs/what_images_determine.md.
+
+        Raises UsageError as ``images`` does.
+        """
+        self._require_free(quantity)
+        jacobian = self._jacobian
+        seen = jacobian.seen
+        none = Answer(*map(torch.zeros_like, self._all))
+        kept = None
+        if quantity == "roughness variation":
+            # Weighted by what roughness changes in the images: those that it does not change cannot undo the change.
+            effect = (self.weight[:, seen, None] * jacobian.to_roughness.square()).sum((0, 2))
+            kept = none._replace(roughness=effect * (self.roughness[seen] - self.mean_roughness))
+        if quantity == "brightness, albedo free":
+            kept = none._replace(light=jacobian.light_pull(self.weight[:, seen, None].expand(-1, -1, 3)))
+        held = {
+            "albedo": "albedo" in self.given or quantity == "brightness",
+            "roughness": "roughness" in self.given or quantity == "roughness",
+            "slope": "geometry" in self.given,
+            "light": "light" in self.given,
+        }
+        free = self._all._replace(**{name: getattr(none, name) for name, is_held in held.items() if is_held})
+        return NuisanceOfSurfels(jacobian, free, kept, partial(self._answered, quantity))
+
+    @torch.no_grad()
+    def _answered(self, quantity: str, amount: float, answer: Answer) -> list[Float[Tensor, "height width 3"]]:
+        """Images with a quantity changed, and everything else by an answer of the surfels that cameras see."""
+        key = quantity, amount
+        albedo, roughness, light = self.changed[key] if key in self.changed else self._change(*key)[0]
+        seen = self._jacobian.seen
+        slope = torch.zeros_like(albedo[:, :2]).index_copy_(0, seen, answer.slope)
+        roughness = roughness.index_add(0, seen, answer.roughness).clamp(ROUGHNESS_FLOOR, 1)
+        if len(answer.light):
+            block = light_blocks(*light.shape[:2], light.device)
+            light = light * answer.light[block].view_as(light).exp()
+        unit, rest = self._shaded(roughness, light, turned(self.surfels.frame.detach(), slope))
+        return self._seen(albedo.index_add(0, seen, answer.albedo).clamp(0, 1) * unit + rest)
+
+    @cached_property
+    def _all(self) -> Answer:
+        """One for every nuisance parameter."""
+        jacobian, new = self._jacobian, self.albedo.new_ones
+        seen, blocks = len(jacobian.seen), jacobian.to_light.shape[-1]
+        return Answer(new(seen, 3), new(seen), new(seen, 2), new(blocks, 3))
+
+    @cached_property
+    @torch.no_grad()
+    def _jacobian(self) -> Jacobian:
+        """The images around the recovered model; for split-sum shading the light has no part in it."""
+        seen = torch.nonzero(self.weight.sum(0) > 0)[:, 0]
+        here = self.albedo * self.unit + self.rest
+        inwards = torch.where(self.roughness > 0.5, -DIFFERENCE, DIFFERENCE)
+
+        def slope_of(unit: Tensor, rest: Tensor) -> Float[Tensor, "cameras seen 3"]:
+            return (self.albedo * unit + rest - here)[:, seen] / DIFFERENCE
+
+        to_roughness = slope_of(*self._shaded(self.roughness + inwards, self.light)) * inwards[seen, None].sign()
+        axes = DIFFERENCE * torch.eye(2).to(here)
+        frame = self.surfels.frame.detach()
+        to_slope = [slope_of(*self._shaded(self.roughness, self.light, turned(frame, axis))) for axis in axes]
+        by_light = here.new_zeros(3, len(self.cameras), len(seen), 0)
+        if self.incident is not None:
+            lobes = self.model.plan.specular_among(self.albedo)
+            own, some = self.surfels.take(seen), None if lobes is None else lobes[seen]
+            by_light = to_light(own, self.cameras, self.incident.of(seen), self.light, some)
+        blendings = [
+            Blending(camera, self.surfels, radiance, self.straight)
+            for camera, radiance in zip(self.cameras, here, strict=True)
+        ]
+        return Jacobian(seen, self.unit[:, seen], to_roughness, torch.stack(to_slope, -1), by_light, blendings)
+
+    def _require_free(self, quantity: str) -> None:
         if quantity not in self.free:
             raise UsageError(
                 f"'{quantity}' cannot be changed: it is unknown, or fixed by a given part of the truth",
                 remedy=f"Quantities of this model: {', '.join(self.free)}.",
             )
+
+    def _change(self, quantity: str, amount: float) -> tuple[Changed, Float[Tensor, "cameras surfels 3"]]:
+        """The model with a quantity changed, its albedo compensating what it can, and its radiance, linear RGB."""
         roughness, light, factor = self.roughness, self.light, 1.0
         if quantity == "roughness":
             roughness = roughness + amount
@@ -90,30 +187,38 @@ class VaryingRadioGS:
             roughness = self.mean_roughness + (1 - amount) * (roughness - self.mean_roughness)
         else:
             factor, light = math.exp(amount), light * math.exp(-amount)
-        unit, rest = self._shaded(roughness.clamp(ROUGHNESS_FLOOR, 1), light)
+        roughness = roughness.clamp(ROUGHNESS_FLOOR, 1)
+        unit, rest = self._shaded(roughness, light)
         albedo = factor * self.albedo
         change = rest - self.rest
         if quantity == "brightness, albedo free":
             change = change + albedo * unit - self.albedo * self.unit
         albedo = self._absorbing(albedo, unit, change)
-        return [
-            self._seen(camera, albedo * diffuse + other)
-            for camera, diffuse, other in zip(self.cameras, unit, rest, strict=True)
-        ]
+        return Changed(albedo, roughness, light), albedo * unit + rest
 
     def _shaded(
-        self, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
+        self,
+        roughness: Float[Tensor, " surfels"],
+        light: Float[Tensor, "rows columns 3"],
+        normal: Float[Tensor, "surfels 3"] | None = None,
     ) -> tuple[Float[Tensor, "cameras surfels 3"], Float[Tensor, "cameras surfels 3"]]:
-        """U and R towards each camera, linear RGB: diffuse radiance for an albedo of 1, and that of the lobe."""
-        unit, rest = zip(*(self._shaded_for(camera, roughness, light) for camera in self.cameras), strict=True)
+        """U and R towards each camera, linear RGB: diffuse radiance for an albedo of 1, and that of the lobe.
+
+        ``normal``: unit normals in the world; None: those of the surfels.
+        """
+        normal = self.surfels.frame[..., 2] if normal is None else normal
+        unit, rest = zip(*(self._shaded_for(camera, roughness, light, normal) for camera in self.cameras), strict=True)
         return torch.stack(unit), torch.stack(rest)
 
     @torch.no_grad()
     def _shaded_for(
-        self, camera: Camera, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
+        self,
+        camera: Camera,
+        roughness: Float[Tensor, " surfels"],
+        light: Float[Tensor, "rows columns 3"],
+        normal: Float[Tensor, "surfels 3"],
     ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
-        normal, outgoing = self.surfels.frame[..., 2], towards(camera, self.surfels)
-        white, incident = torch.ones_like(self.albedo), self.incident
+        outgoing, white, incident = towards(camera, self.surfels), torch.ones_like(self.albedo), self.incident
         if incident is None:
             return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light, self.masking))
         specular_at = self.model.plan.specular_among(self.albedo)
@@ -134,6 +239,9 @@ class VaryingRadioGS:
         lit = irradiance > 0
         return (albedo - torch.where(lit, mean_change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
 
-    def _seen(self, camera: Camera, radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "height width 3"]:
-        seen = splat(camera, self.surfels, {"radiance": radiance}, depth_unit=1.0)
-        return displayed(seen.images["radiance"], seen.alpha, self.straight).clamp(0, 1)
+    def _seen(self, radiance: Float[Tensor, "cameras surfels 3"]) -> list[Float[Tensor, "height width 3"]]:
+        images = []
+        for camera, own in zip(self.cameras, radiance, strict=True):
+            seen = splat(camera, self.surfels, {"radiance": own}, depth_unit=1.0)
+            images.append(displayed(seen.images["radiance"], seen.alpha, self.straight).clamp(0, 1))
+        return images

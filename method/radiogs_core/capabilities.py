@@ -314,6 +314,45 @@ class Varying(Protocol):
 
 
 @runtime_checkable
+class Nuisance(Protocol):
+    """The nuisance parameters of one quantity: everything else that was learnt and may compensate its change.
+
+    An answer is a vector of their changes, in units of the distance within which the images are about linear in them.
+    """
+
+    @property
+    def like(self) -> Float[Tensor, " parameters"]:
+        """An answer that changes nothing: zeros, on the model's device."""
+
+    @property
+    def scale(self) -> Float[Tensor, " parameters"]:
+        """About the answer by which each parameter on its own changes the images equally (Jacobi preconditioner)."""
+
+    def change(self, answer: Float[Tensor, " parameters"]) -> list[Float[Tensor, "height width 3"]]:
+        """The linearised change of each image by an answer: the product with the Jacobian, display sRGB."""
+
+    def pull(self, images: Sequence[Float[Tensor, "height width 3"]]) -> Float[Tensor, " parameters"]:
+        """The transposed product: the derivative to every parameter of the sum of ``images`` times ``change``."""
+
+    def images(self, amount: float, answer: Float[Tensor, " parameters"]) -> list[Float[Tensor, "height width 3"]]:
+        """``Varying.images`` with the quantity changed by ``amount`` and everything else by an answer, not linearised.
+
+        Parameters stay within their physical bounds. The answer of zeros gives ``Varying.images``.
+        """
+
+
+@runtime_checkable
+class VaryingFreely(Varying, Protocol):
+    """A ``Varying`` whose other parameters can compensate the change of a quantity."""
+
+    def nuisance(self, quantity: str) -> Nuisance:
+        """The nuisance parameters of a quantity.
+
+        They never contain the quantity itself: no answer may undo its change.
+        """
+
+
+@runtime_checkable
 class Variable(Protocol):
     """A trained model that supports the measurement of what images determine (docs/what_images_determine.md)."""
 

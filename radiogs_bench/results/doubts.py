@@ -1,19 +1,20 @@
 """Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
-Three kinds of doubt: the images do not determine the quantity (``scoring.determined``); a map scores no better than the
+Four kinds of doubt: the images do not determine the quantity, or, with everything else as it was recovered, the views
+do not agree on what was recovered (both by ``scoring.determined``); a map scores no better than the
 best one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart. Methods state
 their differences as labels among a model's facts. A remark says what error resolution alone costs recovered light.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from radiogs_reports.statistics import Estimate, estimate
 from radiogs_reports.summary import Doubt
 
 from ..runs.sweep import CellRef, Sweep
-from ..scoring.determined import STEPS
+from ..scoring.determined import STEPS, shown_by_images
 from ..store.schema import Determined, Result
 
 Finished = Sequence[tuple[CellRef, Result]]
@@ -54,12 +55,13 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
     for column in sweep["columns"]:
         quantities = depends_on(column, conventions)
         found += undetermined(finished, column, quantities)
+        found += elsewhere(finished, column, quantities)
         found += no_better_than_constant(finished, column)
         found += spread_over_seeds(finished, column, quantities)
     if LIGHT in sweep["columns"]:
         found += resolution_of_light(finished, {row["key"]: row["text"] for row in sweep["rows"]})
     if not any("brightness" in depends_on(column, conventions) for column in sweep["columns"]):
-        for doubt in undetermined(finished, "", BRIGHTNESS):
+        for doubt in (*undetermined(finished, "", BRIGHTNESS), *elsewhere(finished, "", BRIGHTNESS)):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
     return found
 
@@ -80,16 +82,37 @@ def depends_on(column: str, conventions: Mapping[str, Any]) -> tuple[str, ...]:
 
 def undetermined(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
     """One doubt for the rows with a cell in which the images do not determine one of the quantities; else none."""
+    return _doubt(finished, column, quantities, lambda record: not shown_by_images(record), _not_determined)
+
+
+def elsewhere(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
+    """One doubt for the rows with a cell whose images determine a quantity, but not the recovered value; else none."""
+    return _doubt(
+        finished, column, quantities, lambda record: shown_by_images(record) and not record["determined"], _elsewhere
+    )
+
+
+def _doubt(
+    finished: Finished,
+    column: str,
+    quantities: Sequence[str],
+    applies: Callable[[Determined], bool],
+    sentence: Callable[[str, Sequence[Determined], int], str],
+) -> list[Doubt]:
+    """One doubt with a sentence for each quantity that has cells to which it applies; none if there are no such cells.
+
+    ``sentence`` takes the quantity, the records of these cells, and the number of measured cells in their rows.
+    """
     rows: list[str] = []
     sentences = []
     for quantity in quantities:
         measured = [(ref["row"], result["determined"][quantity]) for ref, result in finished
                     if quantity in result.get("determined", {})]  # fmt: skip
-        failing = [(row, record) for row, record in measured if not record["determined"]]
-        if failing:
-            rows += [row for row, _ in failing]
+        concerned = [(row, record) for row, record in measured if applies(record)]
+        if concerned:
+            rows += [row for row, _ in concerned]
             of = len([row for row, _ in measured if row in rows])
-            sentences.append(_not_determined(quantity, [record for _, record in failing], of))
+            sentences.append(sentence(quantity, [record for _, record in concerned], of))
     return [Doubt(column=column, rows=list(dict.fromkeys(rows)), text=" ".join(sentences))] if rows else []
 
 
@@ -174,24 +197,39 @@ def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[t
 
 
 def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:
-    changed = _range([record["decibels"] for record in records], 3)
-    where = "" if len(records) == of else f" in {len(records)} of {of} cells"
+    changed = _range([record.get("decibels_free", record["decibels"]) for record in records], 3)
+    free = {"rise_free" in record for record in records}
+    rest = " or ".join(("held as recovered", "free to compensate it")[each] for each in sorted(free))
     return (
-        f"{quantity}: {CHANGES[quantity]} changes the error of the training images by {changed} dB;"
-        f" {' or '.join(_reasons(records))}. The images do not determine it{where}."
+        f"{quantity}: {CHANGES[quantity]} changes the error of the training images by {changed} dB with everything else"
+        f" {rest}; that is less than 8 bits resolve. The images do not determine it{_where(records, of)}."
     )
 
 
+def _elsewhere(quantity: str, records: Sequence[Determined], of: int) -> str:
+    return (
+        f"{quantity}: a step is {CHANGES[quantity].removesuffix(',')}. With everything else as it was recovered,"
+        f" {' or '.join(_reasons(records))}{_where(records, of)}; errors of shape, light or other materials can be why."
+    )
+
+
+def _where(records: Sequence[Determined], of: int) -> str:
+    return "" if len(records) == of else f" in {len(records)} of {of} cells"
+
+
 def _reasons(records: Sequence[Determined]) -> list[str]:
-    """Why the images do not determine a quantity, each reason once; of disagreeing views the largest disagreement."""
-    reasons = []
-    if any(record["offset"] is None for record in records):
-        reasons.append("that is less than 8 bits resolve")
+    """Why the recovered value is in doubt, each reason once, with the largest deviation; in steps of the quantity."""
     found = [(record["offset"], record["half_width"], record["step"]) for record in records]
-    away = [(abs(offset) + width) / step for offset, width, step in found if offset is not None and width is not None]
+    known = [(abs(offset) / step, width / step) for offset, width, step in found
+             if offset is not None and width is not None]  # fmt: skip
+    away = [offset for offset, _ in known if offset > 1]
+    open_by = [offset + width for offset, width in known if offset <= 1]
+    reasons = []
     if away:
-        reasons.append(f"single views leave it open by up to {max(away):.1f} times that change")
-    if any(offset is not None and width is None for offset, width, _ in found):
+        reasons.append(f"the views put it elsewhere, by up to {max(away):.1f} steps")
+    if open_by:
+        reasons.append(f"the views do not agree, by up to {max(open_by):.1f} steps")
+    if len(known) < len(found):
         reasons.append("no value suits all views")
     return reasons
 

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from scipy.special import stdtrit
 from torch import Tensor
 
-from radiogs_core.capabilities import QUANTITIES, Variable, Varying
+from radiogs_core.capabilities import QUANTITIES, Nuisance, Variable, Varying, VaryingFreely
 from radiogs_core.contract import Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.scene import Scene, View
@@ -37,6 +38,16 @@ ROUNDING = 1 / 255**2 / 12
 
 CONFIDENCE = 0.95
 
+PRODUCTS = 12
+"""Products with the Jacobian, at most, and as many with its transpose, by which the best answer is approached."""
+
+DAMPING = 0.01
+"""Share of ``HALF_A_LEVEL`` that an answer costs which changes every nuisance parameter by its unit (Tikhonov). It
+selects the smallest answer where several hide a change alike."""
+
+SHORTENED = (1.0, 0.5)
+"""Factors of the linearised answer with which images are rendered."""
+
 Error = Sequence[float]
 """Squared error of each view, display sRGB, mean over channels: the sum over the frame per pixel that is covered."""
 
@@ -59,18 +70,119 @@ def determined(
         values = dict(model.values)
     found: dict[str, Determined] = {}
     for quantity in (name for name in QUANTITIES if name in values):
-        errors = []
+        shown, errors = [], []
         for amount in (0.0, STEPS[quantity], -STEPS[quantity]):
             with calling(method, f"images() with {quantity} changed by {amount:g}"):
-                images = list(model.images(quantity, amount))
-            errors.append(_errors(method, images, views))
+                shown.append(list(model.images(quantity, amount)))
+            errors.append(_errors(method, shown[-1], views))
             still_there()
-        found[quantity] = from_errors(values[quantity], STEPS[quantity], *errors)
+        held = from_errors(values[quantity], STEPS[quantity], *errors)
+        if isinstance(model, VaryingFreely):
+            rise = held["rise"]
+            if rise > HALF_A_LEVEL:
+                with calling(method, f"nuisance() of {quantity}"):
+                    rise = min(
+                        rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(views))
+                    )
+                if not math.isfinite(rise):
+                    raise NumericalFailure(f"{method} showed an image that is not finite, with {quantity} changed")
+                still_there()
+            held = with_free_rise(held, rise)
+        found[quantity] = held
     return found
 
 
+Images = Sequence[Float[Tensor, "height width 3"]]
+"""One image of each view, display sRGB."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The norm by which changes of images count: its square is the change per covered pixel, mean over views.
+
+    It is the one of ``Error``, averaged over views.
+    """
+
+    weights: Sequence[float]
+    """Factor of each view's values."""
+    sizes: Sequence[tuple[int, int]]
+    """Height and width of each view."""
+
+    @classmethod
+    def over(cls, views: Sequence[View]) -> "Comparison":
+        """The norm for images of these views."""
+        covered = [float((coverage(view)[..., 0] > 0).sum().clamp(min=1)) for view in views]
+        sizes = [(view.camera.height, view.camera.width) for view in views]
+        return cls([(each * len(views) * 3) ** -0.5 for each in covered], sizes)
+
+    def vector(self, images: Images) -> Float[Tensor, " values"]:
+        """All weighted values as one vector."""
+        return torch.cat([weight * image.flatten() for weight, image in zip(self.weights, images, strict=True)])
+
+    def images(self, vector: Float[Tensor, " values"]) -> list[Float[Tensor, "height width 3"]]:
+        """The transpose of ``vector``."""
+        parts = vector.split([height * width * 3 for height, width in self.sizes])
+        sized = zip(self.weights, self.sizes, parts, strict=True)
+        return [weight * part.view(*size, 3) for weight, size, part in sized]
+
+
+def free_rise(nuisance: Nuisance, step: float, shown: Sequence[Images], comparison: Comparison) -> float:
+    """An upper bound on the rise by a step if everything else may answer: mean over a step up and a step down.
+
+    ``shown``: the images as recovered, a step above, and a step below. The least-squares answer of the linearised
+    images compensates the step up, its negative the step down, the whole or a part of it. The images are then rendered
+    with it, so that the result bounds the least mean squared change from above however good the linearisation is.
+    """
+    here, above, below = (comparison.vector(images) for images in shown)
+    answer = least_squares_answer(nuisance, (below - above) / 2, comparison)
+    changes = []
+    for sign, there in ((1.0, above), (-1.0, below)):
+        least = float((there - here).square().sum())
+        for factor in SHORTENED:
+            if least > HALF_A_LEVEL:
+                answered = comparison.vector(nuisance.images(sign * step, sign * factor * answer))
+                least = min(least, float((answered - here).square().sum()))
+        changes.append(least)
+    return math.fsum(changes) / len(changes)
+
+
+def least_squares_answer(
+    nuisance: Nuisance, wanted: Float[Tensor, " values"], comparison: Comparison
+) -> Float[Tensor, " parameters"]:
+    """The answer whose linearised change is nearest to ``wanted``, damped, after ``PRODUCTS`` steps of CGLS.
+
+    Conjugate gradients on the normal equations of |J x - wanted|^2 + damping |x|^2, from zero (Bjorck, Numerical
+    Methods for Least Squares Problems, 1996, section 7.4).
+    """
+    scale, answer = nuisance.scale, nuisance.like
+    damping = DAMPING * HALF_A_LEVEL / max(1, len(answer)) * scale.square()
+    left = wanted
+    gradient = direction = scale * nuisance.pull(comparison.images(left))
+    size = float(gradient.square().sum())
+    for _ in range(PRODUCTS):
+        change = comparison.vector(nuisance.change(scale * direction))
+        bend = float(change.square().sum() + (damping * direction.square()).sum())
+        if size == 0 or bend == 0:
+            break
+        answer, left = answer + size / bend * direction, left - size / bend * change
+        gradient = scale * nuisance.pull(comparison.images(left)) - damping * answer
+        before, size = size, float(gradient.square().sum())
+        direction = gradient + size / before * direction
+    return scale * answer
+
+
+def with_free_rise(held: Determined, rise: float) -> Determined:
+    """The record with the rise if everything else may answer: where no image shows it, nothing is determined."""
+    return {
+        **held,
+        "rise_free": rise,
+        "decibels_free": decibels(held["error"], rise),
+        "determined": held["determined"] and rise > HALF_A_LEVEL,
+    }
+
+
 def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
-    """Judges a quantity by three errors of each view: as recovered, and a step above and below.
+    """Tests a quantity by three errors of each view: as recovered, and a step above and below.
 
     Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
     point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point
@@ -91,6 +203,11 @@ def from_errors(value: float, step: float, here: Error, above: Error, below: Err
         half_width=None if half_width is None else half_width * step,
         determined=offset is not None and half_width is not None and abs(offset) + half_width <= 1,
     )
+
+
+def shown_by_images(record: Determined) -> bool:
+    """Whether a step changes the images by more than half a level of 8 bits, with everything else free where known."""
+    return record.get("rise_free", record["rise"]) > HALF_A_LEVEL
 
 
 def decibels(error: float, rise: float) -> float:

@@ -63,12 +63,18 @@ class Determined(TypedDict):
     """Increase of that error by a step: half the second difference over the three amounts."""
     decibels: float
     """The same increase in decibels."""
+    rise_free: NotRequired[float]
+    """Upper bound on the increase if everything else may compensate the change; at most ``rise``. Absent where the
+    method does not offer the measurement, and in results of earlier versions."""
+    decibels_free: NotRequired[float]
+    """``rise_free`` in decibels; present with it."""
     offset: float | None
     """The change at which the error is lowest, by the parabola; None where ``rise`` is below half a level of 8 bits."""
     half_width: float | None
     """Half the width of the offset's 95 % jackknife interval over views; None where there is none."""
     determined: bool
-    """Whether ``rise`` is above half a level of 8 bits and the offset's whole interval within a step of none."""
+    """Whether ``rise``, and ``rise_free`` where it is known, are above half a level of 8 bits, and the offset's whole
+    interval is within a step of none."""
 
 
 class StageName(TypedDict):

@@ -13,7 +13,18 @@ from scipy import stats
 from bench.fake_method import CPU, FakeSweep, fake_cell
 from bench.perfect import Perfect, scene_of, view_with
 from radiogs_bench.errors import MethodFailed
-from radiogs_bench.scoring.determined import HALF_A_LEVEL, STEPS, VIEWS, determined, from_errors, spread_over
+from radiogs_bench.scoring.determined import (
+    HALF_A_LEVEL,
+    STEPS,
+    VIEWS,
+    Comparison,
+    determined,
+    free_rise,
+    from_errors,
+    shown_by_images,
+    spread_over,
+    with_free_rise,
+)
 from radiogs_bench.scoring.score_maps import truth
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES
@@ -111,6 +122,92 @@ def test_the_error_is_per_covered_pixel_of_the_training_images() -> None:
     assert found["roughness"]["error"] == pytest.approx(0.0, abs=1e-12)
     assert found["roughness"]["determined"]
     assert found["roughness"]["value"] == 0.6
+
+
+class Painted:
+    """Images albedo (a + b roughness) of a stripe of surfaces, three channels, with an albedo and a light for each.
+
+    ``hidden``: the surfaces whose albedo may answer. Answers are in units of ``unit``.
+    """
+
+    albedo, unit = 0.5, 0.1
+
+    def __init__(self, made: Scene, hidden: int) -> None:
+        self.made, self.hidden = made, hidden
+        self.sizes = [(view.camera.height, view.camera.width) for view in made.train]
+        self.columns = torch.linspace(0.3, 0.9, self.sizes[0][1], dtype=torch.float64)
+
+    def varying(self, cameras: Any) -> "Painted":
+        return self
+
+    @property
+    def values(self) -> dict[str, float]:
+        return {"roughness": 0.6}
+
+    def nuisance(self, quantity: str) -> "Painted":
+        assert quantity == "roughness"
+        return self
+
+    @property
+    def like(self) -> torch.Tensor:
+        return torch.zeros(self.hidden, dtype=torch.float64)
+
+    @property
+    def scale(self) -> torch.Tensor:
+        return torch.ones_like(self.like)
+
+    def shown(self, rows: torch.Tensor) -> list[torch.Tensor]:
+        return [rows[None, :, None].expand(height, -1, 3) for height, _ in self.sizes]
+
+    def change(self, answer: torch.Tensor) -> list[torch.Tensor]:
+        spread = torch.zeros_like(self.columns)
+        spread[: self.hidden] = self.unit * answer
+        return self.shown(spread * self.columns)
+
+    def pull(self, images: Any) -> torch.Tensor:
+        along = sum(image.sum((0, 2)) for image in images) * self.columns
+        return self.unit * along[: self.hidden]
+
+    def images(self, quantity: Any, amount: Any = 0.0, answer: Any = None) -> list[torch.Tensor]:
+        if not isinstance(quantity, str):  # of the nuisance: amount, answer
+            quantity, amount, answer = "roughness", quantity, amount
+        base = self.shown(self.albedo * self.columns + 0.4 * self.albedo * amount)
+        moved = self.change(self.like if answer is None else answer)
+        return [one + other for one, other in zip(base, moved, strict=True)]
+
+
+def dense_rise(painted: Painted, views: Any) -> float:
+    """The least squared change by float64 least squares over a dense Jacobian."""
+    norm = Comparison.over(views)
+    wanted = norm.vector(painted.images("roughness", 0.1)) - norm.vector(painted.images("roughness"))
+    if not painted.hidden:
+        return float(wanted.square().sum())
+    jacobian = torch.stack([norm.vector(painted.change(unit)) for unit in torch.eye(painted.hidden).double()], -1)
+    best = torch.linalg.lstsq(jacobian, -wanted[:, None]).solution[:, 0]
+    return float((wanted + jacobian @ best).square().sum())
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_free_rise_is_what_no_answer_hides(share: float) -> None:
+    views = scene().train
+    painted = Painted(scene(), int(share * views[0].camera.width))
+    shown = [painted.images("roughness", amount) for amount in (0.0, 0.1, -0.1)]
+    found, least = free_rise(painted, 0.1, shown, Comparison.over(views)), dense_rise(painted, views)
+    assert found == pytest.approx(least, rel=0.02, abs=HALF_A_LEVEL)
+    assert found >= 0.999 * least, "a bound from above"
+    assert (least < 1e-12) is (share == 1)
+
+
+def test_a_change_that_everything_else_hides_is_not_determined() -> None:
+    """The same images: determined as far as held parameters go, and not if albedo is free."""
+    record = parabolas([0.1, -0.1, 0.05, 0.0])
+    assert record["determined"]
+    assert shown_by_images(record)
+    for rise, expected in ((0.9 * HALF_A_LEVEL, False), (1.1 * HALF_A_LEVEL, True)):
+        freed = with_free_rise(record, rise)
+        assert (freed["rise_free"], freed["rise"]) == (rise, record["rise"])
+        assert freed["determined"] is shown_by_images(freed) is expected
+    assert shown_by_images(parabolas([2.0, -2.0, 1.0, -1.0])), "views that disagree are no lack of information"
 
 
 def test_a_method_that_does_not_offer_it_is_not_measured() -> None:

@@ -11,6 +11,7 @@ from radiogs_bench.results.doubts import (
     BRIGHTNESS,
     depends_on,
     doubts,
+    elsewhere,
     no_better_than_constant,
     recovered,
     resolution_of_light,
@@ -21,6 +22,9 @@ from radiogs_bench.results.summary import summarise
 from radiogs_bench.scoring.determined import STEPS
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.store.schema import Determined, MetricValue
+
+HIDDEN: dict[str, Any] = {"rise": 1e-7, "offset": None, "half_width": None}
+"""Values of a record whose quantity no image shows."""
 
 COLUMNS = ("nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "environment/error_scaled")
 
@@ -44,39 +48,61 @@ def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
 
 def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:
     cells = [
-        cell("ours", determined={"roughness": record(False, decibels=0.0123, offset=None, half_width=None)}),
+        cell("ours", determined={"roughness": record(False, **HIDDEN, decibels=0.0123)}),
         cell("glossy", determined={"roughness": record(True)}),
-        cell("wide", determined={"roughness": record(False, decibels=0.2, offset=-0.1, half_width=0.3)}),
+        cell("free", determined={"roughness": record(False, decibels=0.2, rise_free=1e-7, decibels_free=0.0021)}),
     ]
-    (found,) = doubts(cells, sweep("ours", "glossy", "wide"))
-    assert (found["column"], found["rows"]) == ("roughness/mse", ["ours", "wide"])
+    (found,) = doubts(cells, sweep("ours", "glossy", "free"))
+    assert (found["column"], found["rows"]) == ("roughness/mse", ["ours", "free"])
     assert found["text"] == (
-        "roughness: changing the roughness of everything by 0.1 changes the error of the training images by 0.012 to"
-        " 0.200 dB; that is less than 8 bits resolve or single views leave it open by up to 4.0 times that change."
+        "roughness: changing the roughness of everything by 0.1 changes the error of the training images by 0.002 to"
+        " 0.012 dB with everything else held as recovered or free to compensate it; that is less than 8 bits resolve."
         " The images do not determine it."
     )
 
 
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"offset": -0.1, "half_width": 0.3}, "the views do not agree, by up to 4.0 steps"),
+        ({"offset": 0.25, "half_width": 0.01}, "the views put it elsewhere, by up to 2.5 steps"),
+        ({"offset": 0.02, "half_width": None}, "no value suits all views"),
+    ],
+)
+def test_views_that_disagree_are_not_called_a_lack_of_information(changes: dict[str, Any], says: str) -> None:
+    free: dict[str, Any] = {"rise_free": 8e-6, "decibels_free": 0.3}
+    for known in ({}, free):
+        cells = [cell("ours", determined={"roughness": record(False, **changes, **known)})]
+        (found,) = doubts(cells, sweep("ours"))
+        assert (found["column"], found["rows"]) == ("roughness/mse", ["ours"])
+        assert f"With everything else as it was recovered, {says}; errors of shape" in found["text"]
+        assert "do not determine" not in found["text"]
+        assert elsewhere(cells, "roughness/mse", ("roughness",)) == [found]
+    hidden = [cell("ours", determined={"roughness": record(False, **changes, rise_free=1e-7, decibels_free=0.0)})]
+    assert elsewhere(hidden, "roughness/mse", ("roughness",)) == []
+    assert len(undetermined(hidden, "roughness/mse", ("roughness",))) == 1
+
+
 def test_a_difference_that_rounds_to_zero_is_printed_without_a_sign() -> None:
-    cells = [cell("ours", determined={"roughness": record(False, decibels=-1e-5, offset=None, half_width=None)})]
+    cells = [cell("ours", determined={"roughness": record(False, **HIDDEN, decibels=-1e-5)})]
     assert "images by 0.000 dB" in undetermined(cells, "roughness/mse", ("roughness",))[0]["text"]
 
 
 def test_a_row_is_marked_if_one_of_its_cells_is_not_determined() -> None:
-    cells = [cell("ours", seed, determined={"roughness": record(seed != 1, half_width=None)}) for seed in range(3)]
+    cells = [cell("ours", seed, determined={"roughness": record(seed != 1, **HIDDEN)}) for seed in range(3)]
     (found,) = undetermined(cells, "roughness/mse", ("roughness",))
-    assert found["text"].endswith("no value suits all views. The images do not determine it in 1 of 3 cells.")
+    assert found["text"].endswith("8 bits resolve. The images do not determine it in 1 of 3 cells.")
 
 
 def test_both_quantities_of_roughness_share_a_footnote() -> None:
-    both = {"roughness": record(False), "roughness variation": record(False), "brightness": record(True)}
+    both = {"roughness": record(False, **HIDDEN), "roughness variation": record(False, **HIDDEN)}
     (found,) = doubts([cell("ours", determined=both)], sweep("ours"))
     assert "by 0.1 changes" in found["text"]
     assert "roughness variation: giving everything the mean roughness" in found["text"]
 
 
 def test_brightness_that_no_column_depends_on_is_a_remark_without_a_mark() -> None:
-    dark = {"brightness": record(False)}
+    dark = {"brightness": record(False, **HIDDEN)}
     (found,) = doubts([cell("ours", determined=dark)], sweep("ours"))
     assert found["column"] == ""
     assert found["text"].startswith("brightness: albedo 1.25 times as bright in a light as much darker changes")
