@@ -60,11 +60,12 @@ TOGETHER = 256
 """Surfels whose light is assigned to blocks at once."""
 
 
-def light_blocks(height: int, width: int, device: torch.device) -> Int[Tensor, " texels"]:
+def light_blocks(light: Float[Tensor, "height width 3"]) -> Int[Tensor, " texels"]:
     """The block of each texel of a light; blocks are numbered from 0 row by row."""
+    height, width = light.shape[:2]
     rows, columns = min(height, LIGHT_ROWS), min(width, 2 * LIGHT_ROWS)
-    row = torch.arange(height, device=device) * rows // height
-    column = torch.arange(width, device=device) * columns // width
+    row = torch.arange(height, device=light.device) * rows // height
+    column = torch.arange(width, device=light.device) * columns // width
     return (row[:, None] * columns + column).flatten()
 
 
@@ -89,7 +90,7 @@ def to_light(
     lobe, albedo = torch.stack(lobes, 1), lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
     texel, share = bilinear_texels(incident.direction, *light.shape[:2])
     share = share * incident.visibility[..., None]
-    block = light_blocks(*light.shape[:2], light.device)
+    block = light_blocks(light)
     blocks, radiance = int(block.max()) + 1, light.flatten(0, 1)
     found = []
     for some in torch.arange(len(normal), device=light.device).split(TOGETHER):

@@ -133,7 +133,7 @@ class VaryingRadioGS:
         slope = torch.zeros_like(albedo[:, :2]).index_copy_(0, seen, answer.slope)
         roughness = roughness.index_add(0, seen, answer.roughness).clamp(ROUGHNESS_FLOOR, 1)
         if len(answer.light):
-            block = light_blocks(*light.shape[:2], light.device)
+            block = light_blocks(light)
             light = light * answer.light[block].view_as(light).exp()
         unit, rest = self._shaded(roughness, light, turned(self.surfels.frame.detach(), slope))
         return self._seen(albedo.index_add(0, seen, answer.albedo).clamp(0, 1) * unit + rest)
