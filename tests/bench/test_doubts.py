@@ -89,7 +89,8 @@ def test_a_difference_that_rounds_to_zero_is_printed_without_a_sign() -> None:
 
 
 def test_a_row_is_marked_if_one_of_its_cells_is_not_determined() -> None:
-    cells = [cell("ours", seed, determined={"roughness": record(seed != 1, **HIDDEN)}) for seed in range(3)]
+    records = [record(True), record(False, **HIDDEN), record(True)]
+    cells = [cell("ours", seed, determined={"roughness": each}) for seed, each in enumerate(records)]
     (found,) = undetermined(cells, "roughness/mse", ("roughness",))
     assert found["text"].endswith("8 bits resolve. The images do not determine it in 1 of 3 cells.")
 
