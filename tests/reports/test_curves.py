@@ -15,7 +15,7 @@ SCENES = ("one", "two")
 
 def made_up(variants: dict[str, dict[str, Any]], settings: tuple[int, ...] = SETTINGS) -> Summary:
     """Rows of each variant at each setting, on two scenes with two seeds: 10 v + log10 of the setting + the seed,
-    and 5 more on the second scene."""
+    and 5 more on the second scene, 8 at its highest setting."""
     made = summary()
     made["columns"], made["scenes"], made["seeds"] = made["columns"][:2], list(SCENES), [0, 1]
     made["paper"], made["sheet"], made["rows"], made["runs"] = [], [], [], []
@@ -25,7 +25,7 @@ def made_up(variants: dict[str, dict[str, Any]], settings: tuple[int, ...] = SET
             made["rows"].append({"key": row, "latex": row, "text": f"{name}, {setting} steps", "seconds": 1.0})
             for scene in SCENES:
                 for seed in (0, 1):
-                    value = 10 * place + np.log10(setting) + seed + 5 * SCENES.index(scene)
+                    value = 10 * place + np.log10(setting) + seed + SCENES.index(scene) * (8 if setting == 1000 else 5)
                     each = run(row, scene, seed, f"{row}{scene}{seed}", {"nvs/psnr": value, "normal/mae": -value})
                     budget = {"name": row, "inverse_iterations": setting, "incident_samples": 32}
                     each["made_from"] = {"method": "radiogs", "variant": variant, "budget": budget}
@@ -37,12 +37,12 @@ def test_one_series_is_a_line_for_each_scene_with_its_seeds_as_a_band() -> None:
     (sketch,) = curve_figures(made_up({"ours": {"detach": "none"}}))
     upward, downward = sketch.figure.axes
     for number, line in enumerate(upward.get_lines()):
-        expected = [(each, np.log10(each) + 0.5 + 5 * number) for each in SETTINGS]
+        expected = [(each, np.log10(each) - 2 + 3 * number * (each == 1000)) for each in SETTINGS]
         assert line.get_xydata() == pytest.approx(np.array(expected))
     assert [text.get_text() for text in sketch.figure.legends[0].get_texts()] == list(SCENES)
     low, high = (band.get_paths()[0].vertices[:, 1] for band in upward.collections)
-    assert (low.min(), low.max()) == pytest.approx((2.0, 4.0))
-    assert (high.min(), high.max()) == pytest.approx((7.0, 9.0))
+    assert (low.min(), low.max()) == pytest.approx((-0.5, 1.5))
+    assert (high.min(), high.max()) == pytest.approx((-0.5, 4.5))
     assert upward.get_xlabel() == "iterations of stage 2"
     assert not upward.yaxis_inverted()
     assert downward.yaxis_inverted()
@@ -55,8 +55,8 @@ def test_several_series_are_drawn_scene_by_scene_and_named_by_their_longest_row(
         "ours, 1000 steps", "no rad, 1000 steps",
     ]  # fmt: skip
     ours, other = second.figure.axes[0].get_lines()
-    assert ours.get_ydata() == pytest.approx([7.5, np.log10(300) + 5.5, 8.5])
-    assert other.get_ydata() == pytest.approx([17.5, np.log10(300) + 15.5, 18.5])
+    assert ours.get_ydata() == pytest.approx([7.5, np.log10(300) + 5.5, 11.5])
+    assert other.get_ydata() == pytest.approx([17.5, np.log10(300) + 15.5, 21.5])
 
 
 @pytest.mark.parametrize("settings", [(100, 300), (100, 100, 300)])

@@ -1,7 +1,8 @@
-"""Curves over one number of the budget, such as the steps of a stage: a panel for each metric, a line for each scene.
+"""Curves over one number of the budget, such as the steps of a stage, with a panel for each metric.
 
-Rows that share everything but that number are a series. Several series, such as rows with and without a loss, are drawn
-scene by scene.
+Rows that share everything but that number are a series. A single series has a line for each scene, which shows changes
+from the lowest setting, because scenes differ by more than settings do. Several series, such as rows with and without a
+loss, are drawn scene by scene with their values.
 """
 
 import math
@@ -84,7 +85,7 @@ def _lines(summary: Summary, curves: Curves, column: ColumnSummary, scene: str |
         found = {label: _line(summary, rows, column, scene) for label, rows in curves.series.items()}
     else:
         (rows,) = curves.series.values()
-        found = {each: _line(summary, rows, column, each) for each in summary["scenes"]}
+        found = {each: _changes(_line(summary, rows, column, each)) for each in summary["scenes"]}
     return {label: line for label, line in found.items() if line}
 
 
@@ -98,11 +99,17 @@ def _line(summary: Summary, rows: list[tuple[int, str]], column: ColumnSummary, 
     return line
 
 
+def _changes(line: Line) -> Line:
+    """The line moved to zero at its lowest setting."""
+    return [(setting, mean - line[0][1], low - line[0][1], high - line[0][1]) for setting, mean, low, high in line]
+
+
 def _sketch(summary: Summary, curves: Curves, scene: str | None) -> Sketch | None:
     columns = [column for column in summary["columns"] if _lines(summary, curves, column, scene)]
     if not columns:
         return None
-    labels = list(summary["scenes"] if scene is None else curves.series)
+    drawn = {label for column in columns for label in _lines(summary, curves, column, scene)}
+    labels = [label for label in (summary["scenes"] if scene is None else curves.series) if label in drawn]
     across = min(ACROSS, len(columns))
     down = -(-len(columns) // across)
     beside = legend_columns(labels, PANEL[0] * across, MOST_COLUMNS)
@@ -120,7 +127,8 @@ def _sketch(summary: Summary, curves: Curves, scene: str | None) -> Sketch | Non
         figure.legend(handles=handles, loc="outside lower center", ncols=beside, frameon=False)
     what = "a line for each scene" if scene is None else f"on {scene}"
     several = "; bands: from the lowest to the highest seed" if len(summary["seeds"]) > 1 else ""
-    caption = f"Metrics by {curves.text}, {what}, means over seeds{several}. Better is higher up in every panel."
+    shown = "changes of metrics from the lowest setting" if scene is None else "metrics"
+    caption = f"By {curves.text}: {shown}, {what}, means over seeds{several}. Better is higher up in every panel."
     name = "curves" if scene is None else file_name("curves", scene)
     return Sketch(name, caption, figure, on_page=True)
 
