@@ -7,7 +7,7 @@ import pytest
 from made_up_run import summary, written_page
 from radiogs_bench.results.longer_run import recorded
 from radiogs_reports.summary import Summary, Verdict
-from radiogs_reports.tables.longer_run import HERE_ALONE, NEITHER, OPEN, OPPOSITE, SAME, longer_reports
+from radiogs_reports.tables.longer_run import HERE_ALONE, NEITHER, OPEN, OPPOSITE, SAME, claims, longer_reports
 from radiogs_reports.write.longer_run import record_document
 
 
@@ -48,6 +48,28 @@ def test_each_difference_has_a_sentence_that_says_whether_the_run_agrees(
     (words,) = report.rows_in_words
     assert words.startswith("lambda_rad = 0: ")
     assert f"{outcome}: NVS PSNR" in words
+
+
+def test_the_papers_claims_stand_beside_what_every_recipe_measured() -> None:
+    made = {recipe: recorded({**summary(), "recipe": recipe}) for recipe in ("printed", "recommended")}
+    for recipe, (low, high, verdict) in {"printed": (-3.0, -1.0, "worse"), "recommended": (-0.5, 0.1, None)}.items():
+        made[recipe]["published"] = {"ours": {"nvs/psnr": 31.0}, "no-rad": {"nvs/psnr": 29.0}}
+        kept = made[recipe]["cells"]["no-rad"]["nvs/psnr"]
+        assert kept["difference"] is not None
+        kept["difference"] |= {"mean": (low + high) / 2, "low": low, "high": high, "verdict": verdict, "smallest": 0.4}
+    grid = claims(list(made.values()))
+    assert grid is not None
+    assert grid.heads == ["suite", "row", "metric", "paper", "printed", "recommended"]
+    (line,) = grid.rows
+    paper, printed, recommended = line[3:]
+    assert paper.value == -2.0
+    assert printed.text == "-2.00 dB [-3.00, -1.00]: sign holds"
+    assert recommended.text == "-0.20 dB [-0.50, +0.10]: not resolved, could show 0.40; the paper's size excluded"
+    (alone,) = [each.rows[0] for each in [claims([made["printed"]])] if each is not None]
+    assert len(alone) == 5
+    made["printed"]["published"] = {}
+    assert claims([made["printed"]]) is None
+    assert "## The paper's claims" in record_document([made["recommended"]])
 
 
 def test_a_value_in_doubt_agrees_with_nothing() -> None:

@@ -104,6 +104,11 @@ def record_sentences(run: LongerRun) -> list[Sentence]:
     return _sentences(_of_record(run), run["scenes"])
 
 
+def record_findings(run: LongerRun) -> list[Finding]:
+    """``findings`` of a recorded run."""
+    return _findings(_of_record(run))
+
+
 class _Compared(NamedTuple):
     """A table whose rows may be compared with one of them. Values are by row, then column."""
 
@@ -266,11 +271,11 @@ def _of_row(table: _Compared, row: RowSummary, found: Sequence[Finding]) -> Iter
     own = [(columns[each.column], each) for each in found]
     told = [each for each in own if each[1].resolved]
     if told:
-        text, short = ("; ".join(_entry(*each, measured) for each in told) for measured in (True, False))
+        text, short = ("; ".join(_entry(*each, with_values) for each in told) for with_values in (True, False))
         yield Sentence(f"resolved: {text}.", f"resolved: {short}.", row["text"], row["latex"])
     others = [each for each in own if not each[1].resolved]
     if others:
-        text = f"not resolved: {'; '.join(_entry(*each, measured=True) for each in others)}."
+        text = f"not resolved: {'; '.join(_entry(*each, with_values=True) for each in others)}."
         sizes = " ".join(_sizes(others))
         short = f"{sizes[:1].lower()}{sizes[1:]}"
         yield Sentence(f"{text} {sizes}".rstrip(), short, row["text"], row["latex"])
@@ -286,8 +291,8 @@ def _sizes(others: Sequence[tuple[ColumnSummary, Finding]]) -> Iterator[str]:
         yield f"The interval excludes the paper's size: {', '.join(excluded)}."
 
 
-def _entry(column: ColumnSummary, found: Finding, measured: bool) -> str:
-    """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``, or without the ``measured`` values."""
+def _entry(column: ColumnSummary, found: Finding, with_values: bool) -> str:
+    """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``, or without the measured values."""
     decimals, remarks = column["decimals"], []
     if not found.resolved and found.smallest is not None:
         remarks.append(f"could show {number(found.smallest, decimals)}")
@@ -296,10 +301,10 @@ def _entry(column: ColumnSummary, found: Finding, measured: bool) -> str:
     if found.resolved and found.verdict is not None:
         remarks.append(f"sign {found.verdict}")
     behind = f" ({', '.join(remarks)})" if remarks else ""
-    return f"{column['label']}{_measured(column, found.difference) if measured else ''}{behind}"
+    return f"{column['label']}{measured(column, found.difference) if with_values else ''}{behind}"
 
 
-def _measured(column: ColumnSummary, difference: Interval) -> str:
+def measured(column: ColumnSummary, difference: Interval) -> str:
     """A difference with its unit and its interval, if it has one."""
     ends = [
         signed_number(each, column["decimals"]) for each in (difference["low"], difference["high"]) if each is not None

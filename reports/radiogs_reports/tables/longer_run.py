@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..analysis.findings import record_sentences
+from ..analysis.findings import Finding, measured, record_findings, record_sentences
 from ..analysis.grid import Grid, Item, name_item
 from ..summary import ColumnSummary, LongerRun, Summary
-from ..wording import count_of, heading, signed
+from ..wording import count_of, heading, number, signed
 from .caption import ORIGIN
 from .doubts import shown_verdict
 from .legend import legend
@@ -133,6 +133,55 @@ def _cell(run: LongerRun, row: str, column: ColumnSummary) -> Cell:
 def _recorded(run: LongerRun, row: str, column: ColumnSummary) -> Difference | None:
     interval = run["cells"][row][column["key"]]["difference"]
     return difference_of(interval, column["decimals"], None if interval is None else interval["verdict"])
+
+
+def claims(runs: Sequence[LongerRun]) -> Grid | None:
+    """The paper's differences, each beside what the recorded runs of its suite measured by every recipe; None where
+    the paper reports none of their differences."""
+    recipes = list(dict.fromkeys(run["recipe"] for run in runs))
+    found: dict[tuple[str, str, str], dict[str, Finding]] = {}
+    columns: dict[tuple[str, str, str], tuple[str, ColumnSummary]] = {}
+    for run in runs:
+        texts, own = {row["key"]: row["text"] for row in run["rows"]}, {each["key"]: each for each in run["columns"]}
+        for each in record_findings(run):
+            if each.published is not None:
+                claim = run["suite"], each.row, each.column
+                found.setdefault(claim, {})[run["recipe"]] = each
+                columns[claim] = texts[each.row], own[each.column]
+    if not found:
+        return None
+    rows = []
+    for claim, by_recipe in found.items():
+        text, column = columns[claim]
+        published = next(iter(by_recipe.values())).published
+        assert published is not None  # only such findings are kept
+        line = [name_item(claim[0]), name_item(text), name_item(heading(column))]
+        line.append(Item(signed(published, column["decimals"]), published))
+        rows.append([*line, *(_claimed(by_recipe.get(recipe), column) for recipe in recipes)])
+    note = (
+        "Differences to the reference row: the paper's, and those measured by each recipe with 95 % intervals. Its sign"
+        " holds, or does not, where a difference is resolved. *Could show* is the smallest true difference that four of"
+        " five such runs resolve; the paper's size is excluded where it lies outside the interval and is not too small."
+    )
+    heads = ["suite", "row", "metric", "paper", *(recipe or "default" for recipe in recipes)]
+    return Grid("claims", "The paper's claims", note, heads, rows)
+
+
+def _claimed(found: Finding | None, column: ColumnSummary) -> Item:
+    if found is None:
+        return Item("n/a", None, "no recorded run by this recipe")
+    low, high, published = found.difference["low"], found.difference["high"], found.published
+    if found.doubted:
+        remarks = ["in doubt"]
+    elif found.resolved:
+        remarks = [f"sign {found.verdict}" if found.verdict is not None else "resolved"]
+    else:
+        size = "" if found.smallest is None else f", could show {number(found.smallest, column['decimals'])}"
+        remarks = [f"not resolved{size}"]
+    apart = low is not None and high is not None and published is not None and not low <= published <= high
+    if apart and not found.too_small and not found.doubted:
+        remarks.append("the paper's size excluded")
+    return Item(f"{measured(column, found.difference).strip()}: {'; '.join(remarks)}", found.difference["mean"])
 
 
 def by_scene(run: LongerRun, name: str) -> Grid:
