@@ -291,7 +291,8 @@ def _image_channels(held: Mapping[str, str]) -> list[str]:
 
 
 def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:
-    """Raises DataError for what changes an image and is not applied: parts, a cut window, other primaries."""
+    """Raises DataError for what changes an image and is not applied: parts, a cut window, subsampled channels, other
+    primaries."""
     if len(parts) > 1:
         raise _refused_exr(
             path, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."
@@ -300,6 +301,13 @@ def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -
     if data != display:
         raise _refused_exr(
             path, f"holds the window {data} of an image {display}", "What lies outside is not there: it was cropped."
+        )
+    coarse = [channel.name for channel in header["channels"] if (channel.xSampling, channel.ySampling) != (1, 1)]
+    if coarse:
+        raise _refused_exr(
+            path,
+            f"has channels of several sizes: {', '.join(coarse)[:300]} subsampled",
+            "Every pixel needs all channels.",
         )
     if abs(float(header.get("pixelAspectRatio", 1)) - 1) > CHROMATICITY_TOLERANCE:
         raise _refused_exr(

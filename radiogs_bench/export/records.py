@@ -1,5 +1,6 @@
 """All results of a store as one table, with one line per cell and metric."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -29,14 +30,16 @@ def rows(store: Store) -> Iterator[dict[str, Any]]:
 
 def export(store: Store, path: Path, form: str) -> int:
     """Write the table; returns its number of lines. Raises UsageError if pandas cannot write the format here."""
-    table = pd.DataFrame(list(rows(store)))
+    lines = list(rows(store))
+    table = pd.DataFrame(lines)
     if form == "parquet":
         extra_library("pyarrow", "parquet needs pyarrow", "parquet")
         content = table.to_parquet(index=False)
     elif form == "csv":
         content = table.to_csv(index=False).encode()
     else:
-        content = table.to_json(orient="records", indent=1).encode()
+        # Not by pandas, which rounds to at most 15 decimals: a small error would lose its digits.
+        content = json.dumps([{name: line.get(name) for name in table} for line in lines], indent=1).encode()
     write_atomically(path, content)
     return len(table)
 

@@ -308,6 +308,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "k4 of nerfstudio": (with_field(camera_model="OPENCV", k4=0.1), "'k4' is 0.1, which model OPENCV"),
     "a rolling shutter": (with_field(rolling_shutter=[0, 0, 0, 1]), "'rolling_shutter'"),
     "an f-theta lens": (with_field(ftheta_p0=0.1), "'ftheta_p0'"),
+    "parallel rays": (with_field(orthographic=True), "'orthographic'"),
     "infinite width": (with_field(w=INF), "fl_x, fl_y, cx, cy, w, h are"),
     "half a pixel of width": (with_field(w=320.5), "whole numbers of pixels"),
     "a focal length of 400 digits": (with_field(fl_x=10**400), "fl_x, fl_y, cx, cy, w, h are"),

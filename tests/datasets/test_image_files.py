@@ -207,3 +207,16 @@ def test_real_light_maps_are_read(shared_data: Path) -> None:
         assert image.shape[1] == 2 * image.shape[0], path
         assert image.shape[2] in (3, 4)
         assert float(image.max()) > 1
+
+
+def test_an_exr_with_subsampled_channels_is_called_that(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {name: np.ones((4, 4), np.float32) for name in "RGB"}) as file:
+        file.write(str(path))
+    whole = path.read_bytes()
+    name, sampling = b"B\x00\x02\x00\x00\x00\x00\x00\x00\x00", b"\x01\x00\x00\x00"
+    assert whole.count(name + sampling) == 1
+    path.write_bytes(whole.replace(name + sampling, name + b"\x02\x00\x00\x00"))
+    with pytest.raises(DataError, match=r"several sizes: B subsampled"):
+        read_exr(path)

@@ -21,8 +21,8 @@ from .lens import LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection
 SIZE = ("w", "h")
 PIXELS = ("fl_x", "fl_y", "cx", "cy")
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
-OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "rolling_shutter")
-"""instant-ngp's fields for cameras that OpenCV cannot undistort."""
+OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "orthographic", "rolling_shutter")
+"""instant-ngp's fields for cameras that cannot be made a pinhole."""
 
 FIELDS = frozenset(
     {*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, "camera_angle_x", "camera_angle_y", "camera_model", "is_fisheye"}
@@ -47,7 +47,9 @@ def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
     refused = [name for name in OTHER_LENSES if is_set(fields.get(name))]
     if refused:
         raise DataError(
-            f"{what}: its lens has '{refused[0]}'", "OpenCV has no formula for it.", "Undistort the images first."
+            f"{what}: its lens has '{refused[0]}'",
+            "Images of such a camera are not those of a pinhole, and OpenCV has no formula for it.",
+            "Render or undistort the images as a pinhole would see them.",
         )
     projection, coefficients = _distortion(what, fields)
     if "fl_x" in fields:
