@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import StoreError
+from ..runs.engines.run import COMMAND
 from ..runs.progress import ForwardingProgress, Progress
 from ..runs.sweep import CellRef, Request
 from ..store.folder import Store
@@ -112,7 +113,7 @@ def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
     Raises StoreError where it fails, with the message that it gave.
     """
     command = [
-        sys.executable, "-m", "radiogs_bench", "report", str(folder), f"--scenes={','.join(scenes)}", "--no-pictures",
+        *COMMAND, "report", str(folder), f"--scenes={','.join(scenes)}", "--no-pictures",
         *([] if width is None else ["--width", str(width)]),
     ]  # fmt: skip
     try:

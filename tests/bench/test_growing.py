@@ -74,7 +74,7 @@ def commands(monkeypatch: pytest.MonkeyPatch, answer: Command) -> list[Sequence[
 
 def in_this_process(command: Sequence[str]) -> tuple[int, str, str]:
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
-        code = main([*command[3:]])
+        code = main([*command[4:]])
     return code, out.getvalue(), error.getvalue()
 
 
@@ -96,7 +96,7 @@ def test_a_first_table_comes_with_the_first_scene_and_the_last_is_as_without_it(
 
     started = commands(monkeypatch, look)
     assert two_scenes() == 0
-    assert [command[:3] for command in started] == [[sys.executable, "-m", "radiogs_bench"]]
+    assert [command[:4] for command in started] == [[sys.executable, "-P", "-m", "radiogs_bench"]]
     assert b"Mean over 1 scene (one) and 1 seed" in so_far["mine.md"]
     assert b"1 of the run's 2 scenes are left out" in so_far["mine.md"]
     assert b"Figures, images and surfels are left out" in so_far["report.html"]

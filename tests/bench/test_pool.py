@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_bench.runs.engines.run import run_pool, worker_commands
+from radiogs_bench.runs.engines.run import COMMAND, run_pool, worker_commands
 from radiogs_bench.runs.interruption import Interruption
 
 WAIT = """
@@ -54,7 +54,26 @@ def test_workers_share_the_threads_and_know_their_number() -> None:
     first, second = worker_commands(["run", "ablations", "--threads", "8"], 2, 5)
     assert first[-4:] == ["--threads", "2", "--worker", "0/2"]
     assert second[-1] == "1/2"
-    assert first[3:-4] == ["run", "ablations", "--threads", "8"]
+    assert first[4:-4] == ["run", "ablations", "--threads", "8"]
+
+
+DECOYS = ("queue", "json", "numpy", "torch", "signal", "radiogs_bench", "radiogs_core", "radiogs", "conftest")
+"""Names of the standard library's modules, of other packages and of ours."""
+
+
+def test_no_process_of_the_harness_runs_code_of_the_folder_where_it_is_started(tmp_path: Path) -> None:
+    for name in DECOYS:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(
+            "from pathlib import Path\nPath(__file__).with_name('ran').touch()\n"
+        )
+        (tmp_path / f"{name}.py").write_text("from pathlib import Path\nPath(__file__).with_name('ran').touch()\n")
+    elsewhere = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    done = subprocess.run(
+        [*COMMAND, "methods", "--json"], cwd=tmp_path, capture_output=True, text=True, env=elsewhere, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not list(tmp_path.rglob("ran"))
 
 
 def run(folder: Path, *more: str) -> "subprocess.Popen[str]":

@@ -40,7 +40,10 @@ def require_blender() -> None:
 def blender_failure() -> str | None:
     """The last words of a trial import that failed; None if it worked."""
     try:
-        run = subprocess.run([blender_python(), "-c", "import bpy"], capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [blender_python(), "-c", "import bpy"],
+            capture_output=True, text=True, check=False, env=os.environ | {"PYTHONSAFEPATH": "1"},
+        )  # fmt: skip
     except OSError as error:
         return error.strerror or str(error)
     if run.returncode == 0:

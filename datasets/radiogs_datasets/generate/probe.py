@@ -30,7 +30,7 @@ def require_mitsuba() -> None:
 
 def mitsuba_failure() -> str | None:
     """The last words of a trial render that failed; None if it worked."""
-    run = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
+    run = subprocess.run([sys.executable, "-P", "-c", SCRIPT], capture_output=True, text=True, check=False)
     if run.returncode == 0:
         return None
     lines = run.stderr.strip().splitlines()

@@ -170,10 +170,15 @@ def _relay(worker: "subprocess.Popen[str]", lines: "SimpleQueue[str]") -> None:
             lines.put(line.rstrip("\n"))
 
 
+COMMAND = (sys.executable, "-P", "-m", "radiogs_bench")
+"""Begins the command line of a process of the harness: the installed code, and no module of the folder where the
+process is started, whatever it is called."""
+
+
 def worker_commands(arguments: Sequence[str], count: int, threads: int) -> list[list[str]]:
     """The command line of each worker: the user's, with the worker's number and its share of the threads."""
     share = max(1, threads // count)
-    own = [sys.executable, "-m", "radiogs_bench", *arguments, "--threads", str(share)]
+    own = [*COMMAND, *arguments, "--threads", str(share)]
     return [[*own, "--worker", f"{number}/{count}"] for number in range(count)]
 
 
