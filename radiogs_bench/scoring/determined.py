@@ -38,7 +38,7 @@ ROUNDING = 1 / 255**2 / 12
 
 CONFIDENCE = 0.95
 
-PRODUCTS = 12
+PRODUCTS = 6
 """Products with the Jacobian, at most, and as many with its transpose, by which the best answer is approached."""
 
 DAMPING = 0.01
