@@ -25,7 +25,7 @@ Values = Mapping[str, Any]
 DEPARTURE_GROUPS: Mapping[str, tuple[str, Values]] = {
     "start": ("surfels start at swept depth", {"geometry.start.points": "swept", "geometry.start.roughness": 0.6}),
     "density": (
-        "hidden and unseen surfels are removed, no resets of opacity",
+        "hidden surfels removed, no resets",
         {
             "geometry.density.end": 0.625,
             "geometry.density.hidden_at": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0],
@@ -47,15 +47,15 @@ DEPARTURE_GROUPS: Mapping[str, tuple[str, Values]] = {
         },
     ),
     "split-sum": (
-        "the split sum of stage 1 shapes no surfels",
+        "split sum shapes no surfels",
         {"split_sum.image": 0.1, "split_sum.geometry_gradient": False, "split_sum.light": 1.0},
     ),
     "rays": (
-        "rays start by the surfel's width and meet both sides; BRDF table of Schlick's masking",
+        "ray starts, two-sided rays, masking",
         {"deviations": [], "masking": "schlick"},
     ),
     "light": (
-        "light sought before stage 2, and held",
+        "light sought, then held",
         {"materials.start.light": "least-variation", "materials.weights.light_smoothness": 0.005},
     ),
     "losses": (
@@ -71,11 +71,11 @@ DEPARTURE_GROUPS: Mapping[str, tuple[str, Values]] = {
         },
     ),
     "directions": (
-        "two sets of directions, half drawn from the light",
+        "two sets, half drawn from the light",
         {"materials.directions.from_light": 0.5, "materials.directions.sets": 2},
     ),
     "roughness": (
-        "no gradient from L_rad to roughness; squared error",
+        "roughness without L_rad, squared error",
         {
             "materials.consistent_roughness": False,
             "materials.rates.roughness_length_power": 0.5,
