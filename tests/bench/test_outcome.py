@@ -45,7 +45,7 @@ def found() -> dict[str, float]:
 
 
 AT_LEAST = {"nvs/psnr": 35.5, "albedo/psnr": 27.7, "relight/psnr": 32.3, "indirect/psnr": 30.6}
-AT_MOST = {"normal/mae": 10.7, "depth/offset": 0.85, "environment/error_scaled": 0.4, "roughness/mse": 0.03}
+AT_MOST = {"normal/mae": 10.7, "depth/offset": 0.85, "environment/error_scaled": 0.5, "roughness/mse": 0.03}
 
 
 @pytest.mark.parametrize("name", AT_LEAST)
