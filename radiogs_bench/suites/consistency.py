@@ -8,12 +8,8 @@ for more and more steps.
 from collections.abc import Mapping
 from typing import Any
 
-from .suite import Metric, Row, Suite
-
-COLUMNS = (
-    Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-    Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
-)  # fmt: skip
+from .own import EVERY_PART
+from .suite import Row, Suite
 
 SCENES = ("corner", "front_plain", "lamps")
 """Three kinds with much indirect light."""
@@ -111,7 +107,7 @@ DEPARTURES = Suite(
     published=None,
     reference=PRINTED,
     rows=_departures(),
-    columns=COLUMNS,
+    columns=EVERY_PART,
     scenes=SCENES,
 )
 """Every row has the changes of all rows above it; the last one is the recipe ``recommended``."""
@@ -163,7 +159,7 @@ RIVALS = Suite(
             {"materials.consistent_roughness": False}, recipe=PRINTED,
         ),
     ),
-    columns=COLUMNS,
+    columns=EVERY_PART,
     scenes=SCENES,
 )  # fmt: skip
 """The paths to a right light, a right estimator and a right roughness, each with and without L_rad, from both
@@ -187,7 +183,7 @@ CONSISTENCY_LENGTH = Suite(
         for without, change in CONSISTENT.items()
         for name, factor in LENGTHS.items()
     ),
-    columns=COLUMNS,
+    columns=EVERY_PART,
     scenes=SCENES,
 )  # fmt: skip
 """Four curves for each scene: both recipes, with and without L_rad."""

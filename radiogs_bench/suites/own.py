@@ -13,6 +13,12 @@ from radiogs_core.transport.plan import EFFECTS
 from .experiment import AUDIT, COST
 from .suite import Metric, Row, Suite
 
+EVERY_PART = (
+    Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
+    Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+)  # fmt: skip
+"""Images, and every part of a model: shape, materials, light, and the light between surfaces."""
+
 
 def _parts(factor: float) -> str:
     """A factor in words, for keys: ``1/8`` is ``eighth``."""
@@ -99,10 +105,7 @@ LENGTH = Suite(
         Row(f"steps-{name}", f"{STEPS} it.", f"{STEPS} steps", {}, {"inverse_iterations": factor})
         for name, factor in (("1", 1.0), ("2-5", 2.5), ("5", 5.0), ("10", 10.0))
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
-    ),
+    columns=EVERY_PART,
     scenes=("corner", "front_plain", "front_patterned", "glossware", "crowd", "lamps", "sculpture"),
 )  # fmt: skip
 """The preset's steps, and up to ten times as many, on a scene of each kind."""
@@ -163,11 +166,8 @@ ORACLES = Suite(
         *(_without(part) for part in PARTS),
         _row("all", "everything given", *PARTS),
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
-    ),
-)  # fmt: skip
+    columns=EVERY_PART,
+)
 """Sets of given parts, besides each part alone and all but each: shape and light, with and without indirect
 light; shape and indirect light, which go together; light and albedo, which images cannot tell apart by themselves.
 

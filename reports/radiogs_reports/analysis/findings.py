@@ -54,9 +54,9 @@ class Finding(NamedTuple):
 
     @property
     def excluded(self) -> bool:
-        """Whether the interval of a difference that is not resolved excludes the paper's difference."""
+        """Whether the interval excludes the paper's difference, which was not too small for this run."""
         low, high = self.difference["low"], self.difference["high"]
-        if self.verdict != "not resolved" or self.too_small or self.published is None or low is None or high is None:
+        if self.doubted or self.too_small or self.published is None or low is None or high is None:
             return False
         return not low <= self.published <= high
 
@@ -286,7 +286,7 @@ def _sizes(others: Sequence[tuple[ColumnSummary, Finding]]) -> Iterator[str]:
     small = [column["label"] for column, each in others if each.too_small]
     if small:
         yield f"Too small for this run at the paper's size: {', '.join(small)}."
-    excluded = [column["label"] for column, each in others if each.excluded]
+    excluded = [column["label"] for column, each in others if each.excluded and each.verdict is not None]
     if excluded:
         yield f"The interval excludes the paper's size: {', '.join(excluded)}."
 

@@ -4,7 +4,7 @@ It is made of a template, styles, scripts, the plotting library, data and pictur
 """
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,6 +87,31 @@ def write_page(
 WITHOUT_PICTURES = "Figures, images and surfels are left out: `radiogs-bench report` on this folder adds them."
 
 
+class Analysis(NamedTuple):
+    """A section of the page with the findings of an analysis."""
+
+    name: str
+    """Its anchor."""
+    link: str
+    """Its name in the navigation."""
+    heading: str
+    sentences: Sequence[str]
+    table: Table
+
+
+def _analyses(summary: Summary) -> Iterator[Analysis]:
+    """The analyses that the run allows."""
+    for name, link, heading, report in (
+        ("settling", "Time to quality", "Time to quality", settling_report(summary)),
+        ("audit", "Audit", "What was left out, and what it cost", audit_report(summary)),
+        ("chain", "Steps", "What each step is worth", chain_report(summary)),
+        ("ladder", "Ladder", "What each part is responsible for", ladder_report(summary)),
+        ("order", "Published order", "Measured and published order", order_report(summary)),
+    ):
+        if report is not None:
+            yield Analysis(name, link, heading, report.sentences, grid_table(report.grid))
+
+
 def page(
     summary: Summary,
     pictures: Album,
@@ -96,8 +121,7 @@ def page(
 ) -> str:
     """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
     means = means_table(summary)
-    cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
-    chain, order, settling = chain_report(summary), order_report(summary), settling_report(summary)
+    cost = cost_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
     return (
@@ -111,16 +135,7 @@ def page(
             paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
             sentences=[] if cost is None else cost.sentences,
             grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
-            audit=audit,
-            audit_table=None if audit is None else grid_table(audit.grid),
-            chain=chain,
-            chain_table=None if chain is None else grid_table(chain.grid),
-            ladder=ladder,
-            ladder_table=None if ladder is None else grid_table(ladder.grid),
-            order=order,
-            order_table=None if order is None else grid_table(order.grid),
-            settling=settling,
-            settling_table=None if settling is None else grid_table(settling.grid),
+            analyses=list(_analyses(summary)),
             records=[(each, grid_table(each.by_scene)) for each in longer_reports(summary)],
             record_heading=HEADING,
             figures=figures,

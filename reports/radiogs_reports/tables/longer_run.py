@@ -170,7 +170,6 @@ def claims(runs: Sequence[LongerRun]) -> Grid | None:
 def _claimed(found: Finding | None, column: ColumnSummary) -> Item:
     if found is None:
         return Item("n/a", None, "no recorded run by this recipe")
-    low, high, published = found.difference["low"], found.difference["high"], found.published
     if found.doubted:
         remarks = ["in doubt"]
     elif found.resolved:
@@ -178,8 +177,7 @@ def _claimed(found: Finding | None, column: ColumnSummary) -> Item:
     else:
         size = "" if found.smallest is None else f", could show {number(found.smallest, column['decimals'])}"
         remarks = [f"not resolved{size}"]
-    apart = low is not None and high is not None and published is not None and not low <= published <= high
-    if apart and not found.too_small and not found.doubted:
+    if found.excluded:
         remarks.append("the paper's size excluded")
     return Item(f"{measured(column, found.difference).strip()}: {'; '.join(remarks)}", found.difference["mean"])
 
