@@ -66,6 +66,29 @@ def test_a_step_is_the_paired_difference_to_the_row_before_and_all_add_up() -> N
     assert "row rays" not in sentence
 
 
+def resolved_in(made: Summary) -> set[str]:
+    report = chain_report(made)
+    assert report is not None
+    return set(report.worth[0].resolved)
+
+
+def test_a_step_is_resolved_by_holms_correction_and_where_no_footnote_concerns_it() -> None:
+    """Every step alone has p = 0.03: three such are not resolved, and one beside two that are certain is."""
+    made = made_up()
+    assert resolved_in(made) == {"start", "light"}
+    made["doubts"] = [{"column": "nvs/psnr", "rows": ["light"], "text": "not determined"}]
+    assert resolved_in(made) == {"start"}
+    made = made_up()
+    for each in made["runs"]:
+        place = STEPS.index(each["row"])
+        each["metrics"]["nvs/psnr"] = 30 + place * (1 + 0.309 * (SCENES.index(each["scene"]) - 1))
+    assert resolved_in(made) == set()
+    for each in made["runs"]:
+        if each["row"] in ("light", "rays"):
+            each["metrics"]["nvs/psnr"] += 5 * (STEPS.index(each["row"]) - 1)
+    assert resolved_in(made) == {"start", "light", "rays"}
+
+
 def test_the_table_and_the_figure_hold_every_step() -> None:
     made = made_up()
     records = pd.read_csv(io.StringIO(texts(made)["tables/chain.csv"]))

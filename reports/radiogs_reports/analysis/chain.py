@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from ..statistics import Estimate, mean_of, paired_difference
+from ..statistics import Estimate, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, row_texts
 from ..wording import heading, label_with_unit, signed
+from .comparisons import ERROR_RATE, holm
 from .grid import Grid, Item, estimate_item, name_item, plain_item
 from .samples import costs_of, flat, made_from, values_of
 
@@ -30,6 +31,9 @@ class Worth(NamedTuple):
     last: Estimate | None
     steps: dict[str, Estimate | None]
     """By the row that the step leads to."""
+    resolved: frozenset[str]
+    """The rows whose step is resolved: a paired t test with Holm's correction over the steps of the metric, at places
+    that no footnote concerns."""
 
 
 class ChainReport(NamedTuple):
@@ -46,13 +50,7 @@ def chain_report(summary: Summary) -> ChainReport | None:
     rows = chain_of(summary)
     if rows is None:
         return None
-    worth = [
-        Worth(
-            column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]),
-            {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)},
-        )
-        for column, values in _values(summary, rows)
-    ]  # fmt: skip
+    worth = [_worth(summary, rows, column, values) for column, values in _values(summary, rows)]
     texts = row_texts(summary)
     return ChainReport(rows, worth, [_sentence(each, texts) for each in worth], _grid(worth, rows, texts))
 
@@ -76,18 +74,27 @@ def _changed(one: Mapping[str, Any], other: Mapping[str, Any]) -> set[str]:
     return {name for name in left.keys() | right.keys() if left.get(name) != right.get(name)}
 
 
-def _values(summary: Summary, rows: list[str]) -> list[tuple[ColumnSummary, dict[str, Any]]]:
+def _values(summary: Summary, rows: list[str]) -> list[tuple[ColumnSummary, Mapping[str, Sample]]]:
     """The values of every column that has a better side, and the seconds of training, by row."""
     columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
-    found = [(column, {row: values_of(summary, row, column["key"]) for row in rows}) for column in columns]
+    found: list[tuple[ColumnSummary, Mapping[str, Sample]]] = [
+        (column, {row: values_of(summary, row, column["key"]) for row in rows}) for column in columns
+    ]
     if all(column["key"] != SECONDS["key"] for column in columns):
         found.append((SECONDS, {row: costs_of(summary, row, "seconds") for row in rows}))
     return [(column, values) for column, values in found if any(values.values())]
 
 
-def resolved(step: Estimate | None) -> bool:
-    """Whether the interval of a step lies on one side of zero."""
-    return step is not None and step.low is not None and step.high is not None and step.low * step.high > 0
+def _worth(summary: Summary, rows: list[str], column: ColumnSummary, values: Mapping[str, Sample]) -> Worth:
+    steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
+    known = {row: step.p_value for row, step in steps.items() if step is not None and step.p_value is not None}
+    before = dict(zip(rows[1:], rows, strict=False))
+    doubts = (each for each in summary.get("doubts", []) if each["column"] == column["key"])
+    doubted = {row for doubt in doubts for row in doubt["rows"]}
+    resolved = frozenset(
+        row for row, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint((before[row], row))
+    )
+    return Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, resolved)
 
 
 def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:
@@ -96,7 +103,7 @@ def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:
     said = [
         f"{texts[row]} {signed(step.mean, decimals)}"
         for row, step in worth.steps.items()
-        if step is not None and resolved(step)
+        if step is not None and row in worth.resolved
     ]
     steps = f"resolved steps: {', '.join(said)}" if said else "no step is resolved"
     return f"{label_with_unit(worth.column)}: {ends[0]} to {ends[1]}; {steps}."
@@ -114,6 +121,7 @@ def _grid(worth: list[Worth], rows: list[str], texts: Mapping[str, str]) -> Grid
     note = (
         "Every row has the changes of all rows above it. First and last line: values. Between them: differences to the"
         " row above, paired by scene and seed; ± is the half-width of the 95 % t interval, and without it there is only"
-        " one unit to compare. Another order of the steps would give each another share."
+        " one unit to compare. Resolved: paired t tests with Holm's correction over the steps of a metric. In another"
+        " order every step would have another share."
     )
     return Grid("chain", "What each step is worth", note, heads, lines)

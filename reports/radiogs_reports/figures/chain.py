@@ -3,7 +3,7 @@
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 
-from ..analysis.chain import Worth, chain_report, resolved
+from ..analysis.chain import Worth, chain_report
 from ..summary import Summary, row_texts
 from ..wording import population_of, signed
 from .axes import GRID, metric_title
@@ -44,7 +44,7 @@ def chain_figures(summary: Summary) -> list[Sketch]:
         hide_empty(grid.ravel()[len(shown) :])
     caption = (
         "What each step is worth. Every bar begins where the one above ends; blue steps make the metric better, orange"
-        " ones worse, and pale ones are not resolved (95 % interval of the paired difference,"
+        " ones worse, and pale ones are not resolved (paired t tests with Holm's correction over the steps of a metric,"
         f" {population_of(summary)}). Grey: the values of the first and the last row."
     )
     return [Sketch("chain", caption, figure, on_page=True)]
@@ -55,10 +55,10 @@ def _panel(axes: Axes, worth: Worth) -> None:
     decimals, sign = worth.column["decimals"], 1 if worth.column["direction"] == "up" else -1
     at = worth.first.mean
     levels = [at]
-    for place, step in enumerate(worth.steps.values(), start=1):
+    for place, (row, step) in enumerate(worth.steps.items(), start=1):
         assert step is not None
         colour = BETTER if sign * step.mean > 0 else WORSE
-        axes.barh(place, step.mean, 0.7, left=at, color=colour, alpha=1.0 if resolved(step) else PALE)
+        axes.barh(place, step.mean, 0.7, left=at, color=colour, alpha=1.0 if row in worth.resolved else PALE)
         at += step.mean
         levels.append(at)
         axes.text(max(at, levels[-2]), place, f" {signed(step.mean, decimals)}", fontsize=5.5, va="center")
