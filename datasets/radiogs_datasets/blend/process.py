@@ -25,6 +25,14 @@ def blender_python() -> str:
     return os.environ.get(PYTHON_VARIABLE) or sys.executable
 
 
+def environment() -> dict[str, str]:
+    """The environment of Blender's process, in which Python imports no module of the folder where it is started.
+
+    By a variable, because another Python may be too old for the option ``-P``.
+    """
+    return os.environ | {"PYTHONSAFEPATH": "1"}
+
+
 def require_blender() -> None:
     """Raise UsageError, saying what to install, unless ``import bpy`` works in a process of its own."""
     reason = blender_failure()
@@ -41,9 +49,8 @@ def blender_failure() -> str | None:
     """The last words of a trial import that failed; None if it worked."""
     try:
         run = subprocess.run(
-            [blender_python(), "-c", "import bpy"],
-            capture_output=True, text=True, check=False, env=os.environ | {"PYTHONSAFEPATH": "1"},
-        )  # fmt: skip
+            [blender_python(), "-c", "import bpy"], capture_output=True, text=True, check=False, env=environment()
+        )
     except OSError as error:
         return error.strerror or str(error)
     if run.returncode == 0:
@@ -61,7 +68,13 @@ class Blender:
         command = [blender_python(), "-c", SERVE, str(Path(__file__).parent), str(writing)]
         with log.open("ab") as printed:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=printed, stderr=printed, pass_fds=[writing], text=True
+                command,
+                stdin=subprocess.PIPE,
+                stdout=printed,
+                stderr=printed,
+                pass_fds=[writing],
+                text=True,
+                env=environment(),
             )
         os.close(writing)
         self._answers = os.fdopen(reading, encoding="utf-8")

@@ -7,7 +7,8 @@ import pytest
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets.blend import process
-from radiogs_datasets.blend.process import Blender, require_blender
+from radiogs_datasets.blend.process import Blender, blender_failure, require_blender
+from radiogs_datasets.generate.probe import mitsuba_failure
 
 ECHO = """
 import json, os, sys
@@ -66,3 +67,17 @@ def test_a_python_without_blender_says_what_to_install(monkeypatch: pytest.Monke
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(UsageError, match="made for another Python"):
         require_blender()
+
+
+@pytest.mark.usefixtures("echo")
+def test_trials_and_blender_import_no_module_of_the_folder_where_they_are_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("bpy", "mitsuba", "json"):
+        (tmp_path / f"{name}.py").write_text("from pathlib import Path\nPath(__file__).with_name('ran').touch()\n")
+    monkeypatch.chdir(tmp_path)
+    blender_failure()
+    mitsuba_failure()
+    with Blender(tmp_path / "log") as blender:
+        blender.ask("open")
+    assert not (tmp_path / "ran").exists()
