@@ -109,7 +109,7 @@ def found(case: str) -> dict[str, Determined]:
         ("glossy ball, sun", "roughness variation", False),  # there is none
         ("open box, constant light", "brightness", True),  # by the walls' light on each other
         ("open box, constant light", "brightness, albedo free", False),  # the walls' albedo could hide it
-        ("glossy ball, sun", "brightness, albedo free", False),  # a smoother surface under a wider sun hides it
+        ("glossy ball, sun", "brightness, albedo free", False),  # light, normals and roughness can hide it
         ("open box, constant light", "roughness", False),
     ],
 )
