@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from radiogs_core.plain_values import flat
+from radiogs_reports.write.records import csv_of
 
 from ..extras import extra_library
 from ..store.atomic import write_atomically
@@ -36,7 +37,7 @@ def export(store: Store, path: Path, form: str) -> int:
         extra_library("pyarrow", "parquet needs pyarrow", "parquet")
         content = table.to_parquet(index=False)
     elif form == "csv":
-        content = table.to_csv(index=False).encode()
+        content = csv_of(lines).encode()
     else:
         # Not by pandas, which rounds to at most 15 decimals: a small error would lose its digits.
         content = json.dumps([{name: line.get(name) for name in table} for line in lines], indent=1).encode()

@@ -1,5 +1,8 @@
 """CIEDE2000 of albedo against scikit-image's, and where it is measured."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -46,3 +49,15 @@ def test_protocol_default_measures_it_of_the_aligned_albedo_and_no_published_one
     assert found["delta_e"].value == pytest.approx(0, abs=1e-6)
     assert protocol("default").score_albedo(truth, truth, ONES, 0 * WHOLE)["delta_e"].reason == "the mask is empty"
     assert {name for name, rules in PROTOCOLS.items() if rules.albedo.difference != "none"} == {"default"}
+
+
+def test_the_library_leaves_the_digits_that_numpy_prints() -> None:
+    """In a process of its own, since a library is imported once."""
+    lines = (
+        "import numpy as np, torch",
+        "from radiogs_bench.scoring.metrics.albedo import ciede2000",
+        "ciede2000(torch.ones(2, 2, 3), torch.zeros(2, 2, 3), torch.ones(2, 2, 1))",
+        "print(np.get_printoptions()['legacy'], np.float64(2 / 3))",
+    )
+    printed = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    assert printed.stdout == "False 0.6666666666666666\n"

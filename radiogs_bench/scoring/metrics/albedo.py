@@ -4,6 +4,8 @@ Albedo and light are known only up to such a factor.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 import torch
@@ -105,19 +107,24 @@ def ciede2000(ours: Image, theirs: Image, mask: Mask) -> float:
     A surface of albedo 1 is white under D65 (L* = 100). 1 is about what an eye can tell apart; black against white is
     100. By colour-science (CIE 142-2001, Sharma et al. 2005).
     """
-    from colour.difference import delta_E_CIE2000  # slow to import, and only protocols that ask for it need it
-
     inside = mask[..., 0] > SOLID
     if not inside.any():
         return float("nan")
-    return float(np.mean(delta_E_CIE2000(lab(theirs[inside]), lab(ours[inside]))))
+    return float(np.mean(colour_science().delta_E(lab(theirs[inside]), lab(ours[inside]), method="CIE 2000")))
+
+
+def colour_science() -> Any:
+    """colour-science, imported here because it is slow and only protocols that ask for it need it.
+
+    Importing it changes how numpy prints numbers, and so the digits in CSV files; numpy's settings are restored.
+    """
+    with np.printoptions():
+        return import_module("colour")
 
 
 def lab(linear: Float[Tensor, "pixels 3"]) -> Float[np.ndarray, "pixels 3"]:
     """CIE L*a*b* relative to D65 of linear sRGB, clipped to [0, 1]."""
-    from colour.models import XYZ_to_Lab
-
     to_xyz = torch.tensor(TO_XYZ, dtype=torch.float64)
     xyz = linear.clamp(0, 1).double() @ to_xyz.T
     white = to_xyz.sum(1)
-    return np.asarray(XYZ_to_Lab(xyz.numpy(), (white[:2] / white.sum()).numpy()))
+    return np.asarray(colour_science().XYZ_to_Lab(xyz.numpy(), (white[:2] / white.sum()).numpy()))

@@ -4,8 +4,6 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Protocol
 
-import pandas as pd
-
 from ..analysis.audit import AuditReport
 from ..analysis.chain import ChainReport
 from ..analysis.cost import CostReport
@@ -22,7 +20,7 @@ from ..tables.caption import run_note
 from .document import itemized
 from .latex import BOX_BEGIN, BOX_END, as_formula
 from .markdown import table_head, table_line
-from .records import estimate_fields
+from .records import csv_of, estimate_fields
 
 
 class Findings(Protocol):
@@ -75,7 +73,7 @@ def cost_csv(summary: Summary, report: CostReport) -> str:
         records.append(_record("slope per doubling", field, "", column, doubling.slope))
     for each in efficiencies(summary):
         records.append(_record("efficiency", each.row, reference_of(summary), each.column["key"], each.ratio))
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 def _points(summary: Summary) -> Iterator[dict[str, object]]:
@@ -123,7 +121,7 @@ def audit_csv(report: AuditReport) -> str:
              "tolerance": line.tolerance, "under_bound": line.judgement, "left_out": line.left_out}
             | {key: value for name, each in estimates.items() for key, value in estimate_fields(name, each).items()}
         )  # fmt: skip
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 def ladder_csv(report: LadderReport) -> str:
@@ -139,7 +137,7 @@ def ladder_csv(report: LadderReport) -> str:
                 {"method": rung.method, "scene": rung.scene, "metric": rung.column["key"], "part": part}
                 | {key: value for name, each in estimates.items() for key, value in estimate_fields(name, each).items()}
             )
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 def chain_csv(report: ChainReport) -> str:
@@ -149,7 +147,7 @@ def chain_csv(report: ChainReport) -> str:
         for worth in report.worth
         for before, row in pairwise(report.rows)
     ]
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 def order_csv(report: OrderReport) -> str:
@@ -162,7 +160,7 @@ def order_csv(report: OrderReport) -> str:
         }
         for order in report.orders
     ]  # fmt: skip
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 def settling_csv(summary: Summary) -> str:
@@ -172,7 +170,7 @@ def settling_csv(summary: Summary) -> str:
         for row, columns in summary.get("settling", {}).items()
         for column, settled in columns.items()
     ]
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
 
 
 ROWS_PER_PAGE = 32

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from itertools import groupby
 
-import pandas as pd
-
 from ..summary import PaperTable
 from ..tables.model import Cell, Column, Row, Table
 from ..tables.paper import apart_table
 from .latex import ARROWS, as_formula, colour_of, escape, found_below, note_mark, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
-from .records import difference_fields
+from .records import csv_of, difference_fields
 
 
 def paper_latex(table: Table) -> str:
@@ -170,4 +168,4 @@ def paper_csv(table: PaperTable) -> str:
                     "not_published": value["absent"],
                 }
             )
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)

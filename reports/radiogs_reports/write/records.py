@@ -1,7 +1,22 @@
-"""Fields that records of several CSV files share."""
+"""Records as CSV, and the fields that several of these files share."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from ..statistics import Estimate
 from ..summary import Interval
+
+
+def csv_of(records: Sequence[dict[str, Any]]) -> str:
+    """A header and one line per record, numbers with all of their digits.
+
+    pandas prints numbers as numpy is set to, and colour-science sets it to 12 digits where it is imported.
+    """
+    with np.printoptions(legacy=False):
+        return pd.DataFrame.from_records(records).to_csv(index=False)
 
 
 def difference_fields(interval: Interval | None) -> dict[str, float | str | None]:

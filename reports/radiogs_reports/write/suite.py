@@ -1,14 +1,12 @@
 """The suite's own table as LaTeX and Markdown, and its stored values as CSV."""
 
-import pandas as pd
-
 from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import Cell, Row, Table
 from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, note_mark, row_label, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
-from .records import difference_fields
+from .records import csv_of, difference_fields
 
 
 def suite_document(table: Table) -> str:
@@ -131,4 +129,4 @@ def suite_csv(summary: Summary) -> str:
                     "doubt": texts_of(summary, row["key"], column["key"]) or None,
                 }
             )
-    return pd.DataFrame.from_records(records).to_csv(index=False)
+    return csv_of(records)
