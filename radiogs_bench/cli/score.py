@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from radiogs_baselines.outputs.stanford_orb import Pair
+
     from ..scoring.metrics.protocol import Protocol
     from ..store.schema import MetricValue
     from .options import Commands
@@ -219,9 +221,26 @@ def _pairs(options: argparse.Namespace) -> dict[str, Any]:
         None,
         {rules.name: scored(rules, score_pairs(pairs, rules)) for rules in _protocols(options.protocol)},
         files_of(pairs),
-        remarks=[f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)],
+        remarks=[
+            *(f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)),
+            *(f"{capture}, {task}: {said}" for capture, task, said in not_predicted(pairs)),
+        ],
         missing=[f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking],
         ignored=unread(options.predictions, pairs),
+    )
+
+
+def not_predicted(pairs: "Sequence[Pair]") -> list[tuple[str, str, str]]:
+    """Capture and task of pairs whose output is null, and what becomes of them; each once."""
+    from radiogs_baselines.outputs.stanford_orb import IMAGES
+
+    white = "null counts as a white image under stanford-orb, as its evaluator has it, and is n/a under other protocols"
+    return sorted(
+        {
+            (pair.capture, pair.task, white if pair.task in IMAGES.values() else "null is left out")
+            for pair in pairs
+            if not pair.predicted
+        }
     )
 
 
@@ -230,8 +249,8 @@ def _table(record: dict[str, Any]) -> "Table":
     from rich.table import Table
 
     table = Table("metric", title=f"{record['predictions']} ({record['from']})")
-    for name in record["protocols"]:
-        table.add_column(name, justify="right")
+    for each in record["protocols"].values():
+        table.add_column(each["conventions"]["title"], justify="right")
     if len(record["protocols"]) == 1:
         table.add_column("why not")
     metrics = sorted({metric for each in record["protocols"].values() for metric in each["metrics"]})

@@ -18,7 +18,7 @@ from radiogs_core.errors import UsageError
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.run_folder import write_reports
 from radiogs_reports.statistics import Level
-from radiogs_reports.summary import Summary, read_summary
+from radiogs_reports.summary import Summary, protocol_title, read_summary
 from radiogs_reports.tables.caption import preset_and_recipe, published_note
 from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
@@ -67,7 +67,7 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> Non
     for sentence in below(table):
         say(sentence)
     say_remarks(table)
-    say(f"Metric protocol: {summary['protocol']}; {preset_and_recipe(summary)}. {published_note(summary)}")
+    say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, shown.width)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")

@@ -15,6 +15,7 @@ from radiogs_reports.summary import Doubt
 
 from ..runs.sweep import CellRef, Sweep
 from ..scoring.determined import STEPS, shown_by_images
+from ..scoring.metrics.protocols import PROTOCOLS
 from ..store.schema import Determined, Result
 
 Finished = Sequence[tuple[CellRef, Result]]
@@ -51,7 +52,7 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
     if not finished:
         return []
     conventions = finished[0][1]["protocol"]
-    found: list[Doubt] = []
+    found = earlier_version(finished[0][1])
     for column in sweep["columns"]:
         quantities = depends_on(column, conventions)
         found += undetermined(finished, column, quantities)
@@ -64,6 +65,22 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
         for doubt in (*undetermined(finished, "", BRIGHTNESS), *elsewhere(finished, "", BRIGHTNESS)):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
     return found
+
+
+def title_of(result: Result) -> str:
+    """Name and version of the protocol of a result; results from before there were versions are of the first."""
+    return str(result["protocol"].get("title", result["protocol"]["name"]))
+
+
+def earlier_version(result: Result) -> list[Doubt]:
+    """A remark if values are by another version of a protocol than this program computes."""
+    title, name = title_of(result), result["protocol"]["name"]
+    now = PROTOCOLS[name].title if name in PROTOCOLS else title
+    if title == now:
+        return []
+    first = title if "@" in title else f"{title}@1"
+    text = f"Values are by {first}; this program computes {now} (docs/protocols.md, Versions)."
+    return [Doubt(column="", rows=[], text=text)]
 
 
 def depends_on(column: str, conventions: Mapping[str, Any]) -> tuple[str, ...]:

@@ -14,7 +14,15 @@ from radiogs_baselines.published import values_beside
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.statistics import differences
-from radiogs_reports.summary import CellSummary, LongerRun, RecordedCell, RowSummary, Summary, is_doubted
+from radiogs_reports.summary import (
+    CellSummary,
+    LongerRun,
+    RecordedCell,
+    RowSummary,
+    Summary,
+    is_doubted,
+    protocol_title,
+)
 from radiogs_reports.tables.caption import origin
 from radiogs_reports.tables.doubts import shown_verdict
 
@@ -56,7 +64,7 @@ def recorded(made: Summary) -> LongerRun:
         origin=origin(made),
         machine=made["machine"],
         preset=made["preset"],
-        protocol=made["protocol"],
+        protocol=protocol_title(made),
         scenes=made["scenes"],
         seeds=made["seeds"],
         reference=made["reference"],

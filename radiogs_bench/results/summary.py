@@ -5,7 +5,7 @@ from typing import cast
 
 from radiogs_baselines.published import published as published_table
 from radiogs_core.contract import Method
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.analysis.comparisons import ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference
 from radiogs_reports.analysis.settling import settling
@@ -34,7 +34,7 @@ from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.suite import Metric
-from .doubts import doubts, labels
+from .doubts import doubts, labels, title_of
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[CellRef, Result | None]]
@@ -48,6 +48,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     """
     cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
     finished = [(ref, result) for ref, result in cells if result is not None]
+    require_one_version(store, [result for _, result in finished])
     made = Summary(
         schema=SCHEMA,
         suite=sweep["suite"],
@@ -89,6 +90,17 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     if "command" in sweep:
         made["command"] = sweep["command"]
     return made
+
+
+def require_one_version(store: Store, finished: Iterable[Result]) -> None:
+    """Raise DataError if the results are by several versions of the protocol."""
+    titles = sorted({title_of(result) for result in finished})
+    if len(titles) > 1:
+        raise DataError(
+            f"results in {store.folder} are by {' and '.join(titles)}",
+            "Values by two versions of a protocol cannot stand in one table (docs/protocols.md, Versions).",
+            "Run the suite again: what is of the earlier version is scored anew.",
+        )
 
 
 def relighting_modes(sweep: Sweep, finished: Sequence[Result]) -> dict[str, ModesSummary]:

@@ -117,6 +117,7 @@ def evaluate(
     Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
     not keep to its contract, NumericalFailure for an image that is not finite.
     """
+    rules = rules.on(scene.layout)
     evaluator = _Evaluator(scene, rules, device, advance, scope, method)
     evaluator.show_own(evaluator.prepared(trained))
     evaluator.compare_light(trained)

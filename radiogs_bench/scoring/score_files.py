@@ -3,6 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from jaxtyping import Float
+from torch import Tensor
+
 from radiogs_baselines.outputs.predictions import Predictions
 from radiogs_core.scene.scene import Scene, View
 
@@ -44,7 +47,7 @@ def score_predictions(
     which exist only if every light was rendered. ``advance`` is called with (done, total) views. Raises DataError for a
     damaged file or one of the wrong size.
     """
-    by_protocol = [MetricsByView(rules, [view.name for view in scene.test]) for rules in protocols]
+    by_protocol = [MetricsByView(rules.on(scene.layout), [view.name for view in scene.test]) for rules in protocols]
     lit = lit_views(scene, scene.test) if predictions.relit and not scene.surrounded else {}
     total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
@@ -58,7 +61,8 @@ def score_predictions(
     measures: dict[str, tuple[str, ...]] = {}
     for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
         if view.name in predictions.relit.get(light, {}):
-            measures |= _score_relit(by_protocol, predictions, light, view, several=len(lit) > 1)
+            own = kept[view.name].get("alpha")
+            measures |= _score_relit(by_protocol, predictions, light, view, own, several=len(lit) > 1)
         advance(done, total)
     for light, view in _lit_pairs(lit):
         if view.name not in predictions.relit.get(light, {}):
@@ -88,14 +92,20 @@ def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
 
 
 def _score_relit(
-    by_protocol: Sequence[MetricsByView], predictions: Predictions, light: str, view: View, *, several: bool
+    by_protocol: Sequence[MetricsByView],
+    predictions: Predictions,
+    light: str,
+    view: View,
+    alpha: Float[Tensor, "height width 1"] | None,
+    *,
+    several: bool,
 ) -> dict[str, tuple[str, ...]]:
-    """Score one relit image; returns the names of each protocol's measures."""
+    """Score one relit image, whose predicted coverage ``alpha`` is the view's; returns each protocol's measures."""
     mask = coverage(view)
     image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
     measures = {}
     for each in by_protocol:
-        scores = each.rules.score_image(image, target, mask, task="relight")
+        scores = each.rules.score_image(image, target, mask, alpha, "relight")
         each.add("relight", view.name, scores)
         if several:
             each.add(f"relight/{light}", view.name, scores)

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_baselines.outputs.stanford_orb import Pair
+from radiogs_baselines.outputs.stanford_orb import IMAGES, Pair
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_datasets.bounded_reading import as_float32, read_numpy
@@ -26,17 +26,23 @@ from .metrics.values import Value
 
 SOLID = 0.5
 
+BENCHMARK_SIDE = 512
+"""Pixels of a side at which Stanford-ORB compares."""
+
 
 def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue]:
     """Metrics by ``capture/task/measure``: the mean over the capture's pairs of that task, and each pair's value.
 
     Targets of another size are resized to the output's by area averaging. Without a mask the whole image counts. Depth
-    is aligned over all views of a capture (``score_depths``). Pairs without a target are skipped. Raises DataError for
-    a damaged file.
+    is aligned over all views of a capture (``score_depths``). Pairs without a target are skipped. An image or albedo
+    that is not predicted is white at the benchmark's resolution under ``stanford-orb``, as its evaluator has it, and
+    n/a under other protocols; depth, normals and a shape that are not predicted are skipped. Raises DataError for a
+    damaged file.
     """
     found: dict[str, list[Value]] = defaultdict(list)
     for pair in pairs:
-        if pair.output is None or pair.target is None or pair.task == "depth":
+        white = not pair.predicted and pair.task in IMAGES.values()
+        if (pair.output is None and not white) or pair.target is None or pair.task == "depth":
             continue
         for measure, value in _scores(pair, pair.output, pair.target, rules).items():
             found[f"{pair.capture}/{pair.task}/{measure}"].append(value)
@@ -53,8 +59,8 @@ def files_of(pairs: Sequence[Pair]) -> dict[str, dict[str, str]]:
     """Existing targets and the outputs that are compared with them, by ``capture/task``."""
     found: dict[str, dict[str, str]] = defaultdict(dict)
     for pair in pairs:
-        if not pair.lacking:
-            output, target = pair.wanted
+        output, target = pair.wanted
+        if output is not None and not pair.lacking:
             found[f"{pair.capture}/{pair.task}"][target] = output
     return found
 
@@ -73,25 +79,43 @@ def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value
     return found
 
 
-def _scores(pair: Pair, output: Path, target: Path, rules: Protocol) -> dict[str, Value]:
+def _scores(pair: Pair, output: Path | None, target: Path, rules: Protocol) -> dict[str, Value]:
+    if output is None:
+        return _scores_of_white(pair, target, rules)
     if pair.task == "shape":
         return {"chamfer": shape_distance(output, target)}
     if pair.task == "normal":
         ours = _numbers(output)
         return rules.score_normal(ours, _resized(_numbers(target), ours), _mask(pair, ours))
-    if pair.task == "albedo":
-        ours, theirs = _numbers(output)[..., :3], _numbers(target)[..., :3]
-        mask = _mask(pair, ours)
-        linear, aimed = srgb_decode(ours) * mask, srgb_decode(_resized(theirs, ours)) * mask
-        scale = rules.albedo_scale([linear], [aimed], [mask])
-        return rules.score_albedo(linear, aimed, scale, mask)
-    task: Task = "nvs" if pair.task == "nvs" else "relight"
     ours = _linear(output)
+    if pair.task == "albedo":
+        return _albedo(pair, ours, target, rules)
+    task: Task = "nvs" if pair.task == "nvs" else "relight"
     mask = _mask(pair, ours)
     if isinstance(rules, StanfordOrb):
         return rules.score_linear(ours, _resized(_linear(target), ours), mask, task)
     shown = [_displayed(path, ours) * mask for path in (output, target)]
     return rules.score_image(shown[0], shown[1], mask, task=task)
+
+
+def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rules: Protocol) -> dict[str, Value]:
+    """Scores of linear albedo; the target is display sRGB, whatever the suffix of its file."""
+    mask = _mask(pair, ours)
+    linear, aimed = ours * mask, srgb_decode(_resized(_numbers(target)[..., :3], ours)) * mask
+    return rules.score_albedo(linear, aimed, rules.albedo_scale([linear], [aimed], [mask]), mask)
+
+
+def _scores_of_white(pair: Pair, target: Path, rules: Protocol) -> dict[str, Value]:
+    """Scores of an image of ones, which Stanford-ORB's evaluator puts where the JSON gives null."""
+    if not isinstance(rules, StanfordOrb):
+        return rules.no_comparison("the JSON gives null: there is no prediction")
+    height, width = _numbers(target).shape[:2]
+    smaller = min(1.0, BENCHMARK_SIDE / max(height, width))
+    white = torch.ones(round(smaller * height), round(smaller * width), 3)
+    if pair.task == "albedo":
+        return _albedo(pair, white, target, rules)
+    task: Task = "nvs" if pair.task == "nvs" else "relight"
+    return rules.score_linear(white, _resized(_linear(target), white), _mask(pair, white), task)
 
 
 def _displayed(path: Path, like: Float[Tensor, "height width 3"]) -> Float[Tensor, "height width 3"]:

@@ -376,6 +376,11 @@ def seal_of(stored: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def protocol_title(summary: Summary) -> str:
+    """Name and version of the metric protocol of the values, as ``r3dg@2``."""
+    return str(summary["conventions"].get("title", summary["protocol"]))
+
+
 def reference_of(summary: Summary) -> str:
     """The reference row's key. Raises ValueError for a run without a reference row."""
     reference = summary["reference"]

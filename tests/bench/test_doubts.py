@@ -61,6 +61,17 @@ def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> N
     )
 
 
+def test_values_of_an_earlier_version_of_a_protocol_say_so() -> None:
+    """Results from before there were versions have no title."""
+    words = protocol("r3dg").describe()
+    before = {name: value for name, value in words.items() if name not in ("title", "version")}
+    (found,) = doubts([cell("ours", protocol=before)], sweep("ours", columns=()))
+    assert (found["column"], found["rows"]) == ("", [])
+    assert found["text"].startswith("Values are by r3dg@1; this program computes r3dg@2")
+    assert doubts([cell("ours", protocol=words)], sweep("ours", columns=())) == []
+    assert doubts([cell("ours")], sweep("ours", columns=())) == []
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.score_orb import score_pairs
 from radiogs_core.errors import DataError
-from radiogs_datasets.image_files import write_exr, write_png
+from radiogs_datasets.image_files import read_image, write_exr, write_png
 
 SIZE = 64
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -70,6 +71,52 @@ def test_the_truth_scores_perfectly_and_scales_do_not_count_where_they_may_not(h
     assert values["depth/simse"] == pytest.approx(0, abs=1e-5), "half floats, twice the depth"
     # Points on a surface against its four vertices: never zero, and bounded by the edges.
     assert 0 < values["shape/chamfer"] < 1
+
+
+def with_outputs(file: Path, **outputs: Any) -> Path:
+    """The JSON with other outputs, by the kind of entry."""
+    info = json.loads(file.read_text())
+    for kind, given in outputs.items():
+        entries = info["info"]["cube"]
+        entry = entries[kind] if kind == "shape" else entries[kind][0]
+        entry.update(given)
+    file.write_text(json.dumps(info))
+    return file
+
+
+def test_what_a_method_does_not_predict_is_white_or_left_out_as_the_evaluator_has_it(
+    handed_in: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_outputs(
+        handed_in, view={"output_image": None}, material={"output_image": None},
+        geometry={"output_depth": None}, shape={"output_mesh": None},
+    )  # fmt: skip
+    pairs = read_pairs(handed_in)
+    values = {name: metric["value"] for name, metric in score_pairs(pairs, protocol("stanford-orb")).items()}
+    # Ones against the truth, whose size here is below the benchmark's: a factor a channel for albedo, none for views.
+    albedo = read_image(handed_in.parent / "truth/albedo/0000.png")[..., :3].astype(np.float64)
+    linear = np.where(albedo <= 0.04045, albedo / 12.92, ((albedo + 0.055) / 1.055) ** 2.4)
+    error = ((linear.mean((0, 1)) - linear) ** 2).mean()
+    assert values["cube/albedo/psnr"] == pytest.approx(-10 * np.log10(error), abs=0.02)
+    assert values["cube/nvs/psnr_l"] < 15
+    assert values["cube/normal/cosine"] == pytest.approx(0, abs=1e-5)
+    assert not {name for name in values if "/depth/" in name or "/shape/" in name}
+    others = score_pairs(pairs, protocol("default"))
+    assert others["cube/albedo/psnr"] == {"value": None, "reason": "the JSON gives null: there is no prediction",
+                                          "views": [None]}  # fmt: skip
+    assert main(["score", str(handed_in), "--from", "stanford-orb"]) == 0
+    said = capsys.readouterr()
+    assert "cube, depth: null is left out" in said.out + said.err
+    assert "cube, albedo: null counts as a white image" in said.out + said.err
+
+
+def test_albedo_in_an_exr_is_linear(handed_in: Path) -> None:
+    target = read_image(handed_in.parent / "truth/albedo/0000.png")[::4, ::4, :3]
+    linear = np.where(target <= 0.04045, target / 12.92, ((target + 0.055) / 1.055) ** 2.4)
+    write_exr(handed_in.parent / "mine/kd.exr", linear.astype(np.float32))
+    with_outputs(handed_in, material={"output_image": "elsewhere/mine/kd.exr"})
+    for name in ("stanford-orb", "default"):
+        assert score_pairs(read_pairs(handed_in), protocol(name))["cube/albedo/psnr"]["value"] > 60
 
 
 def test_pairs_without_a_target_are_named_and_the_others_are_scored(handed_in: Path) -> None:

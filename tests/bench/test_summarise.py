@@ -8,6 +8,7 @@ from bench.fake_method import FakeSweep, asked
 from radiogs_bench.results.summary import plan_summary, summarise
 from radiogs_bench.store.schema import values_of
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError
 
 REQUEST = asked(3)
 PLACES = [place for place, _ in REQUEST.cells()]
@@ -40,6 +41,15 @@ def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) 
     assert summary["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx(sum(ours) / 3)
     assert summary["cells"]["ours"]["nvs/psnr"]["difference"] is None
     assert summary["published"] == PUBLISHED
+
+
+def test_values_by_two_versions_of_a_protocol_are_not_put_into_one_table(sweep: FakeSweep) -> None:
+    stored = sweep.store.result(PLACES[0]["key"])
+    assert stored is not None
+    stored["protocol"] |= {"title": "fake@2"}
+    sweep.store.put_result(stored, {})
+    with pytest.raises(DataError, match="are by fake and fake@2"):
+        summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
 
 
 def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:

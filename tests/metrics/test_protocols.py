@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -32,6 +33,8 @@ def test_the_default_has_not_moved() -> None:
     """Results are compared across versions under this name: whoever changes a field needs a new name."""
     assert protocol("default").describe() == {
         "name": "default",
+        "title": "default",
+        "version": 1,
         "nvs": (picture := {
             "background": "black", "prediction": "rendered", "target": "composited", "clipped": True,
             "prediction_bits": "float", "target_bits": "float",
@@ -44,13 +47,15 @@ def test_the_default_has_not_moved() -> None:
         },
         "lpips": [{"net": "alex", "input": "[-1, 1]"}],
         "normal": {
-            "measure": "angle", "region": "mask", "blended_by": "own coverage", "prediction_bits": "float",
+            "measure": "angle", "region": "mask", "blended_by": "own coverage", "lengths": "unit",
+            "prediction_bits": "float",
         },
         "albedo": {
-            "align": "median", "fitted_to": "all views", "pixels": "solid", "largest": None, "psnr_space": "linear",
-            "structure_space": "linear", "picture": picture, "relights": True, "difference": "CIEDE2000",
+            "align": "median", "fitted_to": "all views", "pixels": "solid", "fitted_target": "composited",
+            "largest": None, "scaled": "everywhere", "psnr_space": "linear", "structure_space": "linear",
+            "picture": picture, "relights": True, "difference": "CIEDE2000",
         },
-        "roughness": {"region": "mask"},
+        "roughness": {"region": "mask", "target": "composited"},
         "indirect": {"quantity": "outgoing", "picture": picture},
         "depth": None,
         "depth_offset": {"covered": 0.5},
@@ -64,7 +69,7 @@ def test_the_default_has_not_moved() -> None:
 def test_every_protocol_is_itself_and_can_be_recorded() -> None:
     described = [protocol(name).describe() for name in PROTOCOLS]
     assert [json.loads(json.dumps(words, allow_nan=False)) for words in described] == described
-    bare = [json.dumps(words | {"name": ""}) for words in described]
+    bare = [json.dumps(words | {"name": "", "title": ""}) for words in described]
     assert len(set(bare)) == len(bare)
     assert set(PROTOCOLS) == {"default", "stanford-orb", "tensoir", *DESCENDANTS}
 
@@ -204,6 +209,122 @@ def test_what_a_code_does_not_score_is_not_available() -> None:
             assert value.value is None
             assert name in value.reason
             assert "does not compare" in value.reason
+
+
+def soft_edge(size: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Straight linear truth [h, w, 3], true coverage and predicted coverage [h, w, 1], with soft edges; float64."""
+    generator = np.random.default_rng(3)
+    truth = generator.uniform(0.05, 0.95, (size, size, 3))
+    ramp = np.clip(np.linspace(-0.5, 1.5, size), 0, 1)[None, :, None].repeat(size, 0)
+    return truth, ramp, np.roll(ramp, 3, 1) * 0.9
+
+
+def encode(linear: np.ndarray) -> np.ndarray:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+def decode(display: np.ndarray) -> np.ndarray:
+    return np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+
+
+def psnr_of_three(ours: np.ndarray, theirs: np.ndarray) -> float:
+    return float(np.mean(-10 * np.log10(((ours - theirs) ** 2).mean((0, 1)))))
+
+
+def lower_median(ratios: np.ndarray) -> np.ndarray:
+    """The lower middle one of an even number of pixels, as in PyTorch."""
+    return np.sort(ratios, 0)[(len(ratios) - 1) // 2]
+
+
+def tensors(*arrays: np.ndarray) -> list[torch.Tensor]:
+    return [torch.from_numpy(array).float() for array in arrays]
+
+
+def test_r3dg_encodes_albedo_before_it_multiplies_by_the_coverage() -> None:
+    straight, mask, alpha = soft_edge()
+    rendered = 0.7 * straight * alpha
+    expected = psnr_of_three(encode(1.2 * rendered) * mask, encode(straight) * mask)
+    found = protocol("r3dg").score_albedo(*tensors(rendered, straight * mask), 1.2 * ONES, *tensors(mask, alpha))
+    assert found["psnr"].value == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "power"), [("r3dg", 1), ("irgs", 2), ("radiogs", 2)])
+def test_roughness_over_the_image_has_the_coverage_of_each_code(name: str, power: int) -> None:
+    straight, mask, alpha = soft_edge()
+    truth, rendered = straight[..., :1], 0.8 * straight[..., :1] * alpha
+    expected = ((rendered * mask - truth * mask**power) ** 2).mean()
+    found = protocol(name).score_roughness(*tensors(rendered, truth * mask, mask))["mse"].value
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["irgs", "radiogs"])
+def test_irgs_composites_synthetic4relights_albedo_in_display_space(name: str) -> None:
+    """The truth is decode(encode(A) a), once; the prediction is linear, times a."""
+    straight, mask, alpha = soft_edge()
+    rendered, truth = 0.7 * straight * alpha, decode(encode(straight) * mask)
+    rules = protocol(name).on("synthetic4relight")
+    covered = mask[..., 0] > 0
+    factor = lower_median((truth / np.maximum(rendered, 1e-6))[covered])
+    found = rules.albedo_scale(*([each] for each in tensors(rendered, straight * mask, mask, alpha)))
+    assert found.tolist() == pytest.approx(factor.tolist(), rel=1e-5)
+    scored = rules.score_albedo(*tensors(rendered, straight * mask), 1.4 * ONES, *tensors(mask, alpha))
+    assert scored["psnr"].value == pytest.approx(psnr_of_three(1.4 * rendered * mask, truth), abs=1e-3)
+    elsewhere = (
+        protocol(name)
+        .on("tensoir")
+        .score_albedo(*tensors(rendered, straight * mask), 1.4 * ONES, *tensors(mask, alpha))
+    )
+    assert elsewhere["psnr"].value == pytest.approx(psnr_of_three(1.4 * rendered * mask, straight * mask**2), abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["gs-ir", "gi-gs"])
+def test_gs_ir_fits_the_factor_to_the_straight_truth_and_scales_inside_the_mask_alone(name: str) -> None:
+    straight, mask, alpha = soft_edge()
+    rendered = np.round(255 * 0.7 * straight * alpha) / 255
+    covered = mask[..., 0] > 0
+    views = tensors(rendered, straight * mask, mask, alpha)
+    factor = lower_median((straight / np.maximum(rendered, 1e-6))[covered])
+    found = protocol(name).albedo_scale(*([each] for each in views))
+    assert found.tolist() == pytest.approx(factor.tolist(), rel=1e-5)
+    rendered[:, :4] = 51 / 255  # outside the mask
+    expected = psnr_of_three(np.where(mask > 0, 1.5, 1.0) * rendered, straight * (mask > 0))
+    scored = protocol(name).score_albedo(*tensors(rendered, straight * mask), 1.5 * ONES, *tensors(mask, alpha))
+    assert scored["psnr"].value == pytest.approx(expected, abs=2e-3)
+
+
+def test_svg_ir_fits_the_factor_to_the_straight_truth_of_the_first_view() -> None:
+    straight, mask, alpha = soft_edge()
+    rendered = 0.7 * straight * alpha
+    positive = (rendered > 0).all(-1)
+    ratio = np.where(mask > 0, straight, 0)[positive] / rendered[positive]
+    factor = lower_median(np.clip(ratio, 1e-6, 10))
+    found = protocol("svg-ir").albedo_scale(*([each] for each in tensors(rendered, straight * mask, mask, alpha)))
+    assert found.tolist() == pytest.approx(factor.tolist(), rel=1e-5)
+
+
+@pytest.mark.parametrize(("name", "by_truth"), [("irgs", False), ("radiogs", False), ("svg-ir", True)])
+def test_normals_that_carry_their_coverage_are_blended_by_it_again(name: str, by_truth: bool) -> None:
+    """n a over (0, 0, 1) by a, or by the true coverage; then both sides become unit vectors."""
+    generator = np.random.default_rng(4)
+    _, mask, alpha = soft_edge()
+    truth, ours = (side / np.linalg.norm(side, axis=-1, keepdims=True)
+                   for side in generator.normal(size=(2, *mask.shape[:2], 3)))  # fmt: skip
+    by = mask if by_truth else alpha
+    behind = np.array([0.0, 0.0, 1.0])
+    sides = [ours * alpha * by + behind * (1 - by), truth * mask + behind * (1 - mask)]
+    unit = [side / np.linalg.norm(side, axis=-1, keepdims=True) for side in sides]
+    expected = np.degrees(np.arccos(np.clip((unit[0] * unit[1]).sum(-1), -1, 1))).mean()
+    found = protocol(name).score_normal(*tensors(ours * (alpha > 0), truth * (mask > 0), mask, alpha))["mae"].value
+    assert found == pytest.approx(expected, abs=2e-3)
+
+
+def test_titles_have_the_version_and_the_document_lists_each() -> None:
+    """Whoever changes values under a name raises its version, and says in the document what changed."""
+    titles = {rules.title for rules in PROTOCOLS.values()}
+    assert {"default", "r3dg@2", "stanford-orb@2"} <= titles
+    assert all(rules.describe()["title"] == rules.title for rules in PROTOCOLS.values())
+    text = (Path(__file__).parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")
+    assert not [title for title in titles if "@" in title and f"`{title}`" not in text]
 
 
 def test_one_field_changed_is_another_protocol() -> None:

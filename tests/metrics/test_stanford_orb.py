@@ -109,6 +109,39 @@ def test_the_cosine_distance() -> None:
     assert ORB.score_normal(target, target, 0 * mask)["cosine"].reason == "the mask is empty"
 
 
+def orb_factor(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """Least squares a channel; a channel whose squares sum to at most 1e-6 counts as ones."""
+    given = np.where((ours**2).sum(0) <= 1e-6, 1.0, ours)
+    return (theirs * given).sum(0) / (given**2).sum(0)
+
+
+def test_a_relit_image_that_is_all_but_black_stays_so() -> None:
+    """Without the guard a factor of 3e5 would make it perfect."""
+    generator = np.random.default_rng(5)
+    truth = generator.uniform(0.1, 0.9, (12, 12, 3))
+    mask, region = np.ones((12, 12, 1)), np.ones((12, 12), bool)
+    for faint, perfect in ((3e-6, False), (3e-3, True)):
+        image = faint * truth
+        shown = srgb(np.clip(orb_factor(image[region], truth[region]) * image, 0, 1))
+        grey = ((0.5 - srgb(truth)) ** 2).mean()
+        expected = -10 * math.log10(min(max(((shown - srgb(truth)) ** 2).mean(), 1e-10), grey))
+        found = ORB.score_linear(*tensors(image, truth, mask), "relight")["psnr_l"].value
+        assert (found > 60) == perfect
+        assert found == pytest.approx(expected, abs=0.01) or perfect
+
+
+def test_a_view_without_depth_counts_as_a_depth_of_one() -> None:
+    generator = np.random.default_rng(6)
+    truths = generator.uniform(1, 2, (2, 12, 12, 1))
+    depths = np.stack([truths[0] / 3, np.zeros((12, 12, 1))])
+    given = np.stack([depths[0], np.ones((12, 12, 1))])
+    scale = (truths * given).sum() / (given**2).sum()
+    expected = ((scale * given - truths) ** 2).mean((1, 2, 3))
+    sides = [[torch.from_numpy(each) for each in side] for side in (depths, truths)]
+    found = ORB.score_depth(*sides, [torch.ones(12, 12, 1)] * 2)
+    assert [scores["simse"].value for scores in found] == pytest.approx(expected.tolist(), rel=1e-6)
+
+
 def test_depth_has_one_scale_for_all_views_or_one_a_view() -> None:
     truths = [1 + torch.rand(10, 10, 1).double() for _ in range(2)]
     masks = [torch.zeros(10, 10, 1) for _ in range(2)]

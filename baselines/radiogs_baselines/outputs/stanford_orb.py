@@ -2,8 +2,8 @@
 
 The JSON (``info[scene]`` with ``view``, ``light``, ``geometry``, ``material``, ``shape``) names each output and its
 target. The JSON does not say to which folder its paths are relative, so they are searched for in its folder and all
-parent folders, also without their first parts. nvdiffrec writes ``val_<k>_opt.png`` beside the reference
-``val_<k>_ref.png``.
+parent folders, also without their first parts. An output may be ``null``: the method does not predict it. nvdiffrec
+writes ``val_<k>_opt.png`` beside the reference ``val_<k>_ref.png``.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -37,14 +37,20 @@ class Pair:
     """File of the target; None if it does not exist."""
     mask: Path | None
     """File of the target's mask; None if there is none."""
-    wanted: tuple[str, str]
-    """Paths of output and target, as the JSON gives them; for validation images, relative to the folder."""
+    wanted: tuple[str | None, str]
+    """Paths of output and target, as the JSON gives them; for validation images, relative to the folder. None: the JSON
+    gives ``null`` for the output."""
+
+    @property
+    def predicted(self) -> bool:
+        """Whether the JSON names an output."""
+        return self.wanted[0] is not None
 
     @property
     def lacking(self) -> tuple[str, ...]:
         """Named paths of output and target that do not exist."""
         found = (self.output, self.target)
-        return tuple(path for path, file in zip(self.wanted, found, strict=True) if file is None)
+        return tuple(path for path, file in zip(self.wanted, found, strict=True) if path is not None and file is None)
 
 
 def read_pairs(path: Path) -> list[Pair]:
@@ -114,9 +120,9 @@ def _pairs_of(file: Path) -> Iterator[Pair]:
         ) from error
 
 
-def _pair(file: Path, capture: str, task: Task, named: tuple[str, str], mask: str | None) -> Pair:
-    output, target = (_located(file, path) for path in named)
-    return Pair(capture, task, output, target, None if mask is None else _located(file, mask), named)
+def _pair(file: Path, capture: str, task: Task, named: tuple[str | None, str], mask: str | None) -> Pair:
+    output, target, masked = (None if path is None else _located(file, path) for path in (*named, mask))
+    return Pair(capture, task, output, target, masked, named)
 
 
 def _mask_of(target: str) -> str:

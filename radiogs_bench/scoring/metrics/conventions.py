@@ -24,15 +24,18 @@ Task = Literal["nvs", "relight", "indirect"]
 class Picture:
     """How prediction and truth are laid out before they are compared. Both come on black with their coverage.
 
-    ``prediction``: as rendered over the background; that, times the true coverage; its straight colour where it
-    covers more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
+    ``prediction``: as rendered over the background; that, times the true coverage; its straight colour where it covers
+    more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
     ``target``: composited over the background; that, times its coverage once more; or straight, never multiplied.
+    "display times true coverage" and "composited in display" multiply the display values of a linear map, on black.
     ``clipped``: the prediction is clipped to [0, 1].
     """
 
     background: Literal["black", "white"] = "black"
-    prediction: Literal["rendered", "times true coverage", "solid", "background outside truth"] = "rendered"
-    target: Literal["composited", "times coverage again", "straight"] = "composited"
+    prediction: Literal[
+        "rendered", "times true coverage", "display times true coverage", "solid", "background outside truth"
+    ] = "rendered"
+    target: Literal["composited", "times coverage again", "composited in display", "straight"] = "composited"
     clipped: bool = True
     prediction_bits: Bits = "float"
     target_bits: Bits = "float"
@@ -79,12 +82,14 @@ class Normal:
 
     ``region`` "mask" averages where the truth covers more than half, and a hole counts 90. ``region`` "image" averages
     over every pixel, after both sides are blended over (0, 0, 1), the prediction by the coverage ``blended_by`` names.
-    ``measure`` "cosine" is Stanford-ORB's 1 - cos in the eroded mask instead.
+    ``lengths``: blended as unit vectors, or as the published renderers write them, with their own coverage as length,
+    which then counts once more. ``measure`` "cosine" is Stanford-ORB's 1 - cos in the eroded mask instead.
     """
 
     measure: Literal["angle", "cosine"] = "angle"
     region: Literal["mask", "image", "eroded mask"] = "mask"
     blended_by: Literal["own coverage", "true coverage"] = "own coverage"
+    lengths: Literal["unit", "own coverage"] = "unit"
     prediction_bits: Bits = "float"
 
 
@@ -95,15 +100,18 @@ class Albedo:
     ``align`` is what one factor (of truth / prediction) is taken from; ``fitted_to`` the views it is taken over;
     ``pixels`` those that count: "solid" where the truth covers more than half and is positive in all channels,
     "covered" where it covers anything and is positive in all channels, "covered, any truth" where it covers anything,
-    "predicted" where the prediction is positive in all channels. ``largest`` bounds each pixel's ratio.
-    ``relights`` says whether relighting uses the aligned albedo. ``difference``: the perceived difference of colours
-    that is measured as well, inside the mask.
+    "predicted" where the prediction is positive in all channels. ``fitted_target``: the truth that the factor is fitted
+    to, as ``Picture.target``. ``largest`` bounds each pixel's ratio. ``scaled``: the pixels that the factor multiplies,
+    all or those that the truth covers. ``relights`` says whether relighting uses the aligned albedo. ``difference``:
+    the perceived difference of colours that is measured as well, inside the mask.
     """
 
     align: Literal["none", "first channel's median", "median", "mean", "least squares"] = "median"
     fitted_to: Literal["all views", "first view", "20 views", "each view"] = "all views"
     pixels: Literal["solid", "covered", "covered, any truth", "predicted", "eroded mask"] = "solid"
+    fitted_target: Literal["composited", "composited in display", "straight"] = "composited"
     largest: float | None = None
+    scaled: Literal["everywhere", "covered"] = "everywhere"
     psnr_space: Space = "linear"
     structure_space: Space = "linear"
     picture: Picture = Picture()
@@ -113,9 +121,13 @@ class Albedo:
 
 @dataclass(frozen=True)
 class Roughness:
-    """Mean squared error where the truth covers more than half, or over the image with zeros for the background."""
+    """Mean squared error where the truth covers more than half, or over the image with zeros for the background.
+
+    Over the image the prediction is multiplied by the true coverage. ``target``: the truth as ``Picture.target``.
+    """
 
     region: Literal["mask", "image"] = "mask"
+    target: Literal["composited", "times coverage again"] = "composited"
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,10 @@ def normal_mae(
     normal = _through_bits(normal, rules.prediction_bits)
     inside = (mask[..., 0] > 0.5) & (target != 0).any(-1)  # without a true direction there is no error
     if rules.region == "image":
-        blended_by = mask if alpha is None or rules.blended_by == "true coverage" else alpha
-        normal, target = over_background(normal, blended_by), over_background(target, mask)
+        own = mask if alpha is None else alpha
+        blended_by = mask if rules.blended_by == "true coverage" else own
+        ours = over_background(normal, blended_by, own if rules.lengths == "own coverage" else 1.0)
+        normal, target = ours, over_background(target, mask)
         return float(angle(normal, target).mean()) if inside.any() else math.nan
     return float(angle(normal[inside], target[inside]).mean())
 
@@ -54,11 +56,16 @@ def angle(a: Float[Tensor, "*pixels 3"], b: Float[Tensor, "*pixels 3"]) -> Float
 
 
 def over_background(
-    normal: Float[Tensor, "height width 3"], coverage: Float[Tensor, "height width 1"]
+    normal: Float[Tensor, "height width 3"],
+    coverage: Float[Tensor, "height width 1"],
+    lengths: Float[Tensor, "height width 1"] | float = 1.0,
 ) -> Float[Tensor, "height width 3"]:
-    """Unit normals blended over (0, 0, 1) by coverage; values outside the coverage have no effect."""
+    """Normals of the given lengths blended over (0, 0, 1): length coverage n + (1 - coverage) (0, 0, 1).
+
+    Values outside the coverage have no effect.
+    """
     behind = torch.tensor(BEHIND, dtype=normal.dtype, device=normal.device)
-    return torch.where(coverage > 0, normalize(normal, dim=-1) * coverage, 0.0) + behind * (1 - coverage)
+    return torch.where(coverage > 0, normalize(normal, dim=-1) * lengths * coverage, 0.0) + behind * (1 - coverage)
 
 
 def _through_bits(normal: Float[Tensor, "height width 3"], bits: Bits) -> Float[Tensor, "height width 3"]:

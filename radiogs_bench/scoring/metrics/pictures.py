@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+
 from .conventions import Bits, Picture
 
 AS_RENDERED = Picture()
@@ -17,7 +19,7 @@ Mask = Float[Tensor, "height width 1"]
 
 
 def predicted(
-    image: Image, alpha: Mask, mask: Mask, rules: Picture, scale: Float[Tensor, " channels"] | None = None
+    image: Image, alpha: Mask, mask: Mask, rules: Picture, scale: Float[Tensor, "*pixels channels"] | None = None
 ) -> Image:
     """The prediction as compared.
 
@@ -29,6 +31,8 @@ def predicted(
         laid = laid * scale
     if rules.prediction == "times true coverage":
         laid = times(laid, mask)
+    elif rules.prediction == "display times true coverage":
+        laid = srgb_decode(times(srgb_encode(laid), mask))
     elif rules.prediction == "solid":
         laid = torch.where(alpha > SOLID, straight(image, alpha), _colour(rules.background))
     elif rules.prediction == "background outside truth":
@@ -39,6 +43,8 @@ def predicted(
 def true(target: Image, mask: Mask, rules: Picture) -> Image:
     """The truth as compared; ``target`` is on black, ``mask`` is its coverage."""
     laid = straight(target, mask) if rules.target == "straight" else _over(rules.background, target, mask)
+    if rules.target == "composited in display":
+        laid = srgb_decode(times(srgb_encode(straight(target, mask)), mask))
     if rules.target == "times coverage again":
         laid = times(laid, mask)
     return in_bits(laid, rules.target_bits)
@@ -73,4 +79,4 @@ def _colour(background: str) -> float:
 
 def needs_truth(rules: Picture) -> bool:
     """Whether pixels outside the true coverage are excluded."""
-    return rules.prediction in ("times true coverage", "background outside truth")
+    return rules.prediction in ("times true coverage", "display times true coverage", "background outside truth")

@@ -1,8 +1,8 @@
 """A metric protocol: one bundle of conventions, so that two values under one name are comparable."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import torch
@@ -53,6 +53,8 @@ class Protocol:
     """
 
     name: str
+    version: int = 1
+    """Raised when values under this name change (docs/protocols.md, "Versions")."""
     nvs: Picture = AS_RENDERED
     relight: Picture = AS_RENDERED
     psnr: Psnr = JOINT
@@ -65,10 +67,23 @@ class Protocol:
     depth: Depth | None = None
     depth_offset: DepthOffset | None = None
     environment: Environment = FACTOR_A_CHANNEL
+    layouts: Mapping[str, Albedo] = field(default_factory=dict, hash=False)
+    """Rules of albedo for scenes of a layout that the published code evaluates with a script of its own."""
+
+    @property
+    def title(self) -> str:
+        """Name and version, as tables show it: ``r3dg@2``; the name alone for the first version."""
+        return self.name if self.version == 1 else f"{self.name}@{self.version}"
+
+    def on(self, layout: str) -> "Protocol":
+        """The rules for scenes of a layout."""
+        return replace(self, albedo=self.layouts.get(layout, self.albedo), layouts={})
 
     def describe(self) -> dict[str, Any]:
         """Every convention in words, as stored in results."""
-        return asdict(self) | {
+        words = {name: value for name, value in asdict(self).items() if name != "layouts"}
+        return words | {
+            "title": self.title,
             "lpips": [asdict(rules) for rules in self.lpips],
             "images": "display sRGB, peak 1",
             "psnr_cap": f"{PSNR_CAP:g} dB",
@@ -97,7 +112,7 @@ class Protocol:
         alphas: Sequence[Mask] | None = None,
     ) -> Float[Tensor, "3"]:
         """Factor per channel for the recovered albedo (linear), from all views; ones if there is none."""
-        rules = replace(self.albedo.picture, prediction="rendered", target="composited", clipped=False)
+        rules = replace(self.albedo.picture, prediction="rendered", target=self.albedo.fitted_target, clipped=False)
         ours = [predicted(*view, rules) for view in zip(predictions, alphas or masks, masks, strict=True)]
         theirs = [true(*view, rules) for view in zip(truths, masks, strict=True)]
         return albedo_scale(ours, theirs, masks, self.albedo)
@@ -122,7 +137,8 @@ class Protocol:
         mask, alpha = coverages(target, mask, alpha)
         if not usable(mask, rules):
             return self.no_comparison(EMPTY) | self._difference(None)
-        pair = predicted(prediction, alpha, mask, rules, scale), true(target, mask, rules)
+        factor = torch.where(mask > 0, scale, 1.0) if self.albedo.scaled == "covered" else scale
+        pair = predicted(prediction, alpha, mask, rules, factor), true(target, mask, rules)
         error, structure = (
             [encoded(side, space) for side in pair] for space in (self.albedo.psnr_space, self.albedo.structure_space)
         )
@@ -136,12 +152,17 @@ class Protocol:
         return {"mae": inside(normal_mae(normal, target, mask, alpha, self.normal))}
 
     def score_roughness(self, roughness: Image, target: Image, mask: Mask) -> Scores:
-        """``mse`` of perceptual roughness."""
+        """``mse`` of perceptual roughness, given on black.
+
+        Over the image: mean((a r - a^n r*)^2) with the true coverage a, the straight truth r* and n = 1, or 2 where the
+        coverage is applied again (IRGS, RadioGS).
+        """
         if self.roughness is None:
             return {"mse": self._not_compared("roughness")}
         if self.roughness.region == "mask" or not (mask > 0).any():
             return {"mse": inside(masked_mse(roughness, target, mask))}
-        return {"mse": Value(mse(times(roughness, mask), times(target, mask)))}
+        theirs = times(target, mask) if self.roughness.target == "times coverage again" else target
+        return {"mse": Value(mse(times(roughness, mask), theirs))}
 
     def score_depth(self, depths: Sequence[Image], targets: Sequence[Image], masks: Sequence[Mask]) -> list[Scores]:
         """``simse`` of every view's z-depth; one scale may serve all views, so they come together."""

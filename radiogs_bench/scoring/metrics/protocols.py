@@ -15,6 +15,8 @@ CUT_BYTES: Bits = "8 bit truncated"
 DEFAULT = Protocol("default", albedo=Albedo(difference="CIEDE2000"), depth_offset=DepthOffset())
 
 MASKED = Picture(prediction="times true coverage")
+MASKED_IN_DISPLAY = Picture(prediction="display times true coverage", target="composited in display")
+"""Both sides times the true coverage as display values: R3DG encodes albedo first and multiplies then."""
 MASKED_TWICE = Picture(prediction="times true coverage", target="times coverage again", clipped=False)
 """Both sides times the true coverage; the truth is already on black, so its soft edges are multiplied twice."""
 
@@ -29,13 +31,26 @@ SPLATTING = Protocol(
 )
 """Conventions shared by codes derived from 3D Gaussian splatting; not a named protocol."""
 
+STRETCHED = Normal(region="image", lengths="own coverage")
+"""Normals as 2DGS's renderer gives them, whose coverage counts twice where they are blended by it again."""
+
+IN_DISPLAY = replace(MASKED_TWICE, target="composited in display")
+"""Synthetic4Relight stores albedo as display values: the truth is multiplied by its coverage, and decoded then."""
+
 IRGS = replace(
     SPLATTING,
     name="irgs",
+    version=2,
     nvs=Picture(target_bits=CUT_BYTES),
     relight=MASKED,
+    normal=STRETCHED,
     albedo=Albedo(pixels="covered", picture=MASKED_TWICE),
-    roughness=Roughness("image"),
+    layouts={
+        "synthetic4relight": Albedo(
+            pixels="covered, any truth", fitted_target="composited in display", picture=IN_DISPLAY
+        )
+    },
+    roughness=Roughness("image", "times coverage again"),
 )
 
 RADIOGS = replace(
@@ -47,27 +62,39 @@ RADIOGS = replace(
 R3DG = replace(
     SPLATTING,
     name="r3dg",
+    version=2,
     relight=MASKED,
     normal=None,
-    albedo=Albedo(pixels="covered, any truth", psnr_space="srgb", structure_space="srgb", picture=MASKED),
+    albedo=Albedo(pixels="covered, any truth", psnr_space="srgb", structure_space="srgb", picture=MASKED_IN_DISPLAY),
     roughness=Roughness("image"),
 )
 
 SVG_IR = replace(
     SPLATTING,
     name="svg-ir",
+    version=2,
     relight=MASKED,
-    normal=Normal(region="image", blended_by="true coverage"),
-    albedo=Albedo(fitted_to="first view", pixels="predicted", largest=10.0, psnr_space="srgb", structure_space="srgb"),
+    normal=Normal(region="image", blended_by="true coverage", lengths="own coverage"),
+    albedo=Albedo(
+        fitted_to="first view",
+        fitted_target="straight",
+        pixels="predicted",
+        largest=10.0,
+        psnr_space="srgb",
+        structure_space="srgb",
+    ),
 )
 
 GS_IR = replace(
     SPLATTING,
     name="gs-ir",
+    version=2,
     relight=Picture(prediction="times true coverage", target="straight", prediction_bits=BYTES),
     normal=Normal(region="image", prediction_bits=BYTES),
     albedo=Albedo(
         pixels="covered, any truth",
+        fitted_target="straight",
+        scaled="covered",
         picture=Picture(target="straight", clipped=False, prediction_bits=BYTES),
         relights=False,
     ),
@@ -77,6 +104,7 @@ GI_GS = replace(GS_IR, name="gi-gs", roughness=Roughness("mask"))
 
 TENSOIR = Protocol(
     "tensoir",
+    version=2,
     nvs=Picture(background="white"),
     relight=Picture(background="white", prediction="solid"),
     psnr=Psnr(albedo_views="pooled"),

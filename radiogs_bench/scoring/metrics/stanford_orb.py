@@ -37,6 +37,9 @@ BRIGHTEST = 4.0
 GREY = 0.5
 """The PSNR of this constant inside the mask is a lower bound of every PSNR."""
 
+NOTHING = 1e-6
+"""A prediction whose squares sum to at most this inside the mask, a channel, counts as none."""
+
 NORMAL_GUARD = 1e-6
 """Added to the length of a normal before it is divided by; a missing one is then at distance 1 from any other."""
 
@@ -136,12 +139,18 @@ class StanfordOrb(Protocol):
         return {"mae": NO_ANGLE, "cosine": inside(normal_cosine(normal, target, eroded(mask)))}
 
     def score_depth(self, depths: Sequence[Image], targets: Sequence[Image], masks: Sequence[Mask]) -> list[Scores]:
-        """``simse`` in the eroded masks."""
-        return super().score_depth(depths, targets, [eroded(mask)[..., None].float() for mask in masks])
+        """``simse`` in the eroded masks; a view without depth (sum z^2 <= 1e-6 there) counts as a depth of one."""
+        regions = [eroded(mask)[..., None] for mask in masks]
+        given = [
+            torch.ones_like(depth) if float(depth[region].double().square().sum()) <= NOTHING else depth
+            for depth, region in zip(depths, regions, strict=True)
+        ]
+        return super().score_depth(given, targets, [region.float() for region in regions])
 
 
 STANFORD_ORB = StanfordOrb(
     "stanford-orb",
+    version=2,
     ssim=ORB_SSIM,
     lpips=(Lpips("vgg"),),
     normal=Normal(measure="cosine", region="eroded mask"),
@@ -164,8 +173,13 @@ def masked(image: Rgb, region: Region) -> Rgb:
 
 
 def aligned(image: Rgb, target: Rgb, region: Region) -> Rgb:
-    """The image times the least-squares factor of each channel inside the mask."""
-    return image * least_squares(image[region], target[region])
+    """The image times the least-squares factor of each channel inside the mask: sum(x y) / sum(x^2).
+
+    Where sum(x^2) <= 1e-6 the factor is that of ones, sum(y) / n, and an image that is all but black stays so.
+    """
+    ours = image[region]
+    nothing = ours.double().square().sum(0) <= NOTHING
+    return image * least_squares(torch.where(nothing, 1.0, ours), target[region])
 
 
 def psnr_h(image: Rgb, target: Rgb, region: Region) -> float:

@@ -3,7 +3,7 @@
 import shlex
 from typing import Any
 
-from ..summary import Summary
+from ..summary import Summary, protocol_title
 from ..wording import count_of
 
 
@@ -12,7 +12,7 @@ def run_note(summary: Summary) -> str:
     return (
         f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
         f" {count_of(len(summary['seeds']), 'seed')}; {preset_and_recipe(summary)}; metric protocol"
-        f" {summary['protocol']}.{unfinished(summary)} {published_note(summary)}"
+        f" {protocol_title(summary)}.{unfinished(summary)} {published_note(summary)}"
         f" Machine: {summary['machine']}."
     )
 

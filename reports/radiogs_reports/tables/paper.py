@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ..analysis.findings import paper_sentences
-from ..summary import PaperColumn, PaperTable, Summary
+from ..summary import PaperColumn, PaperTable, Summary, protocol_title
 from ..wording import count_of, number
 from .doubts import shown_verdict
 from .legend import legend
@@ -129,8 +129,8 @@ def _apart_title(table: PaperTable, summary: Summary) -> str:
     """The heading of published values that are by other conventions than the measured ones; empty if there are none."""
     others = {column["published_by"] for column in table["columns"] if "published_by" in column}
     return (
-        f"Published, by protocol {', '.join(sorted(others))}; measured values are by protocol {summary['protocol']} and"
-        " are not to be compared with these"
+        f"Published, by protocol {', '.join(sorted(others))}; measured values are by protocol {protocol_title(summary)}"
+        " and are not to be compared with these"
         if others
         else ""
     )
@@ -142,7 +142,7 @@ def _caption(table: PaperTable, summary: Summary) -> str:
     text = (
         f"{table['title']}. Measured: mean over {count_of(len(scenes), 'scene')} ({', '.join(scenes)}) and"
         f" {count_of(len(seeds), 'seed')} ({', '.join(map(str, seeds))}), preset {summary['preset']}, metric protocol"
-        f" {summary['protocol']}."
+        f" {protocol_title(summary)}."
     )
     reference = next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
     differences = [value["difference"] for row in table["cells"].values() for value in row.values()]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..analysis.findings import suite_sentences
-from ..summary import CellSummary, ColumnSummary, RowSummary, Summary
+from ..summary import CellSummary, ColumnSummary, RowSummary, Summary, protocol_title
 from ..wording import number
 from .caption import preset_and_recipe, unfinished
 from .doubts import footnotes, marks, remarks, shown_verdict
@@ -93,5 +93,5 @@ def _caption(summary: Summary) -> str:
     seeds = len(summary["seeds"])
     return (
         f"{summary['title']}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {', '.join(summary['scenes'])};"
-        f" {preset_and_recipe(summary)}; metric protocol {summary['protocol']}.{unfinished(summary)}"
+        f" {preset_and_recipe(summary)}; metric protocol {protocol_title(summary)}.{unfinished(summary)}"
     )

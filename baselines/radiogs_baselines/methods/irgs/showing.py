@@ -192,6 +192,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "light_start": light_start(variant.materials.start.light, "a constant 1.5"),
         "ray_start": _ray_start(variant, extent),
         "fresnel": "F0 0.04 also at the hits of relit rays (published: 0.02)",
+        "masking": "Schlick's in the split sum at the hits of relit rays (published table: height-correlated)",
     }
     labels |= reduced(
         budget, PAPER, "inverse_iterations", "pixels", "incident_samples", "relight_hemisphere_samples",
