@@ -105,6 +105,28 @@ def test_every_pixel_that_is_kept_has_a_source_and_the_image_is_not_cut_for_noth
         assert (kept.width, kept.height) == (WIDTH, HEIGHT) or float(undistorted(framed, None, lens).min()) < 0.9
 
 
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [
+        ("SIMPLE_RADIAL", (240.0, 160.0, 120.0, -0.1)),
+        ("OPENCV", (240.0, 240.0, 160.0, 120.0, -0.2, 0.05, 0.0, 0.0)),
+        ("SIMPLE_RADIAL", (240.0, 160.0, 120.0, 0.15)),
+    ],
+)
+def test_the_image_keeps_what_colmaps_undistorter_keeps(model: str, parameters: tuple[float, ...]) -> None:
+    """It grows with a barrel lens and shrinks with a pincushion, to COLMAP's size without blank pixels."""
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    camera = pycolmap.Camera(model=model, width=WIDTH, height=HEIGHT, params=list(parameters))
+    theirs = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(), camera)
+    lens = lens_of(model, parameters, WIDTH, HEIGHT)
+    kept = pinhole_of(lens)
+    assert (kept.width, kept.height) == pytest.approx((theirs.width, theirs.height), abs=2)
+    assert (kept.width > WIDTH) == (parameters[-1] <= 0 and min(parameters) < 0)
+    white = undistorted(torch.ones(HEIGHT, WIDTH, 3), None, lens)
+    assert white.shape == (kept.height, kept.width, 3)
+    assert kept.camera(torch.eye(4)).cx == lens.cx - kept.left
+
+
 def test_a_lens_without_distortion_leaves_every_value_as_it_is(tmp_path: Path) -> None:
     folder = tmp_path / "plain"
     write_model(folder, "OPENCV", (FOCAL, FOCAL, 160, 120, 0, 0, 0, 0), ["a.png", "b.png"])

@@ -1,12 +1,14 @@
 """The pinhole image that a distorted photo holds, by OpenCV.
 
-The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel, and is cut to a rectangle all
-of whose pixels the photo shows (COLMAP's ``image_undistorter`` cuts its images, too). A border without a source would
-have to be marked as uncovered, which in a scene means that nothing is there.
+The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel. Its image grows where the lens
+has drawn a wide view together, and is cut to a rectangle all of whose pixels the photo shows, as that of COLMAP's
+``image_undistorter`` without blank pixels. A border without a source would have to be marked as uncovered, which in a
+scene means that nothing is there.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,6 +28,9 @@ COARSE = 512
 BORDER = 1e-2
 """Pixels by which a source may lie outside the photo's outermost pixel centres: float32 places."""
 
+LARGEST_SCALE = 2.0
+"""Sides of the pinhole image over those of the photo, at most; COLMAP's bound."""
+
 SMALLEST_SIDE = 8
 """Pixels a side below which what is left is no image."""
 
@@ -34,7 +39,8 @@ SMALLEST_SIDE = 8
 class Pinhole:
     """The pinhole camera of a lens: its focal lengths, and the rectangle of the photo's pixel grid that it keeps.
 
-    ``kept`` is the share of the photo's area that the rectangle shows.
+    The grid goes on beyond the photo: ``left`` and ``top`` may be negative. ``kept`` is the share of the photo's area
+    that the rectangle shows.
     """
 
     lens: Lens
@@ -60,15 +66,13 @@ def pinhole_of(lens: Lens) -> Pinhole:
     """
     if lens.pinhole:
         return Pinhole(lens, 0, 0, lens.width, lens.height, 1.0)
-    column, row = _sources(lens)
-    inside = (column >= -BORDER) & (column <= lens.width - 1 + BORDER)
-    inside &= (row >= -BORDER) & (row <= lens.height - 1 + BORDER)
-    unfolded, area = _unfolded(lens, column, row)
-    top, bottom, left, right = _whole_rectangle(inside & unfolded)
+    canvas = _canvas(lens)
+    good, area = _shown(lens, canvas)
+    top, bottom, left, right = _whole_rectangle(good)
     if min(bottom - top, right - left) < SMALLEST_SIDE:
         raise ValueError("its distortion leaves no part of the image that a pinhole camera could have seen")
     kept = float(area[top:bottom, left:right].sum()) / (lens.width * lens.height)
-    return Pinhole(lens, left, top, right - left, bottom - top, min(kept, 1.0))
+    return Pinhole(lens, canvas.left + left, canvas.top + top, right - left, bottom - top, min(kept, 1.0))
 
 
 def undistorted(
@@ -103,47 +107,79 @@ def _sampled(image: Tensor, lens: Lens, filtering: int) -> Tensor:
 @lru_cache(maxsize=1)
 def _rectangle(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Source columns and rows of the pixels that are kept. Views of one camera are read one after the other."""
-    column, row = _sources(lens)
     kept = pinhole_of(lens)
-    window = np.s_[kept.top : kept.top + kept.height, kept.left : kept.left + kept.width]
-    return np.ascontiguousarray(column[window]), np.ascontiguousarray(row[window])
+    return _sources(lens, Canvas(kept.left, kept.top, kept.width, kept.height))
 
 
-def _sources(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where each pixel of a pinhole image of the photo's size lies in the photo, in OpenCV's integer centres."""
+class Canvas(NamedTuple):
+    """A rectangle of the photo's pixel grid, which goes on beyond the photo."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+def _canvas(lens: Lens) -> Canvas:
+    """A rectangle that holds the one that is kept, found on a coarse grid of LARGEST_SCALE times the photo's sides."""
+    width, height = (int(LARGEST_SCALE * side) for side in (lens.width, lens.height))
+    widest = Canvas(-(width - lens.width) // 2, -(height - lens.height) // 2, width, height)
+    step = -(-max(width, height) // COARSE)
+    good, _ = _shown(lens, widest, step)
+    top, bottom, left, right = (step * each for each in _whole_rectangle(good))
+    around = 2 * step
+    left, top = max(left - around, 0), max(top - around, 0)
+    right, bottom = min(right + around, width), min(bottom + around, height)
+    return Canvas(widest.left + left, widest.top + top, right - left, bottom - top)
+
+
+def _shown(lens: Lens, canvas: Canvas, step: int = 1) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Which of every ``step``-th pixel of a canvas the photo shows, and how many pixels of the photo a pixel takes."""
+    column, row = _sources(lens, canvas, step)
+    inside = (column >= -BORDER) & (column <= lens.width - 1 + BORDER)
+    inside &= (row >= -BORDER) & (row <= lens.height - 1 + BORDER)
+    unfolded, area = _unfolded((lens.cx - canvas.left) / step, (lens.cy - canvas.top) / step, column, row)
+    return inside & unfolded, (area / step**2).astype(np.float32)
+
+
+def _sources(lens: Lens, canvas: Canvas, step: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where every ``step``-th pixel of a pinhole image lies in the photo, in OpenCV's integer centres."""
     matrix = np.array([[lens.fx, 0, lens.cx - 0.5], [0, lens.fy, lens.cy - 0.5], [0, 0, 1]])
-    bent, size = np.array(lens.coefficients), (lens.width, lens.height)
+    shown = np.array([[1 / step], [1 / step], [1]]) * (matrix - [[0, 0, canvas.left], [0, 0, canvas.top], [0, 0, 0]])
+    bent, size = np.array(lens.coefficients), (-(-canvas.width // step), -(-canvas.height // step))
     if lens.projection == "fisheye":
-        column, row = cv2.fisheye.initUndistortRectifyMap(matrix, bent, np.eye(3), matrix, size, cv2.CV_32FC1)
+        column, row = cv2.fisheye.initUndistortRectifyMap(matrix, bent, np.eye(3), shown, size, cv2.CV_32FC1)
     else:
-        column, row = cv2.initUndistortRectifyMap(matrix, bent, np.eye(3), matrix, size, cv2.CV_32FC1)
+        column, row = cv2.initUndistortRectifyMap(matrix, bent, np.eye(3), shown, size, cv2.CV_32FC1)
     return np.asarray(column, np.float32), np.asarray(row, np.float32)
 
 
 def _unfolded(
-    lens: Lens, column: NDArray[np.float32], row: NDArray[np.float32]
+    across: float, down: float, column: NDArray[np.float32], row: NDArray[np.float32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """Where the model is one to one, around the principal point, and how many pixels of the photo one pixel takes.
 
-    A polynomial fitted inside the image turns back outside: those pixels would show a part of the photo once more.
+    ``across`` and ``down``: the principal point's place on the grid of sources. A polynomial fitted inside the image
+    turns back outside: those pixels would show a part of the photo once more.
     """
-    step = -(-max(lens.width, lens.height) // COARSE)
+    height, width = column.shape
+    step = -(-max(width, height) // COARSE)
     with np.errstate(invalid="ignore", over="ignore"):
-        down, across = (
+        of_column, of_row = (
             np.gradient(each[::step, ::step].astype(np.float64), step, edge_order=1) for each in (column, row)
         )
-        area = down[1] * across[0] - down[0] * across[1]
+        area = of_column[1] * of_row[0] - of_column[0] * of_row[1]
         whole = area > 0
     _, parts = cv2.connectedComponents(whole.astype(np.uint8), connectivity=4)
     middle = (
-        int(np.clip(lens.cy // step, 0, whole.shape[0] - 1)),
-        int(np.clip(lens.cx // step, 0, whole.shape[1] - 1)),
+        int(np.clip(down // step, 0, whole.shape[0] - 1)),
+        int(np.clip(across // step, 0, whole.shape[1] - 1)),
     )
     own = whole & (parts == parts[middle])
     taken = np.where(own, area, 0).astype(np.float32)
 
     def spread(coarse: NDArray) -> NDArray:
-        return coarse.repeat(step, 0).repeat(step, 1)[: lens.height, : lens.width]
+        return coarse.repeat(step, 0).repeat(step, 1)[:height, :width]
 
     return spread(own), spread(taken)
 
