@@ -213,6 +213,21 @@ def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
     return settings_of(of, preset, given)
 
 
+class FoundMethods:
+    """Finds methods as ``method`` does, each once; pickled, it begins anew, since a method may not travel."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, Method] = {}
+
+    def __call__(self, name: str) -> Method:
+        if name not in self._found:
+            self._found[name] = method(name)
+        return self._found[name]
+
+    def __reduce__(self) -> tuple[type["FoundMethods"], tuple[()]]:
+        return FoundMethods, ()
+
+
 def describe(of: Method) -> dict[str, Any]:
     """A method for ``radiogs-bench methods``: presets with their numbers, fields of the variant with their defaults."""
     full = of.variant()

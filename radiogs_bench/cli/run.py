@@ -5,7 +5,6 @@ The module is imported for ``--help``: what computes is imported by the function
 
 import argparse
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -196,7 +195,7 @@ def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite,
 
 def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
     """The request that the options describe. Raises UsageError or DataError before anything is run."""
-    from ..methods import method
+    from ..methods import FoundMethods
     from ..runs.sweep import Request
     from ..scoring.metrics.protocols import protocol
     from ..suites.scenes import load_scenes, own_scenes, place_of
@@ -216,7 +215,7 @@ def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[
         options.device,
         options.shard,
         places,
-        cache(method),
+        FoundMethods(),
         opened,
         options.arguments,
         dict(options.settings),

@@ -78,6 +78,7 @@ def test_without_ray_the_command_says_what_to_install(
     assert main(["run", "ablations", "--preset", "smoke", "--engine", "ray", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "pip install 'radiogs-bench[cluster]'" in said
+    assert "compiling" not in said
     assert not list(tmp_path.rglob("*.pt"))  # said before anything is trained
 
 
@@ -105,6 +106,7 @@ class Lines(LogProgress):
     """Remembers what is said, and does something at a certain line."""
 
     def __init__(self, at: int = -1, act: Callable[[], None] = lambda: None) -> None:
+        super().__init__()
         self.lines: list[str] = []
         self.at, self.act = at, act
 
@@ -120,6 +122,17 @@ def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress
         cluster = cluster_of(ray, folder, experiment)
         assert cluster.can_run()
         return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
+
+
+@needs_ray
+@pytest.mark.slow
+def test_the_command_sends_its_cells_through_a_cluster_of_its_own(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = ["run", "ablations", "--rows", "ours,no-rad", "--scenes", "corner", "--preset", "smoke", "--threads", "1"]
+    assert main([*command, "--engine", "ray", "--out", str(out)]) == 0
+    results = Store(out).results()
+    assert sorted(result["cell"]["variant"]["radiometric_weight"] == 0 for result in results) == [False, True]
+    assert (out / "report.html").exists()
 
 
 @needs_ray

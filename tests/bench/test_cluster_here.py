@@ -15,6 +15,7 @@ from bench.chain_method import Chain, Steps, Turned
 from bench.clusters import SHARING, cluster_of, run_all, seconds_of_initialisation
 from bench.fake_method import SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
+from radiogs_bench.methods import FoundMethods
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.cluster import run_on_cluster, unsent
 from radiogs_bench.runs.engines.delegate import Recipe
@@ -150,6 +151,14 @@ def test_stages_between_the_first_and_the_last_are_shared_too(tmp_path: Path) ->
     assert ray.called == ["run_shared_stages", "run_remote_cell", "run_remote_cell"]
     kept = {path.stem for path in (tmp_path / "stages").glob("*.pt")}
     assert kept == {stage.key for cell in cells for stage in cell.stages}
+
+
+def test_found_methods_travel_without_what_was_found() -> None:
+    found = FoundMethods()
+    assert found("radiogs") is found("radiogs")
+    sent = pickle.dumps(found)
+    assert sent == pickle.dumps(FoundMethods())
+    assert pickle.loads(sent)("radiogs").name == "radiogs"
 
 
 def test_a_method_of_one_stage_has_no_task_but_its_cells(tmp_path: Path) -> None:

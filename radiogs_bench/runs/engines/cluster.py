@@ -54,6 +54,12 @@ SETTINGS = {
 }
 
 
+def ray_library() -> Any:
+    """The module ``ray``. Raises UsageError if it is not installed."""
+    otherwise = "  (or leave --engine ray out: --workers N shares one machine)"
+    return extra_library("ray", "the engine ray needs Ray", "cluster", otherwise)
+
+
 @contextmanager
 def connected(address: str | None) -> Iterator[Any]:
     """The module ``ray``, connected to the cluster at ``address``, or to one on this machine.
@@ -62,8 +68,7 @@ def connected(address: str | None) -> Iterator[Any]:
     """
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
-    otherwise = "  (or leave --engine ray out: --workers N shares one machine)"
-    ray = extra_library("ray", "the engine ray needs Ray", "cluster", otherwise)
+    ray = ray_library()
     if ray.is_initialized():  # by whoever calls this from Python
         yield ray
         return

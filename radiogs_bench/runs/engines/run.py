@@ -31,7 +31,7 @@ from ..progress import Progress
 from ..stages import Bench
 from ..sweep import CellRef, Request, label
 from .choice import ONE_THREAD, Engine
-from .cluster import Cluster, connected, run_on_cluster
+from .cluster import Cluster, connected, ray_library, run_on_cluster
 from .delegate import Recipe
 from .in_process import Task, run_cells
 
@@ -53,6 +53,8 @@ def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
     """
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
+    if engine.name == "ray" and unfinished:
+        ray_library()  # what is missing is said before kernels compile
     preflight(request, unfinished, bench)
     tasks = [Task(cell, label(ref)) for ref, cell in cells]
     if engine.name == "pool" and unfinished:
