@@ -220,6 +220,7 @@ class FoundMethods:
         self._found: dict[str, Method] = {}
 
     def __call__(self, name: str) -> Method:
+        """The method of that name. Raises UsageError as ``method`` does."""
         if name not in self._found:
             self._found[name] = method(name)
         return self._found[name]
