@@ -3,7 +3,7 @@
 import signal
 from types import FrameType, TracebackType
 
-from ..errors import Interrupted
+from ..errors import Interrupted, StoppedAtOnce
 
 STOPPING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -26,7 +26,7 @@ class Interruption:
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
-            raise KeyboardInterrupt
+            raise StoppedAtOnce
         self.requested = True
 
     def check(self) -> None:

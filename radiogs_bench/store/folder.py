@@ -198,7 +198,7 @@ class Store:
             if not path.exists():
                 write_atomically(path, content)
         remedy = f"{failure.remedy} The whole traceback: {path}".strip()
-        return MethodFailed(failure.what, failure.why, remedy)
+        return type(failure)(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
         """The content that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and is absent.
