@@ -172,6 +172,9 @@ PARTS: Mapping[str, Part] = {
     )
 }
 
+UNSAID = ("Python's random numbers",)
+"""Parts of which nothing is said: libraries of all kinds draw from them."""
+
 State = dict[str, Any]
 """Values of some parts by their names."""
 
@@ -252,7 +255,8 @@ def set_apart(method: str, what: str, loading: bool = False) -> Iterator[None]:
         own.update(changed)
         if loading:
             _loaded[method] = dict(changed)
-        new = [name for name, value in changed.items() if value != entered[name] and (method, name) not in _said]
+        told = [name for name, value in changed.items() if value != entered[name] and name not in UNSAID]
+        new = [name for name in told if (method, name) not in _said]
         if new:
             _said.update((method, name) for name in new)
             logger.warning(

@@ -8,10 +8,16 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from radiogs_core.errors import DataError
+
 from ..errors import StoreError
 from .atomic import explained
+from .opening import LARGEST_TEXT, opened
 
 POLL_SECONDS = 0.05
+
+LONGEST_HOLDER = 300
+"""Bytes of a lock file that are read: it names a process and its machine."""
 
 
 class Claimed(Exception):
@@ -71,6 +77,7 @@ def _sign(descriptor: int) -> None:
 def _holder(path: Path) -> str:
     """Who holds the claim; its file may be gone by now."""
     try:
-        return path.read_text(errors="replace") or "another process"
-    except FileNotFoundError:
+        with opened(path, LARGEST_TEXT) as file:
+            return file.read(LONGEST_HOLDER).decode(errors="replace") or "another process"
+    except (DataError, OSError):
         return "another process"

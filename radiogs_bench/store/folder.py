@@ -30,6 +30,7 @@ from .atomic import write_atomically
 from .claim import Claimed, claim, patient_claim
 from .keys import content_key
 from .names import plain_name
+from .opening import opened
 from .schema import RESULT_SCHEMA, Failure, Result
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
@@ -93,7 +94,7 @@ class Store:
 
         Raises FileNotFoundError, Broken, OtherSchema, StoreError.
         """
-        stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS)
+        stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")
         return cast(Result, stored)
@@ -102,7 +103,7 @@ class Store:
         """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
         try:
-            with path.open("rb") as file:
+            with opened(path) as file:
                 stat = os.fstat(file.fileno())
                 mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
                 if self._agreed.get(named) == mark:
@@ -171,7 +172,7 @@ class Store:
 
     def sealed_failure(self, key: str) -> Failure:
         """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
-        stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS)
+        stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS, Failure)
         if stored["key"] != key:
             raise Broken(f"it is not the failure of cell {key}")
         return cast(Failure, stored)
@@ -229,7 +230,11 @@ class Store:
     def files(self, names: Iterable[str]) -> dict[str, bytes]:
         """Contents of the named files (paths within the store) that exist."""
         there = [name for name in names if (self.folder / name).exists()]
-        return {name: (self.folder / name).read_bytes() for name in there}
+        contents = {}
+        for name in there:
+            with opened(self.folder / name) as file:
+                contents[name] = file.read()
+        return contents
 
     def take_over(self, files: Mapping[str, bytes]) -> None:
         """Write files of another store, in their order: a result must come after its arrays."""

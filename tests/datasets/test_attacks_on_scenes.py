@@ -37,7 +37,10 @@ def test_points_are_read_from_regular_files_within_their_size(tmp_path: Path) ->
         + b"".join(f"property uchar {colour}\n".encode() for colour in ("red", "green", "blue"))
         + b"end_header\n" + bytes(15)
     )  # fmt: skip
-    for name in ("pipe.ply", "huge.ply"):
+    (tmp_path / "long.ply").write_bytes(
+        b"ply\nformat ascii 1.0\ncomment " + b"a" * 5_000_000 + b"\nelement vertex 0\nend_header\n"
+    )
+    for name in ("pipe.ply", "huge.ply", "long.ply"):
         with pytest.raises(DataError):
             read_points(tmp_path / name)
 
