@@ -1,5 +1,6 @@
 """Claims: only one process at a time works on a key of a store."""
 
+import fcntl
 import os
 import socket
 from collections.abc import Iterator
@@ -48,6 +49,18 @@ def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
         # Unlinked while still held: whoever opened the old file in the meantime sees that it lost its name.
         path.unlink(missing_ok=True)
         lock.release()
+
+
+def is_held(path: Path) -> bool:
+    """Whether a living process holds the claim at this moment; nothing is written."""
+    try:
+        with opened(path) as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (DataError, OSError):
+        return False
+    return False
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import io
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,7 +27,7 @@ import torch
 from ..errors import MethodFailed, StoreError
 from .aside import set_aside
 from .atomic import write_atomically
-from .claim import Claimed, claim, patient_claim
+from .claim import claim, is_held, patient_claim
 from .keys import content_key
 from .names import plain_name
 from .opening import opened
@@ -55,12 +55,14 @@ class Store:
 
     def is_claimed(self, name: str) -> bool:
         """Whether another process holds the claim at this moment."""
-        path = self.folder / "locks" / name
-        try:
-            with claim(path) if path.exists() else nullcontext():
-                return False
-        except Claimed:
-            return True
+        return is_held(self.folder / "locks" / name)
+
+    def remove_leavings(self) -> None:
+        """Remove temporary files and notes of progress that killed processes have left: nobody holds their claims."""
+        for folder, claim_on in (("stages", stage_claim), ("cells", str), ("locks", str)):
+            for path in [*(self.folder / folder).glob(".*.tmp"), *(self.folder / folder).glob("*.pace")]:
+                if not self.is_claimed(claim_on(path.name.removeprefix(".").partition(".")[0])):
+                    path.unlink(missing_ok=True)
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, waiting until it is free; for short work."""
