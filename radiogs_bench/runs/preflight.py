@@ -15,6 +15,7 @@ from radiogs_datasets import load_scene
 
 from ..errors import MethodFailed
 from ..method_calls import calling
+from ..own_values import own_scene
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
@@ -76,7 +77,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
             continue
         done.append((method.name, variant))
         try:
-            _warm_up(method, Run(little, variant, method.presets[PRESET], 0, device))
+            _warm_up(method, Run(own_scene(little), variant, method.presets[PRESET], 0, device))
         except MethodFailed:
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 

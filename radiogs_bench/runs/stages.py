@@ -15,6 +15,7 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
+from ..own_values import own_scene
 from ..store.folder import Store, checkpoint_name, product_name, stage_claim
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
@@ -122,7 +123,7 @@ def facts_of(method: str, model: Trained) -> dict[str, Any]:
         facts = dict(model.facts())
     try:
         strict_json(facts)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise refused(
             method, f"facts() cannot be kept: {error}", "Facts are finite numbers, strings, lists and dicts of them."
         ) from error
@@ -170,13 +171,16 @@ def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> 
     with calling(method, f"begin() of stage '{spec.name}'"):
         stage = spec.begin(run, before)
     require(method, stage, Stage, f"begin() of stage '{spec.name}'")
+    for name, number in (("iteration", stage.iteration), ("iterations", stage.iterations)):
+        if not isinstance(number, int):
+            raise refused(method, f"'{name}' of stage '{spec.name}' is a {type(number).__name__}", "It counts steps.")
     return stage
 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
-    """The ``Run`` of a cell; its workspace is named by the key of the last stage."""
+    """The ``Run`` of a cell, on a scene of its own; its workspace is named by the key of the last stage."""
     workspace = bench.store.folder / "work" / str(cell.training_key)
-    return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
+    return Run(own_scene(scene), cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 
 def completed(
