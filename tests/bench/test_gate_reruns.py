@@ -10,13 +10,16 @@ import pytest
 from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
+from radiogs_bench.results.baseline import gain
 from radiogs_bench.results.gate import Change, compare, power_lines
+from radiogs_bench.results.paired import ERROR_RATE, Paired
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store import provenance
 from radiogs_bench.store.folder import Store
 from radiogs_core.errors import DataError
 
 OURS = "fake ours"
+LOSS = -0.15
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -127,3 +130,18 @@ def test_the_power_without_a_rerun_is_the_band_and_a_warning(
     said = capsys.readouterr().out
     assert "warning: the baseline has no rerun" in said
     assert f"{OURS}: nvs/psnr: a loss of more than" in said
+
+
+def test_a_gain_follows_the_direction_of_the_measure() -> None:
+    assert gain("nvs/psnr", 30.0) == 30.0
+    assert gain("normal/mae", 5.0) == -5.0
+    assert gain("light/bias", 2.0) == gain("light/bias", -2.0) == -2.0
+    assert gain("nvs/invented", 1.0) is None
+
+
+def test_a_loss_counts_less_among_many_metrics(runs: tuple[Path, Path], baseline: dict[str, Any]) -> None:
+    """Five rows have one metric each: a loss that would count alone does not among them."""
+    gains = (LOSS, LOSS - 0.05, LOSS - 0.1)
+    alone = Paired(gains, [0.1, -0.1, 0.1]).p_value
+    assert ERROR_RATE / 5 < alone < ERROR_RATE
+    assert compared(runs[0], baseline, gains) == []
