@@ -1,11 +1,12 @@
 """Compares a run with a baseline: metrics by their better direction, what training computes, work, and time.
 
-A metric's loss is judged over the seeds of a row on a scene, against the noise of a rerun; a gain never fails. What a
-training computes has no better direction: where it differs, the training is another one, and that fails too unless it
-is said to be intended.
+A metric's loss is judged over the seeds of a row on a scene, against the noise of a rerun; a gain never fails. Losses,
+gradients and counts of a training have no better direction: where they differ, the training is another one, and that
+fails too unless it is said to be intended.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from statistics import fmean
 from typing import Any
 
 from radiogs_core.errors import DataError
@@ -16,7 +17,7 @@ from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
 from ..store.schema import Result
 from .baseline import FLOOR, MAKE_ONE, SETTINGS, gain, group_of, groups_of, machine_of, require_whole, settled
-from .gate_training import Change, compare_time, compare_training, compare_work
+from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
 from .paired import BAND, ERROR_RATE, Paired, detectable
 from .stored_cells import stored_cells
 
@@ -55,9 +56,11 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     changes += [Change(name, "has no finished result") for name in cells if name not in found]
     both = {name: result for name, result in found.items() if name in cells}
     same = {group: _is_same_machine(both, names, baseline) for group, names in groups_of(both).items()}
-    changes += _compare_metrics(both, baseline)
-    changes += compare_training(both, baseline, same)
-    changes += compare_work(both, baseline, same)
+    computed = [*compare_training(both, baseline, same), *compare_work(both, baseline, same)]
+    other_training = {each.cell for each in computed if each.severity != "remark"}
+    repeated = {group for group, is_same in same.items() if is_same} - other_training
+    changes += computed
+    changes += _compare_metrics(both, baseline, repeated)
     changes += compare_time(both, baseline, all(same.values()), slow_fails)
     for name, result in both.items():
         changes += _remark(name, settled(result), cells[name].get("settled", {}), same[group_of(name)])
@@ -80,8 +83,13 @@ def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping
         )
 
 
-def _compare_metrics(found: Mapping[str, Result], baseline: Mapping[str, Any]) -> Iterator[Change]:
-    """Metrics of each row on each scene."""
+def _compare_metrics(
+    found: Mapping[str, Result], baseline: Mapping[str, Any], repeated: Collection[str]
+) -> Iterator[Change]:
+    """Metrics of each row on each scene.
+
+    ``repeated``: those whose training repeats on the baseline's machine. There no metric differs by rounding.
+    """
     tested: dict[tuple[str, str], Paired] = {}
     for group, names in groups_of(found).items():
         kept = {name: baseline["cells"][name]["metrics"] for name in names}
@@ -91,7 +99,9 @@ def _compare_metrics(found: Mapping[str, Result], baseline: Mapping[str, Any]) -
                 Change(name, f"{metric}: {before:.6g} -> n/a") for name, (before, now) in values.items() if now is None
             )
             there = {name: (before, now) for name, (before, now) in values.items() if now is not None}
-            if gain(metric, 0.0) is None:
+            if group in repeated and gain(metric, 0.0) is not None and baseline["reruns"]:
+                yield from _scored_otherwise(group, metric, there)
+            elif gain(metric, 0.0) is None:
                 yield from _without_direction(metric, there)
             elif not baseline["reruns"]:
                 yield from _within_bands(group, metric, there, baseline)
@@ -120,6 +130,16 @@ def _gained(metric: str, before: float, now: float) -> float:
     assert after is not None, metric
     assert had is not None, metric
     return after - had
+
+
+def _scored_otherwise(group: str, metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
+    """A metric that differs although all that was computed before it repeats."""
+    gains = [_gained(metric, before, now) for before, now in values.values()]
+    if any(abs(gained) > REPEATED * abs(before) for gained, (before, _) in zip(gains, values.values(), strict=True)):
+        yield Change(
+            group, f"{_worse_or_better(metric, fmean(gains))}, though its training repeats: it is scored otherwise",
+            "changed",
+        )  # fmt: skip
 
 
 def _without_direction(metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:

@@ -1,4 +1,4 @@
-"""What a training computes and costs, compared with a baseline: quantities of its steps, counters of its work, time.
+"""Compares what a training computes and costs with a baseline: quantities of its steps, counters of its work, time.
 
 On the machine of the baseline (processor, threads, library versions) values repeat: a relative difference above
 REPEATED, or any difference of a counter, is a change. Elsewhere rounding differs, and grows over a training: there the

@@ -115,7 +115,7 @@ def _loaders(layout: str, on_surfaces: bool) -> set[str]:
 
 
 def _misshapen(result: Result) -> Iterator[str]:
-    """What of a result has another type than it was stored with, in words."""
+    """Parts of a result that have another type than they were stored with, in words."""
     whole: Mapping[str, Any] = result
     yield from _each(whole, "metrics", lambda each: _is_mapping(each) and _is_value(each.get("value", "")))
     yield from _each(whole, "seconds", is_number)

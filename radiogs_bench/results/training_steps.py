@@ -1,4 +1,4 @@
-"""What a training computes, as quantities that two runs are compared by: losses, gradients, updates, and work.
+"""Losses, gradients, updates and work of a training, as quantities that two runs are compared by.
 
 A quantity is named ``stage/kind/name``. Values of the first steps stand one by one (``runs.first_steps``); beside them
 is the mean of each loss over the stage's trail, where terms show that begin late.

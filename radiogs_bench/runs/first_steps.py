@@ -24,7 +24,7 @@ class HoldsTensors(Protocol):
     """An optimiser that names what it optimises (``radiogs_core.surfels.optimiser.SurfelOptimiser`` is one)."""
 
     tensors: Mapping[str, Tensor]
-    """What is learnt, by name."""
+    """The tensors that are learnt, by name."""
 
 
 Lengths = tuple[dict[str, float], dict[str, float]]

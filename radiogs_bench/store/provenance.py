@@ -28,7 +28,7 @@ PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
 
 SIDE, REPETITIONS = 256, 15
-"""Of the yardstick: rows and columns of two matrices, and how often they are multiplied."""
+"""Rows and columns of the yardstick's two matrices, and how often they are multiplied."""
 
 _before: dict[str, int] = {}
 """Peaks of the stage before the last reset within it, bytes."""

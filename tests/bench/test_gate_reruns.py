@@ -59,8 +59,11 @@ def baseline(runs: tuple[Path, Path], tmp_path: Path) -> dict[str, Any]:
 
 
 def compared(folder: Path, baseline: dict[str, Any], gains: tuple[float, ...]) -> list[Change]:
-    """What the gate finds of row ours, after its metric has gained these amounts by seed."""
+    """Changes of row ours that the gate finds after its metric has gained these amounts by seed."""
     content = json.loads(json.dumps(baseline))
+    content["machine"]["cpu"] = "another"  # on its own machine a training that repeats has the same metrics
+    for family in ("training", "work"):
+        content["noise"][family] = {}
     for seed, gained in enumerate(gains):
         content["cells"][f"{OURS} seed {seed}"]["metrics"]["nvs/psnr"] -= gained
     found = compare(Store(folder), read_sweep(folder), content)
@@ -84,6 +87,17 @@ def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_said(
     assert [(each.cell, each.severity) for each in found] == ([] if severity is None else [(OURS, severity)])
     word = {"regression": "nvs/psnr worse by 1.1 dB (higher is better)", "better": "nvs/psnr better by 1.1 dB"}
     assert all(each.what.startswith(word[each.severity]) for each in found)
+
+
+@pytest.mark.parametrize(("gained", "word"), [(-0.01, "worse"), (0.01, "better"), (0.0, "")])
+def test_where_training_repeats_a_metric_that_differs_is_scored_otherwise(
+    gained: float, word: str, runs: tuple[Path, Path], baseline: dict[str, Any]
+) -> None:
+    """However small beside the rerun's noise: nothing has rounded otherwise."""
+    baseline["cells"][f"{OURS} seed 1"]["metrics"]["nvs/psnr"] -= gained
+    found = [each for each in compare(Store(runs[0]), read_sweep(runs[0]), baseline) if each.severity == "changed"]
+    assert [each.cell for each in found] == [OURS] * bool(word)
+    assert all(each.what.startswith(f"nvs/psnr {word} by 0.00333 dB") for each in found)
 
 
 def test_the_rerun_passes(runs: tuple[Path, Path], baseline: dict[str, Any]) -> None:

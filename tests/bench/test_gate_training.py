@@ -1,4 +1,4 @@
-"""What a training computes is compared by its losses, gradients, updates and counters, exactly where it repeats."""
+"""Trainings are compared by their losses, gradients, updates and counters, exactly where these repeat."""
 
 import json
 import math
