@@ -5,12 +5,14 @@ import platform
 import resource
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import psutil
@@ -24,6 +26,9 @@ VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-co
 CPU_INFORMATION = Path("/proc/cpuinfo")
 PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
+
+SIDE, REPETITIONS = 256, 15
+"""Rows and columns of the yardstick's two matrices, and how often they are multiplied."""
 
 _before: dict[str, int] = {}
 """Peaks of the stage before the last reset within it, bytes."""
@@ -138,3 +143,17 @@ def session(device: torch.device) -> Session:
         "machine": machine(device),
         "peak_memory_bytes": peak_memory(device),
     }
+
+
+def yardstick_seconds(device: torch.device) -> float:
+    """Median seconds of a product of two matrices: what a device does just then without any code of this project.
+
+    Takes some 10 ms. Draws no random numbers.
+    """
+    first, second = (torch.full((SIDE, SIDE), value, device=device) for value in (0.5, 2.0))
+    found = []
+    for _ in range(REPETITIONS):
+        started = time.perf_counter()
+        float((first @ second)[0, 0])  # read, so that a GPU has finished
+        found.append(time.perf_counter() - started)
+    return median(found)
