@@ -265,9 +265,7 @@ def _length(response: http.client.HTTPResponse) -> int | None:
 
 def _continues(response: http.client.HTTPResponse, done: int, whole: int | None) -> bool:
     """Whether a part begins where ours ends, and is of a file of the same length."""
-    match = re.fullmatch(
-        r"bytes ([0-9]{1,15})-([0-9]{1,15})/([0-9]{1,15}|\*)", response.headers.get("Content-Range", "")
-    )
+    match = RANGE.fullmatch(response.headers.get("Content-Range", ""))
     return match is not None and int(match[1]) == done and (whole is None or match[3] in ("*", str(whole)))
 
 
