@@ -12,6 +12,7 @@ from typing import Any
 from radiogs_core.errors import DataError
 from radiogs_reports.analysis.comparisons import holm
 
+from ..runs.result import EVALUATE
 from ..runs.sweep import Sweep
 from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
@@ -56,10 +57,12 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     changes += [Change(name, "has no finished result") for name in cells if name not in found]
     both = {name: result for name, result in found.items() if name in cells}
     same = {group: _is_same_machine(both, names, baseline) for group, names in groups_of(both).items()}
-    computed = [*compare_training(both, baseline, same), *compare_work(both, baseline, same)]
-    other_training = {each.cell for each in computed if each.severity != "remark"}
-    repeated = {group for group, is_same in same.items() if is_same} - other_training
-    changes += computed
+    trained = list(compare_training(both, baseline, same))
+    otherwise = {each.cell for each in trained if each.severity != "remark"}
+    repeated = {group for group, names in groups_of(both).items()
+                if same[group] and group not in otherwise and _same_work(both, names, cells)}  # fmt: skip
+    changes += trained
+    changes += compare_work(both, baseline, same)
     changes += _compare_metrics(both, baseline, repeated)
     changes += compare_time(both, baseline, all(same.values()), slow_fails)
     for name, result in both.items():
@@ -69,6 +72,17 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
 
 def _is_same_machine(found: Mapping[str, Result], names: list[str], baseline: Mapping[str, Any]) -> bool:
     return all(machine_of([found[name]]) == baseline["machine"] for name in names)
+
+
+def _same_work(found: Mapping[str, Result], names: list[str], cells: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether the work of all stages but the evaluation is the baseline's."""
+    sides = ((found[name]["work"], cells[name]["work"]) for name in names)
+    return all(
+        now.get(stage) == before.get(stage)
+        for now, before in sides
+        for stage in now.keys() | before.keys()
+        if stage != EVALUATE
+    )
 
 
 def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping[str, Any]]) -> None:
@@ -99,7 +113,7 @@ def _compare_metrics(
                 Change(name, f"{metric}: {before:.6g} -> n/a") for name, (before, now) in values.items() if now is None
             )
             there = {name: (before, now) for name, (before, now) in values.items() if now is not None}
-            if group in repeated and gain(metric, 0.0) is not None and baseline["reruns"]:
+            if group in repeated and gain(metric, 0.0) is not None:
                 yield from _scored_otherwise(group, metric, there)
             elif gain(metric, 0.0) is None:
                 yield from _without_direction(metric, there)
@@ -133,11 +147,12 @@ def _gained(metric: str, before: float, now: float) -> float:
 
 
 def _scored_otherwise(group: str, metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
-    """A metric that differs although all that was computed before it repeats."""
+    """A metric that differs although the training repeats: by what is rendered, or by how it is scored."""
     gains = [_gained(metric, before, now) for before, now in values.values()]
     if any(abs(gained) > REPEATED * abs(before) for gained, (before, _) in zip(gains, values.values(), strict=True)):
         yield Change(
-            group, f"{_worse_or_better(metric, fmean(gains))}, though its training repeats: it is scored otherwise",
+            group,
+            f"{_worse_or_better(metric, fmean(gains))}, though training repeats: it is rendered or scored otherwise",
             "changed",
         )  # fmt: skip
 

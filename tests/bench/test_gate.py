@@ -101,6 +101,7 @@ def test_without_a_rerun_a_loss_beyond_the_band_over_seeds_is_a_regression_and_a
 ) -> None:
     store, sweep = Store(finished), read_sweep(finished)
     content = json.loads(baseline.read_text())
+    content["machine"]["cpu"] = "another"
     band = content["bands"]["fake ours"]["nvs/psnr"]
     for share, severities in ((0.9, []), (1.1, ["regression"]), (-1.1, ["better"])):
         moved = json.loads(json.dumps(content))

@@ -90,7 +90,7 @@ def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_said(
 
 
 @pytest.mark.parametrize(("gained", "word"), [(-0.01, "worse"), (0.01, "better"), (0.0, "")])
-def test_where_training_repeats_a_metric_that_differs_is_scored_otherwise(
+def test_where_training_repeats_a_metric_that_differs_is_rendered_or_scored_otherwise(
     gained: float, word: str, runs: tuple[Path, Path], baseline: dict[str, Any]
 ) -> None:
     """However small beside the rerun's noise: nothing has rounded otherwise."""

@@ -69,13 +69,13 @@ CHANGES = {
         "method/radiogs/settings.py",
         "        relight_light_samples=16,\n        relight_bounces=2,\n",
         "        relight_light_samples=16,\n        relight_bounces=1,\n",
-        "changed: corner ours: stage evaluate: less work, ",
+        "changed: corner ours: relight/psnr ",
     ),
     "a metric's mask off by a pixel": (
         "radiogs_bench/scoring/metrics/psnr.py",
         "    inside = mask[..., 0] > 0.5\n",
         "    inside = mask.roll(1, 1)[..., 0] > 0.5\n",
-        "regression: corner ours seed 0: roughness/mse worse by",
+        "changed: corner ours: roughness/mse ",
     ),
 }
 
