@@ -17,6 +17,7 @@ from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
 from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
+from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
@@ -30,7 +31,7 @@ FLOOR = 1e-4
 """Smallest loss of a metric that counts, relative to the value: room for another processor's rounding."""
 
 SETTINGS = ("suite", "preset", "protocol", "device")
-REPEATABLE = ("cpu", "threads", "gpu")
+REPEATABLE = ("cpu", "instructions", "threads", "gpu")
 
 MAKE_ONE = "Make one:  radiogs-bench gate OUT --baseline FILE --update --rerun OTHER"
 
@@ -47,7 +48,7 @@ def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]
     finished = _finished(store, sweep)
     made = {
         "schema": BASELINE_SCHEMA,
-        **{name: sweep[name] for name in SETTINGS},  # type: ignore[literal-required]
+        **settings_of(sweep),
         "machine": machine_of([next(iter(finished.values()))]),
         "bands": _bands(finished),
         "reruns": len(reruns),
@@ -56,6 +57,12 @@ def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]
     }
     require_whole(made, "the run's baseline", "Its cells measured too little to be compared.")
     return made
+
+
+def settings_of(sweep: Sweep) -> dict[str, str]:
+    """What two runs have to share to be compared, the version of the protocol included."""
+    settings = {name: str(sweep[name]) for name in SETTINGS}  # type: ignore[literal-required]
+    return settings | {"protocol": protocol(sweep["protocol"]).title}
 
 
 def _finished(store: Store, sweep: Sweep) -> dict[str, Result]:

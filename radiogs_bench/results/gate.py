@@ -17,7 +17,7 @@ from ..runs.sweep import Sweep
 from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
 from ..store.schema import Result
-from .baseline import FLOOR, MAKE_ONE, SETTINGS, gain, group_of, groups_of, machine_of, require_whole, settled
+from .baseline import FLOOR, MAKE_ONE, gain, group_of, groups_of, machine_of, require_whole, settings_of, settled
 from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
 from .paired import BAND, ERROR_RATE, Paired, detectable
 from .stored_cells import stored_cells
@@ -41,7 +41,7 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     compared; and as ``stored_cells`` does.
     """
     require_whole(baseline, "the baseline", MAKE_ONE)
-    other = {name: (baseline[name], sweep[name]) for name in SETTINGS if baseline[name] != sweep[name]}  # type: ignore[literal-required]
+    other = {name: (baseline[name], now) for name, now in settings_of(sweep).items() if baseline[name] != now}
     if other:
         raise DataError(
             "run and baseline have different settings: "

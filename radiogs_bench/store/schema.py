@@ -56,7 +56,8 @@ class Session(TypedDict):
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
     machine: dict[str, Any]
-    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
+    """``system``, ``cpu``, ``instructions`` (a digest of what it can do; absent in results of earlier versions),
+    ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
     peak_memory_bytes: dict[str, int]
     """Peaks of this process during the stage: ``host``, resident set; ``device``, CUDA allocator (with a GPU)."""
     yardstick: NotRequired[float]
