@@ -121,7 +121,7 @@ def _about(partial: Path) -> Path:
 
 
 def _begun(url: str, partial: Path) -> Begun | None:
-    """What an earlier call has left and said of it; None if the download cannot be continued."""
+    """The beginning that an earlier call has left, as it described it; None if the download cannot be continued."""
     if partial.is_symlink() or not partial.is_file() or _about(partial).is_symlink():
         return None
     try:

@@ -182,7 +182,7 @@ def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]
 
     ``explained``: an exit code with its message. ``as before``: 0, with the table of the undamaged run. ``said``: 0,
     and a damage is spoken of. ``read for what it says``: 0, and another table, from a file of right types that was
-    sealed again. What must not be: ``silent``, another table without that, ``traceback`` and ``slow``.
+    sealed again. Never: ``silent``, another table without that, ``traceback`` and ``slow``.
     """
     numbers, found = random.Random(seed), Counter[str]()
     whole = {command: _ended(command, folder) for command in COMMANDS}
