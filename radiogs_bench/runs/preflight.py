@@ -37,13 +37,20 @@ PRESET = "smoke"
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
     """Read every map of every view once, and discard it; ``advance`` is called with (done, total) maps.
 
-    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError.
+    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError,
+    also for a view whose mask is empty, which ``datasets check`` calls an error.
     """
     if not scene.test:
         raise DataError(f"scene '{scene.name}' has no test views", "Nothing could be scored after training.")
     maps = [(view, name) for view in (*scene.train, *scene.test, *scene.relight) for name in sorted(view.sources)]
     for done, (view, name) in enumerate(maps, start=1):
-        view.read(name)
+        values = view.read(name)
+        if name == "alpha" and not bool((values > 0).any()):
+            raise DataError(
+                f"the mask of view '{view.name}' of scene '{scene.name}' is empty",
+                "No pixel of it shows the object: nothing could be learnt from it, and its metrics would mean nothing.",
+                "Correct the mask, or take the view out of the scene:  radiogs-bench datasets check SCENE",
+            )
         advance(done, len(maps))
 
 

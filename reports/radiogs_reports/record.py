@@ -93,7 +93,7 @@ def recorded(out: Path) -> dict[str, str]:
     if not all(LINE.fullmatch(line) for line in lines):
         raise _damaged(out / RECORD)
     found = {name: digest for digest, _, name in (line.rpartition("  ") for line in lines)}
-    if os.path.lexists(out / BEGUN):
+    if os.path.lexists(out / BEGUN) and not (out / BEGUN).is_symlink():
         suite, *others = _lines(out / BEGUN) or [""]
         left = {name for name in _reports_there(out, suite) if name not in others}
         found |= {name: digest_of(out / name) for name in sorted(left - found.keys())}
@@ -118,7 +118,7 @@ def _reports_there(out: Path, suite: str) -> list[str]:
 
 
 def _lines(path: Path) -> list[str]:
-    if not os.path.lexists(path):
+    if not os.path.lexists(path) or path.is_symlink():  # a link is none of ours, and is replaced
         return []
     try:
         with opened(path, LARGEST_RECORD) as file:

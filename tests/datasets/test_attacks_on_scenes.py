@@ -12,17 +12,21 @@ import pytest
 import torch
 from PIL import Image
 
+from datasets.orb_captures import SIDE, write_captures
+from radiogs_bench.runs.preflight import read_everything
 from radiogs_bench.scoring.metrics.conventions import DepthOffset
 from radiogs_bench.scoring.metrics.geometry import depth_offset
 from radiogs_bench.suites.scenes import load_scenes
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
+from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_exr, write_png
 from radiogs_datasets.layouts.blender import read_points
 from radiogs_datasets.layouts.photos import read_mask
 from radiogs_datasets.registry import TINY, scene_names
-from radiogs_datasets.soundness import require_names
+from radiogs_datasets.soundness import require_names, require_shaped
 from radiogs_datasets.view_maps import read_depth
+from scenes import sphere_scene
 
 
 @pytest.fixture
@@ -85,6 +89,39 @@ def test_the_background_s_depth_is_no_depth_of_the_edge(tmp_path: Path) -> None:
         write_exr(tmp_path / "depth.exr", depth)
         with pytest.raises(DataError, match="is no depth of its view: 1 covered pixels"):
             read_depth(tmp_path / "depth.exr", tmp_path / "rgba.png")
+
+
+@pytest.mark.parametrize("name", ["train/0001.png", "test/0000.png", "pseudo_gt_albedo"])
+def test_a_grey_picture_among_stanford_orb_s_is_refused_by_name(name: str, tmp_path: Path) -> None:
+    """Attack orb_grey: a traceback in training, or in scoring, or scored in silence."""
+    capture = write_captures(tmp_path)
+    truth = tmp_path / "data ü/ground_truth/teapot_scene001/pseudo_gt_albedo/0000.png"
+    path = truth if name == "pseudo_gt_albedo" else capture / name
+    write_png(path, np.full((SIDE, SIDE, 1), 0.5, np.float32))
+    assert any(f"{path} has 1 channels" in finding.what for finding in check_scene(str(capture)).findings)
+    with pytest.raises(DataError, match="has 1 channels, 3 are needed"):
+        read_everything(load_scene(str(capture)), lambda done, total: None)
+
+
+@pytest.mark.parametrize("size", [(8192, 1), (1, 8192)])
+def test_images_of_next_to_no_height_are_refused(size: tuple[int, int]) -> None:
+    """Attack strip_8192x1: a traceback in training."""
+    scene = sphere_scene(views=3)
+    require_shaped(scene)
+    width, height = size
+    strip = replace(scene.train[1], camera=replace(scene.train[1].camera, width=width, height=height))
+    with pytest.raises(DataError, match=f"has {width} x {height} pixels"):
+        require_shaped(replace(scene, train=(scene.train[0], strip)))
+
+
+def test_a_run_refuses_the_empty_masks_that_check_calls_errors() -> None:
+    """Finding F18 of the attacks: scenes that are not sound were scored."""
+    scene = sphere_scene(views=3)
+    read_everything(scene, lambda done, total: None)
+    nothing = {**scene.train[0].sources, "alpha": lambda: torch.zeros(16, 16, 1)}
+    empty = replace(scene, train=(replace(scene.train[0], sources=nothing), *scene.train[1:]))
+    with pytest.raises(DataError, match="the mask of view 'view_000' of scene 'sphere' is empty"):
+        read_everything(empty, lambda done, total: None)
 
 
 def scaled(pose: list[list[float]]) -> None:

@@ -256,7 +256,7 @@ def read_points(path: Path) -> Points:
     data = read_bytes(path)
     if data.find(b"end_header", 0, LONGEST_HEADER) < 0:
         raise DataError(
-            f"{path} has no PLY header of at most {LONGEST_HEADER} bytes",
+            f"cannot read {path}: it has no PLY header of at most {LONGEST_HEADER} bytes",
             "The header names the elements and their properties; points need some hundred bytes.",
             "Export the points again, or take 'ply_file_path' out of the transforms file.",
         )
