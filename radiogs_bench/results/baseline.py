@@ -60,7 +60,7 @@ def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]
 
 
 def settings_of(sweep: Sweep) -> dict[str, str]:
-    """What two runs have to share to be compared, the version of the protocol included."""
+    """The settings that two runs share if they can be compared; the protocol with its version."""
     settings = {name: str(sweep[name]) for name in SETTINGS}  # type: ignore[literal-required]
     return settings | {"protocol": protocol(sweep["protocol"]).title}
 
