@@ -39,7 +39,7 @@ CHANGES = {
         "method/radiogs_core/kernels/shade/shade.inl",
         "unit(any_side[0], any_side[1], any_side[2], wo_of_view + 3);",
         "for (int i = 0; i < 3; ++i) wo_of_view[3 + i] = zero;",
-        "changed: corner ours: stage invert: loss 'consistency' in the first 8 steps",
+        "changed: corner ours: stage invert: ",
     ),
     "half of lambda_rad": (
         "method/radiogs/settings.py",
