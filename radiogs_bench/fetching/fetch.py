@@ -9,7 +9,6 @@ from radiogs_core.errors import DataError
 
 from ..errors import NotFetched
 from ..store.atomic import explained, write_atomically
-from ..store.opening import LARGEST_TEXT, opened
 from .catalogue import DataSet, Piece
 from .download import DownloadFailed, download, forget, sha256_of
 from .unpack import unpack
@@ -104,15 +103,12 @@ def _install(piece: Piece, folder: Path, placed: bool) -> str:
 
 def _record(folder: Path) -> dict[str, Any]:
     try:
-        with opened(folder / RECORD, LARGEST_TEXT) as file:
-            found = json.loads(file.read())
+        found = json.loads((folder / RECORD).read_bytes())
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, RecursionError) as error:
+    except ValueError as error:
         raise DataError(f"{folder / RECORD} is damaged: {error}", "", "Remove it to fetch everything anew.") from error
-    if not isinstance(found, dict):
-        raise DataError(f"{folder / RECORD} is damaged: no table", "", "Remove it to fetch everything anew.")
-    return found
+    return dict(found)
 
 
 def _text(record: dict[str, Any]) -> bytes:
