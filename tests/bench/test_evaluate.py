@@ -224,7 +224,7 @@ def test_maps_that_a_method_does_not_offer_are_not_scored() -> None:
 
 def test_a_protocol_that_relights_unscaled_does_so_and_reports_its_factor() -> None:
     model = Perfect(scene_of(view_with(0, EVERYTHING)))
-    # Half of the pixels are covered by 0.6: their straight truth over what is rendered on black is above the factor, and
+    # Half of the pixels are covered by 0.6: their straight truth over what is rendered on black exceeds the factor, and
     # the median is the largest ratio of the other half, up to the rounding of 8 bits.
     assert scored(model, "gs-ir").albedo_scale == pytest.approx(SCALE.tolist(), rel=0.05)
     assert len(model.scales) == 2
