@@ -232,12 +232,10 @@ def _pairs(options: argparse.Namespace) -> dict[str, Any]:
 
 def not_predicted(pairs: "Sequence[Pair]") -> list[tuple[str, str, str]]:
     """Capture and task of pairs whose output is null, and what becomes of them; each once."""
-    from radiogs_baselines.outputs.stanford_orb import IMAGES
-
     white = "null counts as a white image under stanford-orb, as its evaluator has it, and is n/a under other protocols"
     return sorted(
         {
-            (pair.capture, pair.task, white if pair.task in IMAGES.values() else "null is left out")
+            (pair.capture, pair.task, white if pair.counts_as_white else "null is left out")
             for pair in pairs
             if not pair.predicted
         }

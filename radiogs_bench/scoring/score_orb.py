@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_baselines.outputs.stanford_orb import IMAGES, Pair
+from radiogs_baselines.outputs.stanford_orb import Pair
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_datasets.bounded_reading import as_float32, read_numpy
@@ -41,8 +41,7 @@ def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue
     """
     found: dict[str, list[Value]] = defaultdict(list)
     for pair in pairs:
-        white = not pair.predicted and pair.task in IMAGES.values()
-        if (pair.output is None and not white) or pair.target is None or pair.task == "depth":
+        if pair.task == "depth" or pair.target is None or (pair.output is None and not pair.counts_as_white):
             continue
         for measure, value in _scores(pair, pair.output, pair.target, rules).items():
             found[f"{pair.capture}/{pair.task}/{measure}"].append(value)
@@ -81,7 +80,10 @@ def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value
 
 def _scores(pair: Pair, output: Path | None, target: Path, rules: Protocol) -> dict[str, Value]:
     if output is None:
-        return _scores_of_white(pair, target, rules)
+        if not isinstance(rules, StanfordOrb):
+            return rules.no_comparison("the JSON gives null: there is no prediction")
+        white = _white(target)
+        return _albedo(pair, white, target, rules) if pair.task == "albedo" else _image(pair, white, target, rules)
     if pair.task == "shape":
         return {"chamfer": shape_distance(output, target)}
     if pair.task == "normal":
@@ -90,12 +92,11 @@ def _scores(pair: Pair, output: Path | None, target: Path, rules: Protocol) -> d
     ours = _linear(output)
     if pair.task == "albedo":
         return _albedo(pair, ours, target, rules)
-    task: Task = "nvs" if pair.task == "nvs" else "relight"
-    mask = _mask(pair, ours)
     if isinstance(rules, StanfordOrb):
-        return rules.score_linear(ours, _resized(_linear(target), ours), mask, task)
+        return _image(pair, ours, target, rules)
+    mask = _mask(pair, ours)
     shown = [_displayed(path, ours) * mask for path in (output, target)]
-    return rules.score_image(shown[0], shown[1], mask, task=task)
+    return rules.score_image(shown[0], shown[1], mask, task=_task(pair))
 
 
 def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rules: Protocol) -> dict[str, Value]:
@@ -105,17 +106,20 @@ def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rul
     return rules.score_albedo(linear, aimed, rules.albedo_scale([linear], [aimed], [mask]), mask)
 
 
-def _scores_of_white(pair: Pair, target: Path, rules: Protocol) -> dict[str, Value]:
-    """Scores of an image of ones, which Stanford-ORB's evaluator puts where the JSON gives null."""
-    if not isinstance(rules, StanfordOrb):
-        return rules.no_comparison("the JSON gives null: there is no prediction")
+def _image(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rules: StanfordOrb) -> dict[str, Value]:
+    """Scores of a linear image."""
+    return rules.score_linear(ours, _resized(_linear(target), ours), _mask(pair, ours), _task(pair))
+
+
+def _task(pair: Pair) -> Task:
+    return "nvs" if pair.task == "nvs" else "relight"
+
+
+def _white(target: Path) -> Float[Tensor, "height width 3"]:
+    """An image of ones of the target's shape, at the benchmark's resolution if the target is larger."""
     height, width = _numbers(target).shape[:2]
     smaller = min(1.0, BENCHMARK_SIDE / max(height, width))
-    white = torch.ones(round(smaller * height), round(smaller * width), 3)
-    if pair.task == "albedo":
-        return _albedo(pair, white, target, rules)
-    task: Task = "nvs" if pair.task == "nvs" else "relight"
-    return rules.score_linear(white, _resized(_linear(target), white), _mask(pair, white), task)
+    return torch.ones(round(smaller * height), round(smaller * width), 3)
 
 
 def _displayed(path: Path, like: Float[Tensor, "height width 3"]) -> Float[Tensor, "height width 3"]:

@@ -47,6 +47,11 @@ class Pair:
         return self.wanted[0] is not None
 
     @property
+    def counts_as_white(self) -> bool:
+        """Whether Stanford-ORB's evaluator compares a white image: for an image or albedo that is not predicted."""
+        return not self.predicted and self.task in IMAGES.values()
+
+    @property
     def lacking(self) -> tuple[str, ...]:
         """Named paths of output and target that do not exist."""
         found = (self.output, self.target)

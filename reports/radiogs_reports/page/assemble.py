@@ -21,7 +21,7 @@ from ..analysis.samples import COSTS, cost_of
 from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..files import fresh
-from ..summary import Summary
+from ..summary import Summary, protocol_title
 from ..tables.caption import origin, run_note
 from ..tables.longer_run import HEADING, longer_reports
 from ..tables.model import Table
@@ -129,6 +129,7 @@ def page(
         .get_template("page.html")
         .render(
             summary=summary,
+            protocol=protocol_title(summary),
             origin=origin(summary),
             downloads=downloads(summary),
             tables=[means, cells_table(summary)],
