@@ -31,10 +31,10 @@ SPLATTING = Protocol(
 )
 """Conventions shared by codes derived from 3D Gaussian splatting; not a named protocol."""
 
-STRETCHED = Normal(region="image", lengths="own coverage")
+UNNORMALISED = Normal(region="image", lengths="own coverage")
 """Normals as 2DGS's renderer gives them, whose coverage counts twice where they are blended by it again."""
 
-IN_DISPLAY = replace(MASKED_TWICE, target="composited in display")
+COMPOSITED_IN_DISPLAY = replace(MASKED_TWICE, target="composited in display")
 """Synthetic4Relight stores albedo as display values: the truth is multiplied by its coverage, and decoded then."""
 
 IRGS = replace(
@@ -43,11 +43,11 @@ IRGS = replace(
     version=2,
     nvs=Picture(target_bits=CUT_BYTES),
     relight=MASKED,
-    normal=STRETCHED,
+    normal=UNNORMALISED,
     albedo=Albedo(pixels="covered", picture=MASKED_TWICE),
     layouts={
         "synthetic4relight": Albedo(
-            pixels="covered, any truth", fitted_target="composited in display", picture=IN_DISPLAY
+            pixels="covered, any truth", fitted_target="composited in display", picture=COMPOSITED_IN_DISPLAY
         )
     },
     roughness=Roughness("image", "times coverage again"),
