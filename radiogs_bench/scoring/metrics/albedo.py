@@ -4,7 +4,6 @@ Albedo and light are known only up to such a factor.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -119,7 +118,8 @@ def colour_science() -> Any:
     Importing it changes how numpy prints numbers, and so the digits in CSV files; numpy's settings are restored.
     """
     with np.printoptions():
-        return import_module("colour")
+        import colour
+    return colour
 
 
 def lab(linear: Float[Tensor, "pixels 3"]) -> Float[np.ndarray, "pixels 3"]:
