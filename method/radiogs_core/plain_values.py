@@ -201,8 +201,15 @@ def require(settings: Any, wanted: str, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         for each in value if isinstance(value, tuple) else (value,):
-            if each is not None and not (math.isfinite(each) and RANGES[wanted](each)):
+            if each is not None and not (_is_finite(each) and RANGES[wanted](each)):
                 raise UsageError(f"{name}: {each} is not {wanted}")
+
+
+def _is_finite(number: Any) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # a whole number beyond float64
+        return False
 
 
 def to_plain(value: Any) -> dict[str, Any]:

@@ -269,6 +269,7 @@ def run_and_report(
     from .events import EventProgress, emit
     from .growing import growing
 
+    store.remove_leavings()
     manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]

@@ -7,13 +7,18 @@ in white space, or in a field of an archive that no reader looks at), how many c
 and how many ended in an error that no reader expects. Exit code 1 if there is any of the latter two.
 """
 
+import io
 import json
+import logging
 import random
+import shutil
 import sys
 import tempfile
+import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -29,7 +34,7 @@ from radiogs_bench.runs.stages import trained
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.trained_folder import Origin, read_about, write_trained
 from radiogs_bench.store.folder import Store, product_name
-from radiogs_bench.store.seal import Broken
+from radiogs_bench.store.seal import Broken, seal_of
 from radiogs_bench.store.tensor_file import read_tensors
 from radiogs_core.errors import DataError
 from radiogs_reports.summary import read_summary
@@ -123,6 +128,106 @@ def flips(folder: Path, count: int, seed: int) -> dict[str, Counter[str]]:
         path = numbers.choice(sorted(files))
         found[kind][outcome(path, read, numbers.randrange(path.stat().st_size), numbers.randrange(1, 256))] += 1
     return found
+
+
+ODD: tuple[Any, ...] = (None, True, -1, 10**400, 1.5, "x", "\ud800", [], [[]], {}, {"a": None}, ["x", 1])
+"""Values that take the place of others of a stored file."""
+
+COMMANDS = ("status", "report", "verify", "render")
+SEALED = ", sealed again"
+
+SPOKEN = ("damaged", "not used", "gone", "are not")
+
+LONGEST = 10.0
+"""Seconds of a command, above which it counts as one that hangs."""
+
+
+def damage(content: bytes, numbers: random.Random) -> tuple[str, bytes]:
+    """One damage of a stored JSON file: its kind, and the file. Half of those of values are sealed again."""
+    kind = numbers.choice(("type", "type", "type", "key", "key", "seal", "byte", "cut"))
+    if kind == "byte":
+        place = numbers.randrange(len(content))
+        return kind, content[:place] + bytes([numbers.randrange(128, 256)]) + content[place + 1 :]
+    if kind == "cut":
+        return kind, content[: numbers.randrange(len(content))]
+    stored = json.loads(content)
+    if kind == "seal":
+        stored["seal"] = numbers.choice((*ODD[:5], "0" * 64))
+        return kind, json.dumps(stored).encode()
+    places = list(_places(stored))
+    holder, name = numbers.choice(places)
+    if kind == "key":
+        del holder[name]
+    else:
+        holder[name] = numbers.choice(ODD)
+    if numbers.random() < 0.7:
+        kind += SEALED
+        try:
+            stored["seal"] = seal_of(stored)
+        except ValueError:  # what no text in UTF-8 can hold
+            stored["seal"] = ""
+    return kind, json.dumps(stored).encode()
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Every entry of nested tables and lists, by what holds it and its name or place."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, each in list(inner):
+        yield value, name
+        yield from _places(each)
+
+
+def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]:
+    """Outcomes of commands on copies of a finished run, in each of which one file is damaged.
+
+    ``explained``: an exit code with its message. ``as before``: 0, with the table of the undamaged run. ``said``: 0,
+    and a damage is spoken of. ``read for what it says``: 0, and another table, from a file of right types that was
+    sealed again. These must not be: ``silent``, another table without that, ``traceback`` and ``slow``.
+    """
+    numbers, found = random.Random(seed), Counter[str]()
+    whole = {command: _ended(command, folder) for command in COMMANDS}
+    names = ["sweep.json", "trained.json", "summary.json", "reports.txt"]
+    names += [f"cells/{path.name}" for path in sorted((folder / "cells").glob("*.json"))]
+    for number in range(count):
+        copy = work / f"{number}"
+        shutil.copytree(folder, copy)
+        name = names[number % len(names)] if number % 3 else numbers.choice(names)
+        content = (copy / name).read_bytes()
+        kind, damaged = damage(content, numbers) if name.endswith(".json") else ("byte", b"\xff" + content[1:])
+        (copy / name).write_bytes(damaged)
+        for command in COMMANDS:
+            begun = time.monotonic()
+            code, said = _ended(command, copy)
+            if "Traceback" in said:
+                outcome = "traceback"
+            elif time.monotonic() - begun > LONGEST:
+                outcome = "slow"
+            elif code != 0:
+                outcome = "explained"
+            elif said.replace(str(copy), "") == whole[command][1].replace(str(folder), ""):
+                outcome = "as before"
+            else:
+                quiet = "read for what it says" if kind.endswith(SEALED) else "silent"
+                outcome = "said" if any(word in said for word in SPOKEN) else quiet
+            if outcome in ("traceback", "slow", "silent"):
+                sys.stderr.write(f"{name}, {kind}, {command}: {outcome}, {code}\n{said[-1500:]}\n{damaged[:200]!r}\n")
+            found[outcome] += 1
+        shutil.rmtree(copy)
+    return found
+
+
+def _ended(command: str, folder: Path) -> tuple[int, str]:
+    """Exit code of a command on a folder, and all that it prints and logs."""
+    said = io.StringIO()
+    handler = logging.StreamHandler(said)
+    more = {"report": ["--no-pictures"], "render": ["--views", "test"]}.get(command, [])
+    with redirect_stdout(said), redirect_stderr(said):
+        logging.getLogger().addHandler(handler)
+        try:
+            code = main([command, str(folder), *more])
+        finally:
+            logging.getLogger().removeHandler(handler)
+    return code, said.getvalue()
 
 
 def run() -> int:
