@@ -74,8 +74,6 @@ def download(url: str, partial: Path, advance: Advance, remedy: str = "", timeou
     begun = _begun(url, partial)
     if begun is not None and partial.stat().st_size == begun.bytes:
         return _about(partial).unlink()
-    if begun is None:
-        forget(partial)
     try:
         kept = _receive(url, partial, begun, advance, timeout)
     except urllib.error.HTTPError as refusal:
