@@ -21,7 +21,7 @@ from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.runs.engines.run import OthersProgress
 from radiogs_bench.runs.kept_pace import KeptPace
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.sweep import Sweep, label
+from radiogs_bench.runs.sweep import Sweep, label, read_sweep
 from radiogs_bench.store.folder import Store, stage_claim
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
 
@@ -172,6 +172,7 @@ def test_what_was_killed_is_not_running_and_its_leavings_go_with_the_next_run(
     given = [str(tmp_path), first["key"], first["stages"][0]]
     assert subprocess.run([sys.executable, "-c", KILLED, *given], check=False).returncode == -9
     assert pace_of(sweep.store, first["key"]) is not None
+    assert standing_of(sweep.store, read_sweep(tmp_path)).count("running") == 0
     assert main(["status", str(tmp_path), "--json", "--watch", "1"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["running"] == 0
