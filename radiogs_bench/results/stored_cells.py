@@ -2,10 +2,10 @@
 
 import math
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, TypedDict
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import reduction
@@ -20,9 +20,23 @@ from ..runs.sweep import Sweep, label
 from ..sources import code_digest
 from ..store.folder import Store
 from ..store.schema import Result
+from ..store.seal import Broken
+from ..store.shapes import mismatch
 from ..suites.experiment import EXPERIMENTS
 
 AGAIN = "Run the same command again, which makes what has changed anew"
+
+
+class Identity(TypedDict):
+    """The part of a stored cell that says which sources made it."""
+
+    checksum: str
+    loader: str
+    method: str
+    method_code: str
+    evaluation_code: str
+    experiment: str
+    variant: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -39,25 +53,35 @@ class StoredCells:
 
 
 def stored_cells(store: Store, sweep: Sweep) -> StoredCells:
-    """The results of the folder's last run, without rows that were scored from files.
+    """The results of the folder's last run, without rows that were scored from files; no file is moved.
 
-    Raises DataError for a run without cells, for a result with a value of another type than was stored, and for one
-    that other sources than the installed ones made.
+    Raises DataError for a run without cells, for a result that is not as it was stored, and for one that other sources
+    than the installed ones made; OtherSchema, StoreError.
     """
     sweep = measured(sweep)
-    results = {label(ref): store.result(ref["key"]) for ref in sweep["cells"]}
+    results = {label(ref): _stored(store, ref["key"], sweep) for ref in sweep["cells"]}
     if not results:
         raise DataError("the run has no cells", "There is nothing to compare.", f"{AGAIN}{_command(sweep)}")
     finished = {name: result for name, result in results.items() if result is not None}
-    for name, result in finished.items():
-        complaint = next(_misshapen(result), None)
-        if complaint is not None:
-            raise DataError(
-                f"the result of {name} was changed after it was stored: {complaint}",
-                "Its seal agrees, so it was sealed again; the program writes no such value.",
-                f"Delete {store.folder / 'cells' / result['key']}.json. {AGAIN}{_command(sweep)}",
-            )
     return StoredCells(results, tuple(dict.fromkeys(_require_installed(finished, sweep))))
+
+
+def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
+    """The result of a cell, or None where it has not finished. Raises DataError where it is not as it was stored."""
+    try:
+        result = store.sealed_result(key)
+        store.check_arrays(result)
+        if wrong := mismatch(result["cell"], Identity):
+            raise Broken(f"cell: {wrong}")
+    except FileNotFoundError:
+        return None
+    except Broken as broken:
+        raise DataError(
+            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken.reason}",
+            "The gate compares only what the program has written.",
+            f"{AGAIN}{_command(sweep)}",
+        ) from None
+    return result
 
 
 def _command(sweep: Sweep) -> str:
@@ -114,79 +138,6 @@ def _loaders(layout: str, on_surfaces: bool) -> set[str]:
     return {code_digest(load, *more, *known) for more, known in product(reduced, by_surfaces)}
 
 
-def _misshapen(result: Result) -> Iterator[str]:
-    """Parts of a result that have another type than they were stored with, in words."""
-    whole: Mapping[str, Any] = result
-    yield from _each(whole, "metrics", lambda each: _is_mapping(each) and _is_value(each.get("value", "")))
-    yield from _each(whole, "seconds", is_number)
-    yield from _each(whole, "work", _are_numbers)
-    yield from _each(whole, "sessions", lambda each: isinstance(each, list) and all(map(_is_session, each)))
-    yield from _each(whole, "trail", lambda each: isinstance(each, list) and all(map(_is_point, each)))
-    if "first_steps" in whole:
-        yield from _each(whole, "first_steps", lambda each: isinstance(each, list) and all(map(_is_first_step, each)))
-    stages = whole["stages"]
-    if not isinstance(stages, list) or not all(
-        _is_mapping(each) and isinstance(each.get("name"), str) for each in stages
-    ):
-        yield f"'stages' is {_shown(stages)}"
-    for name in ("checksum", "loader", "method", "method_code", "evaluation_code", "experiment"):
-        if not isinstance(whole["cell"].get(name), str):
-            yield f"'{name}' of 'cell' is {_shown(whole['cell'].get(name))}"
-    if not _is_mapping(whole["cell"].get("variant")):
-        yield f"'variant' of 'cell' is {_shown(whole['cell'].get('variant'))}"
-    if not _is_mapping(whole.get("data", {})):
-        yield f"'data' is {_shown(whole['data'])}"
-
-
-def _each(result: Mapping[str, Any], part: str, right: Callable[[Any], bool]) -> Iterator[str]:
-    if not _is_mapping(result[part]):
-        yield f"'{part}' is {_shown(result[part])}"
-        return
-    for name, value in result[part].items():
-        if not right(value):
-            yield f"'{name}' of '{part}' is {_shown(value)}"
-
-
-def _shown(value: object) -> str:
-    return f"{value!r:.60}"
-
-
-def _is_mapping(value: object) -> bool:
-    return isinstance(value, Mapping)
-
-
 def is_number(value: object) -> bool:
     """Whether a value read from JSON is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_value(value: object) -> bool:
-    return value is None or is_number(value)
-
-
-def _are_numbers(value: object) -> bool:
-    return isinstance(value, Mapping) and all(map(is_number, value.values()))
-
-
-def _is_session(value: object) -> bool:
-    return (
-        isinstance(value, Mapping)
-        and isinstance(value.get("machine"), Mapping)
-        and isinstance(value.get("versions"), Mapping)
-        and is_number(value.get("yardstick", 0.0))
-    )
-
-
-def _is_point(value: object) -> bool:
-    return (
-        isinstance(value, Mapping)
-        and is_number(value.get("seconds"))
-        and _are_numbers(value.get("losses"))
-        and _are_numbers(value.get("metrics"))
-    )
-
-
-def _is_first_step(value: object) -> bool:
-    return isinstance(value, Mapping) and all(
-        _are_numbers(value.get(name)) for name in ("losses", "gradients", "updates")
-    )

@@ -69,7 +69,10 @@ def test_a_cell_that_was_changed_and_sealed_again_is_an_error_and_no_traceback(
     cell.write_bytes(strict_json(sealed({**json.loads(cell.read_text()), part: value})))
     for further in ([], ["--update"]):
         assert main(["gate", str(finished), "--baseline", baseline, *further]) == 3
-        assert f"'{part}'" in capsys.readouterr().err
+        said = capsys.readouterr().err
+        assert f"{cell.name} is not as it was stored: " in said
+        assert part in said
+    assert cell.exists()
 
 
 def test_a_run_without_cells_is_an_error(finished: Path, baseline: str, capsys: pytest.CaptureFixture[str]) -> None:
