@@ -1,10 +1,12 @@
 """Changes single bytes of a finished run's files and reads them back: each change is seen, or changes nothing.
 
     python tests/bench/flips.py [COUNT] [SEED]
+    python tests/bench/flips.py commands [COUNT] [SEED]
 
-Prints how many changes of each kind of file were seen, how many left what is read bit for bit as it was (such as one
-in white space, or in a field of an archive that no reader looks at), how many changed it with nothing said ("silent"),
-and how many ended in an error that no reader expects. Exit code 1 if there is any of the latter two.
+The first prints how many changes of each kind of file were seen, how many left what is read bit for bit as it was (such
+as one in white space, or in a field of an archive that no reader looks at), how many changed it with nothing said
+("silent"), and how many ended in an error that no reader expects. The second prints how commands end that read damaged
+files (see ``commands_on``). Exit code 1 for any silent change, unexpected error, traceback or slow command.
 """
 
 import io
@@ -136,10 +138,12 @@ def flips(folder: Path, count: int, seed: int) -> dict[str, Counter[str]]:
 ODD: tuple[Any, ...] = (None, True, -1, 10**400, 1.5, "x", "\ud800", [], [[]], {}, {"a": None}, ["x", 1])
 """Values that take the place of others of a stored file."""
 
-COMMANDS = ("status", "report", "verify", "render")
+COMMANDS = ("status", "report", "verify", "render", "gate", "export", "record")
 SEALED = ", sealed again"
 
 SPOKEN = ("damaged", "not used", "gone", "are not")
+
+WRONG = ("silent", "unexpected", "traceback", "slow")
 
 LONGEST = 10.0
 """Seconds of a command, above which it counts as one that hangs."""
@@ -189,7 +193,7 @@ def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]
     """
     numbers, found = random.Random(seed), Counter[str]()
     whole = {command: _ended(command, folder) for command in COMMANDS}
-    names = ["sweep.json", "trained.json", "summary.json", "reports.txt"]
+    names = ["sweep.json", "trained.json", "summary.json", "reports.txt", "baseline.json"]
     names += [f"cells/{path.name}" for path in sorted((folder / "cells").glob("*.json"))]
     for number in range(count):
         copy = work / f"{number}"
@@ -212,7 +216,7 @@ def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]
             else:
                 quiet = "read for what it says" if kind.endswith(SEALED) else "silent"
                 outcome = "said" if any(word in said for word in SPOKEN) else quiet
-            if outcome in ("traceback", "slow", "silent"):
+            if outcome in WRONG:
                 sys.stderr.write(f"{name}, {kind}, {command}: {outcome}, {code}\n{said[-1500:]}\n{damaged[:200]!r}\n")
             found[outcome] += 1
         shutil.rmtree(copy)
@@ -223,8 +227,11 @@ def _ended(command: str, folder: Path) -> tuple[int, str]:
     """Exit code of a command on a folder, and all that it prints and logs."""
     said = io.StringIO()
     handler = logging.StreamHandler(said)
-    more = {"report": ["--no-pictures"], "render": ["--views", "test"]}.get(command, [])
-    with redirect_stdout(said), redirect_stderr(said):
+    more = {
+        "report": ["--no-pictures"], "render": ["--views", "test"],
+        "gate": ["--baseline", str(folder / "baseline.json")], "record": ["--to", str(folder / "record.json")],
+    }.get(command, [])  # fmt: skip
+    with redirect_stdout(said), redirect_stderr(said), patch.dict(substitutes, {FAKE.name: FAKE}):
         logging.getLogger().addHandler(handler)
         try:
             code = main([command, str(folder), *more])
@@ -235,12 +242,14 @@ def _ended(command: str, folder: Path) -> tuple[int, str]:
 
 def run() -> int:
     """The command."""
-    count, seed = (int(given or usual) for given, usual in zip_longest(sys.argv[1:], (2000, 0)))
-    with tempfile.TemporaryDirectory() as place:
+    commands = sys.argv[1:2] == ["commands"]
+    count, seed = (int(given or usual) for given, usual in zip_longest(sys.argv[1 + commands :], (2000, 0)))
+    with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as work:
         finished(Path(place))
-        found = flips(Path(place), count, seed)
+        found = {"commands": commands_on(Path(place), count, seed, Path(work))} if commands else None
+        found = found or flips(Path(place), count, seed)
     sys.stdout.write(json.dumps(found, indent=1) + "\n")
-    return int(any(counts["silent"] or counts["unexpected"] for counts in found.values()))
+    return int(any(counts[outcome] for counts in found.values() for outcome in WRONG))
 
 
 if __name__ == "__main__":
