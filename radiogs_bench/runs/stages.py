@@ -272,6 +272,11 @@ def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
     return Outcome(product=stored["product"], ledger=stored["ledger"])
 
 
+MOST_IDLE = 1000
+AT_ONCE = 0.01
+"""Seconds."""
+
+
 @dataclass
 class _StageLoop:
     """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
@@ -286,6 +291,8 @@ class _StageLoop:
     score: StageScore | None
     losses: dict[str, float] = field(default_factory=dict)
     earlier: list[Session] = field(default_factory=list)
+    idle: int = 0
+    """Calls of ``step`` in a row that came back at once and took no step."""
 
     def to_the_end(self) -> Ledger:
         """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
@@ -327,6 +334,7 @@ class _StageLoop:
     def _step(self) -> None:
         """Take one step; add a point to the trail if one is due, and score the model if asked for."""
         stage, trail, before = self.stage, self.trail, self.stage.iteration
+        begun = time.perf_counter()
         try:
             with (
                 self.first.watching(stage) as lengths,
@@ -345,7 +353,9 @@ class _StageLoop:
                 "The state after that step",
             )
         if stage.iteration == before:  # a stage that waits for something else has taken no step
+            self._wait(time.perf_counter() - begun)
             return
+        self.idle = 0
         self.losses = losses
         trail.add(losses)
         self.first.add(stage.iteration, losses, lengths)
@@ -357,6 +367,17 @@ class _StageLoop:
                     metrics = self.score(stage)
             trail.close(stage.iteration, reached - self.started, metrics)
             self.started += time.perf_counter() - reached
+
+    def _wait(self, seconds: float) -> None:
+        """Count a call of ``step`` that took no step. Raises MethodFailed where many came back at once."""
+        self.idle = self.idle + 1 if seconds < AT_ONCE else 0
+        if self.idle >= MOST_IDLE:
+            raise refused(
+                self.method,
+                f"step() of stage '{self.key.name}' came back {MOST_IDLE} times in a row with iteration"
+                f" {self.stage.iteration}, each time within {AT_ONCE * 1000:g} ms",
+                "A step adds one to iteration; a stage that waits for something else sleeps before it comes back.",
+            )
 
     def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
         """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""

@@ -81,10 +81,10 @@ def fails(kind: type[BaseException], *with_what: Any) -> Callable[..., Any]:
     return raise_it
 
 
-def run_all(store: Store, *chains: Chain, seeds: int = 1) -> list[ExplainedError]:
-    """Run the cells of some methods; returns why some failed."""
+def run_all(store: Store, *chains: Chain, seeds: int = 1, **how: float) -> list[ExplainedError]:
+    """Run the cells of some methods; returns why some failed. ``how``: fields of the bench."""
     found = {chain.name: chain for chain in chains}
-    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__, checksum_now)
+    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__, checksum_now, **how)
     tasks = [Task(cell, cell.key) for chain in chains for cell in cells_of(chain, seeds)]
     return run_cells(tasks, lambda cell: train_and_score(bench, cell, SCENE), store, bench.progress, bench.interruption)
 
@@ -397,6 +397,89 @@ def test_whatever_a_method_gives_ends_its_cell_alone_and_is_recorded(
     kept = store.failure(cells_of(wrong)[0].key)
     assert kept is not None
     assert kept["exit_code"] == code
+
+
+CALLS = ("begin", "step", "state", "product", "restore", "facts", "prepare", "offers", "render")
+"""The calls of the contract that a cell makes, and a property."""
+
+OUTCOMES: Mapping[str, Callable[[], Any]] = {
+    "an exception": fails(ValueError, "no"),
+    "a BaseException": fails(BaseException, "no"),
+    "a cancellation": fails(asyncio.CancelledError),
+    "an exit": fails(SystemExit, 3),
+    "nothing": lambda: None,
+    "a number": lambda: 7,
+    "a number beyond float64": lambda: {"value": 10**400, "image": 10**400},
+    "text": lambda: "\x1b[2J",
+    "text that UTF-8 cannot hold": lambda: {"value": "\ud800", "image": "\ud800", "\ud800": 1},
+    "an empty table": dict,
+    "a cycle": cyclic,
+    "a deep list": lambda: nested(5000),
+    "NaN": lambda: {"value": torch.tensor([math.nan]), "image": torch.full((16, 16, 3), math.nan)},
+    "tensors without values": lambda: {name: torch.zeros(16, 16, 3, device="meta") for name in ("value", "image")},
+    "sparse tensors": lambda: {name: torch.zeros(16, 16, 3).to_sparse() for name in ("value", "image")},
+    "tensors of 16 bits": lambda: {name: torch.zeros(16, 16, 3, dtype=torch.bfloat16) for name in ("value", "image")},
+    "a default type": lambda: torch.set_default_dtype(torch.float64),
+    "a folder": lambda: os.chdir("/"),
+}  # fmt: skip
+
+
+class WrongIn(Chain):
+    """A chain one of whose calls has another outcome, named by both."""
+
+    def __init__(self, call: str, outcome: str) -> None:
+        super().__init__(("fit",), name=f"{CALLS.index(call)}-{list(OUTCOMES).index(outcome)}")
+        self.call, self.outcome = call, OUTCOMES[outcome]
+
+    def instead(self, call: str, right: Any) -> Any:
+        return (lambda *given: self.outcome()) if call == self.call else right
+
+    def _beginning(self, number: int) -> Any:
+        def begin(run: Run, before: Mapping[str, Any]) -> Any:
+            stage = super(WrongIn, self)._beginning(number)(run, before)
+            for name in ("step", "state", "product"):
+                setattr(stage, name, self.instead(name, getattr(stage, name)))
+            return stage
+
+        return self.instead("begin", begin)
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> Any:
+        model = self.instead("restore", super().restore)(run, tensors)
+        if self.call in ("facts", "prepare"):
+            setattr(model, self.call, self.instead(self.call, None))
+        elif self.call in ("offers", "render"):
+            prepare = model.prepare
+
+            def shown(*given: Any) -> Any:
+                prepared = prepare(*given)
+                setattr(prepared, self.call, self.outcome() if self.call == "offers" else self.instead("render", None))
+                return prepared
+
+            model.prepare = shown
+        return model
+
+
+def values(store: Store, chain: Chain) -> Any:
+    result = store.result(cells_of(chain)[0].key)
+    assert result is not None
+    with np.load(store.arrays_path(result["key"])) as arrays:
+        return result["metrics"], result["losses"], {name: arrays[name].tobytes() for name in arrays}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_every_call_with_every_wrong_outcome_leaves_other_rows_as_they_are(call: str, tmp_path: Path) -> None:
+    """A cell whose call has a wrong outcome ends with a result or a record of its failure."""
+    right = Chain(("fit", "finish"), name="right")
+    assert run_all(Store(tmp_path / "alone"), right) == []
+    alone = values(Store(tmp_path / "alone"), right)
+    store, wrong = Store(tmp_path / "beside"), [WrongIn(call, outcome) for outcome in OUTCOMES]
+    with Interruption():
+        run_all(store, *wrong, right, checkpoint_seconds=0.0)
+    assert values(store, right) == alone
+    keys = [cells_of(each)[0].key for each in wrong]
+    failed = [store.failure(key) is not None for key in keys]
+    assert failed == [store.result(key) is None for key in keys]
+    assert sum(failed) >= len(OUTCOMES) // 2
 
 
 def test_values_of_16_bits_are_scored_and_buffers_that_are_used_again_are_copied() -> None:
