@@ -77,9 +77,12 @@ def test_no_process_of_the_harness_runs_code_of_the_folder_where_it_is_started(t
 
 
 def run(folder: Path, *more: str) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "radiogs_bench", "run", "ablations", "--preset", "smoke", "--seeds", "2"]
+    command = [sys.executable, "-m", "radiogs_bench", "run", "ablations", "--scenes", "corner", "--preset", "smoke"]
     return subprocess.Popen(
-        [*command, "--out", str(folder), *more], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True
+        [*command, "--seeds", "2", "--out", str(folder), *more],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        text=True,
     )
 
 
