@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .api import (
         Model,
+        PreparedModel,
         load_scene,
         method,
         method_names,
@@ -21,6 +22,7 @@ __version__ = version("radiogs-bench")
 
 __all__ = [
     "Model",
+    "PreparedModel",
     "__version__",
     "load_scene",
     "method",
@@ -41,3 +43,8 @@ def __getattr__(name: str) -> Any:
 
         return getattr(api, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    """The names of the API, for completion and ``help``."""
+    return sorted(__all__)

@@ -19,12 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+import cv2
+import numpy as np
 import pandas as pd
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Method, Run, Trained
+from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
@@ -55,6 +57,7 @@ from .store.folder import Store
 
 __all__ = [
     "Model",
+    "PreparedModel",
     "load_scene",
     "method",
     "method_names",
@@ -71,6 +74,24 @@ DEVICES = ("cpu", "cuda")
 
 
 @dataclass(frozen=True)
+class PreparedModel:
+    """A model made ready for many views, under its own light or another one; ``Model.prepared`` makes it."""
+
+    prepared: Prepared
+    """The method's own object (``radiogs_core.contract.Prepared``)."""
+    run: Run
+    """Scene, variant, budget, seed and device of the model."""
+
+    def render(self, view: View | str, *further: str) -> dict[str, Tensor]:
+        """Maps of a view's camera, as ``Model.render`` gives them."""
+        camera = _view(self.run.scene, view).camera.to(self.run.device, torch.float32)
+        return on_black(self.prepared, camera, *further)
+
+    def __repr__(self) -> str:
+        return f"PreparedModel(scene {self.run.scene.name!r}, maps {', '.join(self.prepared.offers)})"
+
+
+@dataclass(frozen=True, repr=False)
 class Model:
     """A trained model of any method, and what it was trained on."""
 
@@ -95,18 +116,45 @@ class Model:
         """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None if there is none."""
         return self.trained.light
 
-    def render(self, view: View, *further: str) -> dict[str, Tensor]:
+    def __repr__(self) -> str:
+        run = self.run
+        return f"Model({self.method!r}, scene {run.scene.name!r}, preset {run.budget.name!r}, seed {run.seed})"
+
+    def _repr_png_(self) -> bytes:
+        """The first test view, which a notebook shows where the model is a cell's last value."""
+        image = self.render(self.run.scene.test[0])["image"].numpy()
+        levels = np.rint(image.clip(0, 1) * 255).astype(np.uint8)
+        return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
+
+    def prepared(
+        self, light: EnvironmentMap | str | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+    ) -> PreparedModel:
+        """The model made ready once for many views: under its own light, or under another one, also by its name.
+
+        ``albedo_scale``: a factor of albedo by channel. Raises NotOffered where the method cannot be relit, UsageError
+        for a light that the scene does not have.
+        """
+        if light is None:
+            return PreparedModel(self.trained.prepare(), self.run)
+        return PreparedModel(self.trained.prepare(_light(self.run.scene, light), albedo_scale), self.run)
+
+    def render(self, view: View | str, *further: str) -> dict[str, Tensor]:
         """Maps of a view's camera, [height, width, channels], on black and on the CPU.
 
-        ``image`` is display sRGB in [0, 1]; what else there is depends on the method (``contract.Prepared.offers``).
+        ``view``: a view of any scene, or the name of one of this scene. ``image`` is display sRGB in [0, 1]; what else
+        there is depends on the method (``contract.Prepared.offers``). Raises UsageError for an unknown name.
         """
-        return _maps(self.trained.prepare(), view, self.run.device, further)
+        return self.prepared().render(view, *further)
 
     def relight(
-        self, light: EnvironmentMap, view: View, albedo_scale: Float[Tensor, "3"] | None = None
+        self, light: EnvironmentMap | str, view: View | str, albedo_scale: Float[Tensor, "3"] | None = None
     ) -> dict[str, Tensor]:
-        """Maps of a view's camera under another light. Raises NotOffered where the method cannot be relit."""
-        return _maps(self.trained.prepare(light, albedo_scale), view, self.run.device, ())
+        """Maps of a view's camera under another light; both also by their names in the scene.
+
+        Raises NotOffered where the method cannot be relit, UsageError for an unknown name. For many views under one
+        light: ``prepared``.
+        """
+        return self.prepared(light, albedo_scale).render(view)
 
     def score(self, protocol: str = "default") -> pd.DataFrame:
         """Metrics of the scene's test views and relightings: a line a metric (``task/measure``).
@@ -263,5 +311,18 @@ def open_store(folder: str | Path) -> pd.DataFrame:
     return table
 
 
-def _maps(prepared: Any, view: View, device: torch.device, further: tuple[str, ...]) -> dict[str, Tensor]:
-    return on_black(prepared, view.camera.to(device, torch.float32), *further)
+def _view(scene: Scene, view: View | str) -> View:
+    if not isinstance(view, str):
+        return view
+    named = {each.name: each for each in (*scene.train, *scene.relight, *scene.test)}
+    if view not in named:
+        raise unknown("view", view, named)
+    return named[view]
+
+
+def _light(scene: Scene, light: EnvironmentMap | str) -> EnvironmentMap:
+    if not isinstance(light, str):
+        return light
+    if light not in scene.lights:
+        raise unknown("light", light, scene.lights)
+    return scene.lights[light]

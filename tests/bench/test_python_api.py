@@ -1,16 +1,22 @@
 """The Python API, by the walk of docs/python_api.md as it stands there."""
 
+import pydoc
 import re
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import torch
 
 import radiogs_bench as rb
+from bench.chain_method import Chain, ChainPrepared, ChainTrained, Turned
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench import api
 from radiogs_bench.cli import main
+from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
+from scenes import sphere_scene
 
 WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
 
@@ -46,6 +52,50 @@ def test_every_public_name_is_there_and_documented() -> None:
     for name in api.__all__:
         assert getattr(rb, name) is getattr(api, name)
         assert f"rb.{name}" in walk
+
+
+def test_completion_and_help_list_the_names() -> None:
+    assert dir(rb) == sorted(rb.__all__)
+    listed = pydoc.render_doc(rb, renderer=pydoc.plaintext)
+    assert all(name in listed for name in rb.__all__ if not name.startswith("__"))
+
+
+@pytest.fixture
+def chain_model() -> rb.Model:
+    scene = sphere_scene(views=2, size=16)
+    run = Run(scene, Turned(), Chain.presets["smoke"], 3, torch.device("cpu"))
+    return rb.Model(ChainTrained(torch.zeros(1), 1.0), run, "chain")
+
+
+def test_a_model_is_short_in_words_and_a_picture_in_a_notebook(chain_model: rb.Model) -> None:
+    assert repr(chain_model) == "Model('chain', scene 'sphere', preset 'smoke', seed 3)"
+    assert repr(chain_model.prepared()) == "PreparedModel(scene 'sphere', maps image, alpha)"
+    picture = cv2.imdecode(np.frombuffer(chain_model._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (16, 16, 3)
+    assert set(picture.flatten()) == {128}
+
+
+def test_views_and_lights_are_given_by_name_too(chain_model: rb.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = chain_model.run.scene
+    view, (name, light) = scene.test[1], next(iter(scene.lights.items()))
+    assert torch.equal(chain_model.render(view.name)["image"], chain_model.render(view)["image"])
+    with pytest.raises(UsageError, match="unknown view 'test_9'"):
+        chain_model.render("test_9")
+    with pytest.raises(UsageError, match="unknown light 'noon'"):
+        chain_model.relight("noon", view)
+    lit: list[object] = []
+
+    def prepare(self: ChainTrained, light: object = None, *further: object) -> ChainPrepared:
+        lit.append(light)
+        return ChainPrepared(0.5)
+
+    monkeypatch.setattr(ChainTrained, "prepare", prepare)
+    chain_model.relight(name, view.name)
+    ready = chain_model.prepared(light)
+    for each in scene.test:
+        ready.render(each)
+    assert lit == [light, light], "many views are rendered by one preparation"
 
 
 def test_errors_of_the_python_api_are_explained(tmp_path: Path) -> None:
