@@ -11,6 +11,7 @@
 docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
 """
 
+import json
 import math
 import tempfile
 import warnings
@@ -298,16 +299,26 @@ def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model
     return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 
-def open_store(folder: str | Path) -> pd.DataFrame:
+def open_store(folder: str | Path, settings: bool = False, by_view: bool = False) -> pd.DataFrame:
     """Every metric of every finished cell of a folder of results: a line a cell and metric.
 
-    Columns: ``row`` (of the folder's last run; None for a cell of another one), scene, method, variant fields, budget,
-    seed, device, protocol, metric, value, reason, seconds by stage, counters of work and guards, surfels, key. Raises
-    DataError where nothing was run.
+    Columns: ``row`` (of the folder's last run; None for a cell of another one), scene, method, settings (every field of
+    the variant, as JSON), budget, seed, device, protocol, surfels, seconds by stage, counters of work and guards, key,
+    metric, value, reason. ``settings``: each field of the variant has a column of its own. ``by_view``: a line for each
+    test view instead of the mean, with the column ``view``. Raises DataError where nothing was run.
     """
-    named = {cell["key"]: cell["row"] for cell in read_sweep(Path(folder))["cells"]}
-    table = pd.DataFrame(list(rows(Store(Path(folder)))))
-    table.insert(0, "row", [named.get(key) for key in table["key"]] if len(table) else [])
+    read_sweep(Path(folder))
+    lines = list(rows(Store(Path(folder)), by_view))
+    table = pd.DataFrame(lines)
+    fields = [name for name in table if name.startswith("variant.")]
+    if settings or not fields:
+        return table
+    folded = [
+        json.dumps({name.removeprefix("variant."): line[name] for name in fields if name in line}) for line in lines
+    ]
+    place = table.columns.get_loc(fields[0])
+    table = table.drop(columns=fields)
+    table.insert(place, "settings", folded)
     return table
 
 
