@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = build_parser().parse_args(given)
         options.arguments = given
-        return _run(options)
+        return execute(options)
     except KeyboardInterrupt:
         error: ExplainedError = Interrupted("stopped at once", "", "Run the same command again: it continues.")
     except BrokenPipeError:
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return exit_code(error)
 
 
-def _run(options: argparse.Namespace) -> int:
+def execute(options: argparse.Namespace) -> int:
     """Run the command, with ``--data`` as the root of data if it was given."""
     if getattr(options, "data", None) is None:
         return int(options.command(options))
