@@ -34,7 +34,8 @@ LARGEST_RECORD = 1 << 24
 
 MOST_BYTES = 1 << 38
 
-LINE = re.compile(r"(?:[0-9a-f]{64})?  [^\\0]*")
+LINE = re.compile(r"(?:(?:[0-9a-f]{64})?  )?(?:(?!  )[^\0])*")
+"""A digest, which may be empty in the first line, and a name; a name alone in records of earlier versions."""
 
 OF_THE_LAST_RUN = ("tables/*", "figures/*", "report_files/*", "contact_sheet.png")
 

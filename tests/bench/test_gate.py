@@ -143,7 +143,7 @@ def test_time_to_quality_is_a_remark_and_never_stops(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A metric that came near its final value after 5 s here, and after 4 in the baseline."""
-    monkeypatch.setattr(Store, "result", _with_trail(Store.result))
+    monkeypatch.setattr(Store, "sealed_result", _with_trail(Store.sealed_result))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "remark: fake ours seed 1: near their final values: nvs/psnr after 5.0 s\n" in capsys.readouterr().out
     assert baseline_of(Store(finished), read_sweep(finished))["cells"]["fake ours seed 1"]["settled"] == {"nvs/psnr": 5}

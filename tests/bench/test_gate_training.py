@@ -148,8 +148,8 @@ class OtherWork(Store):
         super().__init__(folder)
         self.name, self.amount = name, amount
 
-    def result(self, key: str) -> Any:
-        result: Any = super().result(key)
+    def sealed_result(self, key: str) -> Any:
+        result: Any = super().sealed_result(key)
         return {**result, "work": {**result["work"], "invert": {self.name: self.amount, "begun": 1}}}
 
 

@@ -70,9 +70,9 @@ def test_equal_rows_have_a_false_difference_in_one_column_of_twenty_at_most() ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows", range(2, 13, 2))
+@pytest.mark.parametrize("rows", [2, 7, 12])
 def test_the_share_of_false_differences_at_every_point_of_the_grid(rows: int) -> None:
-    columns = 400
+    columns = 200
     cases = list(product((2, 3, 4, 6, 8, 12), (1, 3, 5), (0.2, 1.0, 5.0)))
     shares = np.array([false_shares(rows, *case, columns=columns) for case in cases])
     assert shares.mean(axis=0).max() <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / (columns * len(cases)))
