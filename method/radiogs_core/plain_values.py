@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
 from types import UnionType
@@ -128,7 +129,7 @@ class PlainReader:
             return value
         if hint is float:
             self.expect(isinstance(value, int | float) and not isinstance(value, bool), where, value, "a number")
-            self.expect(math.isfinite(value), where, value, "a finite number")
+            self.expect(abs(value) <= sys.float_info.max, where, value, "a finite number")
             return float(value)
         self.expect(type(value) is hint, where, value, WORDS.get(hint, str(hint)))
         return value

@@ -21,7 +21,7 @@ import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory, workers
 
-from .schema import Session
+from .schema import Machine, Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")
@@ -94,17 +94,17 @@ def instructions() -> str:
     return hashlib.sha256("\n".join(kept).encode()).hexdigest()[:12]
 
 
-def machine(device: torch.device) -> dict[str, Any]:
-    """The machine card; times from different cards are not comparable."""
-    return {
-        "system": platform.platform(),
-        "cpu": cpu_name(),
-        "instructions": instructions(),
-        "cores": os.cpu_count(),
-        "memory_bytes": psutil.virtual_memory().total,
-        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
-        "threads": workers(torch.device("cpu")),
-    }
+def machine(device: torch.device) -> Machine:
+    """The machine that this process runs on."""
+    return Machine(
+        system=platform.platform(),
+        cpu=cpu_name(),
+        instructions=instructions(),
+        cores=os.cpu_count(),
+        memory_bytes=psutil.virtual_memory().total,
+        gpu=torch.cuda.get_device_name(device) if device.type == "cuda" else None,
+        threads=workers(torch.device("cpu")),
+    )
 
 
 def reset_peaks(device: torch.device) -> None:

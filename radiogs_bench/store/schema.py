@@ -46,6 +46,20 @@ class FirstStep(TypedDict):
     """Euclidean length of what the step added to each tensor; empty where the stage offers none."""
 
 
+class Machine(TypedDict):
+    """The machine that a process ran on; times from different machines are not comparable."""
+
+    system: str
+    cpu: str
+    instructions: NotRequired[str]
+    """A digest of what the processor can do; absent in results of earlier versions."""
+    cores: int | None
+    memory_bytes: int
+    gpu: str | None
+    threads: int
+    """Threads of the kernels."""
+
+
 class Session(TypedDict):
     """A process that contributed to a result; there are several if a run was interrupted and continued."""
 
@@ -55,9 +69,7 @@ class Session(TypedDict):
     """``commit`` and ``dirty`` of the harness's own repository; None where it runs from an installed package."""
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
-    machine: dict[str, Any]
-    """``system``, ``cpu``, ``instructions`` (a digest of what it can do; absent in results of earlier versions),
-    ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
+    machine: Machine
     peak_memory_bytes: dict[str, int]
     """Peaks of this process during the stage: ``host``, resident set; ``device``, CUDA allocator (with a GPU)."""
     yardstick: NotRequired[float]

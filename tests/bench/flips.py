@@ -146,7 +146,7 @@ SPOKEN = ("damaged", "not used", "gone", "are not")
 WRONG = ("silent", "unexpected", "traceback", "slow")
 
 LONGEST = 10.0
-"""Seconds of a command, above which it counts as one that hangs."""
+"""Seconds that a command may take beyond ten times those on the undamaged run; more count as hanging."""
 
 
 def damage(content: bytes, numbers: random.Random) -> tuple[str, bytes]:
@@ -192,7 +192,11 @@ def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]
     sealed again. These must not be: ``silent``, another table without that, ``traceback`` and ``slow``.
     """
     numbers, found = random.Random(seed), Counter[str]()
-    whole = {command: _ended(command, folder) for command in COMMANDS}
+    whole, usual = {}, {}
+    for command in COMMANDS:
+        begun = time.monotonic()
+        whole[command] = _ended(command, folder)
+        usual[command] = time.monotonic() - begun
     names = ["sweep.json", "trained.json", "summary.json", "reports.txt", "baseline.json"]
     names += [f"cells/{path.name}" for path in sorted((folder / "cells").glob("*.json"))]
     for number in range(count):
@@ -207,7 +211,7 @@ def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]
             code, said = _ended(command, copy)
             if "Traceback" in said:
                 outcome = "traceback"
-            elif time.monotonic() - begun > LONGEST:
+            elif time.monotonic() - begun > LONGEST + 10 * usual[command]:
                 outcome = "slow"
             elif code != 0:
                 outcome = "explained"

@@ -242,6 +242,7 @@ def test_a_model_s_fields_of_another_type_are_named(
         (("seconds", "evaluate"), None),
         (("seconds",), {"evaluate": "x"}),
         (("sessions",), []),
+        (("sessions", "evaluate"), [{"date": "", "git": None, "versions": {}, "machine": {}, "peak_memory_bytes": {}}]),
         (("trail",), None),
     ],
 )
