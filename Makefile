@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help venv browser ablations test test-slow mutants lint site gpu offline-bundle clean
+.PHONY: help venv browser ablations test test-slow gate gate-smoke gate-baselines mutants lint site gpu offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -42,6 +42,26 @@ browser: ## Chromium for the tests of report.html (Debian, as root); without it 
 test-slow: $(READY) ## the tests that take minutes; then those that compare speeds, with the machine to themselves
 	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal
 	$(BIN)/python -m pytest -m alone
+
+GATE := $(BIN)/radiogs-bench run ablations --scenes corner --rows ours --threads 2
+SMOKE := --preset smoke --seeds 8
+TINY := --preset tiny --seeds 3
+
+gate-smoke: $(READY) ## eight trainings of seconds beside the committed baseline
+	$(GATE) $(SMOKE) --workers 2 --out out/gate-smoke
+	$(BIN)/radiogs-bench gate out/gate-smoke --baseline .github/gate-smoke.json
+
+gate: gate-smoke ## short trainings beside the committed baselines: whether anything is worse, or computed otherwise
+	$(GATE) $(TINY) --workers 2 --out out/gate-tiny
+	$(BIN)/radiogs-bench gate out/gate-tiny --baseline .github/gate-tiny.json
+
+gate-baselines: $(READY) ## the baselines of `make gate` anew, after a change that is intended
+	$(GATE) $(SMOKE) --workers 2 --out out/gate-smoke
+	$(GATE) $(TINY) --workers 2 --out out/gate-tiny
+	$(GATE) $(SMOKE) --out out/rerun-smoke
+	$(GATE) $(TINY) --out out/rerun-tiny
+	$(BIN)/radiogs-bench gate out/gate-smoke --baseline .github/gate-smoke.json --update --rerun out/rerun-smoke
+	$(BIN)/radiogs-bench gate out/gate-tiny --baseline .github/gate-tiny.json --update --rerun out/rerun-tiny
 
 site: $(READY) ## the documentation as a site, in out/site
 	$(BIN)/python -m mkdocs build --strict --quiet

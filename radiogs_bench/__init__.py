@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .api import (
         Model,
+        PreparedModel,
         load_scene,
         method,
         method_names,
@@ -16,12 +17,15 @@ if TYPE_CHECKING:
         scene_names,
         train,
     )
+    from .cli.from_python import gate, run, table
 
 __version__ = version("radiogs-bench")
 
 __all__ = [
     "Model",
+    "PreparedModel",
     "__version__",
+    "gate",
     "load_scene",
     "method",
     "method_names",
@@ -29,15 +33,25 @@ __all__ = [
     "open_store",
     "protocol_names",
     "read_light",
+    "run",
     "scene_names",
+    "table",
     "train",
 ]
+
+COMMANDS = ("gate", "run", "table")
 
 
 def __getattr__(name: str) -> Any:
     """Names of the API, imported when they are first asked for: the command line answers without PyTorch."""
     if name in __all__:
         from . import api
+        from .cli import from_python
 
-        return getattr(api, name)
+        return getattr(from_python if name in COMMANDS else api, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    """The names of the API, for completion and ``help``."""
+    return sorted(__all__)

@@ -11,6 +11,7 @@
 docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
 """
 
+import json
 import math
 import tempfile
 import warnings
@@ -19,12 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+import cv2
+import numpy as np
 import pandas as pd
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Method, Run, Trained
+from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
@@ -55,6 +58,7 @@ from .store.folder import Store
 
 __all__ = [
     "Model",
+    "PreparedModel",
     "load_scene",
     "method",
     "method_names",
@@ -71,6 +75,24 @@ DEVICES = ("cpu", "cuda")
 
 
 @dataclass(frozen=True)
+class PreparedModel:
+    """A model made ready for many views, under its own light or another one; ``Model.prepared`` makes it."""
+
+    prepared: Prepared
+    """The method's own object (``radiogs_core.contract.Prepared``)."""
+    run: Run
+    """Scene, variant, budget, seed and device of the model."""
+
+    def render(self, view: View | str, *further: str) -> dict[str, Tensor]:
+        """Maps of a view's camera, as ``Model.render`` gives them."""
+        camera = _view(self.run.scene, view).camera.to(self.run.device, torch.float32)
+        return on_black(self.prepared, camera, *further)
+
+    def __repr__(self) -> str:
+        return f"PreparedModel(scene {self.run.scene.name!r}, maps {', '.join(self.prepared.offers)})"
+
+
+@dataclass(frozen=True, repr=False)
 class Model:
     """A trained model of any method, and what it was trained on."""
 
@@ -95,18 +117,45 @@ class Model:
         """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None if there is none."""
         return self.trained.light
 
-    def render(self, view: View, *further: str) -> dict[str, Tensor]:
+    def __repr__(self) -> str:
+        run = self.run
+        return f"Model({self.method!r}, scene {run.scene.name!r}, preset {run.budget.name!r}, seed {run.seed})"
+
+    def _repr_png_(self) -> bytes:
+        """The first test view, which a notebook shows where the model is a cell's last value."""
+        image = self.render(self.run.scene.test[0])["image"].numpy()
+        levels = np.rint(image.clip(0, 1) * 255).astype(np.uint8)
+        return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
+
+    def prepared(
+        self, light: EnvironmentMap | str | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+    ) -> PreparedModel:
+        """The model made ready once for many views: under its own light, or under another one, also by its name.
+
+        ``albedo_scale``: a factor of albedo by channel. Raises NotOffered where the method cannot be relit, UsageError
+        for a light that the scene does not have.
+        """
+        if light is None:
+            return PreparedModel(self.trained.prepare(), self.run)
+        return PreparedModel(self.trained.prepare(_light(self.run.scene, light), albedo_scale), self.run)
+
+    def render(self, view: View | str, *further: str) -> dict[str, Tensor]:
         """Maps of a view's camera, [height, width, channels], on black and on the CPU.
 
-        ``image`` is display sRGB in [0, 1]; what else there is depends on the method (``contract.Prepared.offers``).
+        ``view``: a view of any scene, or the name of one of this scene. ``image`` is display sRGB in [0, 1]; what else
+        there is depends on the method (``contract.Prepared.offers``). Raises UsageError for an unknown name.
         """
-        return _maps(self.trained.prepare(), view, self.run.device, further)
+        return self.prepared().render(view, *further)
 
     def relight(
-        self, light: EnvironmentMap, view: View, albedo_scale: Float[Tensor, "3"] | None = None
+        self, light: EnvironmentMap | str, view: View | str, albedo_scale: Float[Tensor, "3"] | None = None
     ) -> dict[str, Tensor]:
-        """Maps of a view's camera under another light. Raises NotOffered where the method cannot be relit."""
-        return _maps(self.trained.prepare(light, albedo_scale), view, self.run.device, ())
+        """Maps of a view's camera under another light; both also by their names in the scene.
+
+        Raises NotOffered where the method cannot be relit, UsageError for an unknown name. For many views under one
+        light: ``prepared``.
+        """
+        return self.prepared(light, albedo_scale).render(view)
 
     def score(self, protocol: str = "default") -> pd.DataFrame:
         """Metrics of the scene's test views and relightings: a line a metric (``task/measure``).
@@ -250,18 +299,41 @@ def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model
     return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 
-def open_store(folder: str | Path) -> pd.DataFrame:
+def open_store(folder: str | Path, settings: bool = False, by_view: bool = False) -> pd.DataFrame:
     """Every metric of every finished cell of a folder of results: a line a cell and metric.
 
-    Columns: ``row`` (of the folder's last run; None for a cell of another one), scene, method, variant fields, budget,
-    seed, device, protocol, metric, value, reason, seconds by stage, counters of work and guards, surfels, key. Raises
-    DataError where nothing was run.
+    Columns: ``row`` (of the folder's last run; None for a cell of another one), scene, method, settings (every field of
+    the variant, as JSON), budget, seed, device, protocol, surfels, seconds by stage, counters of work and guards, key,
+    metric, value, reason. ``settings``: each field of the variant has a column of its own. ``by_view``: a line for each
+    test view instead of the mean, with the column ``view``. Raises DataError where nothing was run.
     """
-    named = {cell["key"]: cell["row"] for cell in read_sweep(Path(folder))["cells"]}
-    table = pd.DataFrame(list(rows(Store(Path(folder)))))
-    table.insert(0, "row", [named.get(key) for key in table["key"]] if len(table) else [])
+    read_sweep(Path(folder))
+    lines = list(rows(Store(Path(folder)), by_view))
+    table = pd.DataFrame(lines)
+    fields = [name for name in table if name.startswith("variant.")]
+    if settings or not fields:
+        return table
+    folded = [
+        json.dumps({name.removeprefix("variant."): line[name] for name in fields if name in line}) for line in lines
+    ]
+    place = table.columns.get_loc(fields[0])
+    table = table.drop(columns=fields)
+    table.insert(place, "settings", folded)
     return table
 
 
-def _maps(prepared: Any, view: View, device: torch.device, further: tuple[str, ...]) -> dict[str, Tensor]:
-    return on_black(prepared, view.camera.to(device, torch.float32), *further)
+def _view(scene: Scene, view: View | str) -> View:
+    if not isinstance(view, str):
+        return view
+    named = {each.name: each for each in (*scene.train, *scene.relight, *scene.test)}
+    if view not in named:
+        raise unknown("view", view, named)
+    return named[view]
+
+
+def _light(scene: Scene, light: EnvironmentMap | str) -> EnvironmentMap:
+    if not isinstance(light, str):
+        return light
+    if light not in scene.lights:
+        raise unknown("light", light, scene.lights)
+    return scene.lights[light]

@@ -32,6 +32,14 @@ class NotFetched(ExplainedError):
     """Files of a data set could not be fetched; the message says what to fetch by hand, and where to put it."""
 
 
+class Unforeseen(MethodFailed):
+    """A cell ended with an error that nobody foresaw; the others went on."""
+
+
+class StoppedAtOnce(KeyboardInterrupt):
+    """The user asked twice to stop. A method's own KeyboardInterrupt is none."""
+
+
 class Interrupted(ExplainedError):
     """The user requested a stop; everything finished so far is on disk."""
 
@@ -49,6 +57,7 @@ EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (DataError, 3),
     (StoreError, UNEXPECTED),
     (Killed, UNEXPECTED),
+    (Unforeseen, UNEXPECTED),
     (UsageError, 2),
     (ExplainedError, 1),
 )
@@ -69,5 +78,16 @@ def worst_exit_code(errors: Iterable[ExplainedError]) -> int:
 def explain(error: ExplainedError) -> str:
     """The error message: what happened, why, and what to do next, each on lines of its own."""
     what = error.what if isinstance(error, Interrupted) else f"error: {error.what}"
-    parts = [part for part in (what, error.why, error.remedy) if part]
+    parts = [visible(part) for part in (what, error.why, error.remedy) if part]
     return "\n".join([*parts, f"(exit code {exit_code(error)})"])
+
+
+def visible(text: str) -> str:
+    """The text with every character that commands a terminal or turns its direction written out; lines stay lines.
+
+    >>> visible("a\x1b[2J")
+    'a\\x1b[2J'
+    """
+    return "".join(
+        each if each in "\n\t" or each.isprintable() else each.encode("unicode_escape").decode() for each in text
+    )

@@ -5,6 +5,7 @@ was asked of it and what came of that.
 """
 
 import math
+import signal
 import traceback
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
@@ -17,7 +18,8 @@ from torch import Tensor
 
 from radiogs_core.errors import ExplainedError
 
-from .errors import MethodFailed
+from .errors import MethodFailed, StoppedAtOnce
+from .process_state import set_apart
 
 FRAMES = 2
 """Traceback frames that are shown: the raising one and its caller."""
@@ -29,7 +31,7 @@ BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
 """Types beside tensors that PyTorch reads back from a file without running code from it."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Call:
     """The context of a call into a method; see ``calling``."""
 
@@ -37,14 +39,18 @@ class Call:
     what: str
 
     def __enter__(self) -> None:
-        """Nothing is prepared."""
+        """Put the method's own state of the process in the place of the harness's."""
+        self._apart = set_apart(self.method, self.what)
+        self._apart.__enter__()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if isinstance(error, ExplainedError) or not isinstance(error, (Exception, SystemExit)):
+        passes = error is None or isinstance(error, ExplainedError) or stops_at_once(error)  # by the method's handlers
+        self._apart.__exit__(None, None, None)
+        if error is None or passes:
             return
-        first = f"{error}".splitlines()[:1]
+        first = _words_of(error).splitlines()[:1]
         inside = traceback.extract_tb(trace)[1:]  # behind the frame that called the method
         told = [*traceback.format_list(inside[-FRAMES:]), *traceback.format_exception_only(error)]
         raise MethodFailed(
@@ -57,9 +63,26 @@ class Call:
 def calling(method: str, what: str) -> Call:
     """A call into a method, such as ``step() of stage 'fit'``: what it raises becomes MethodFailed.
 
-    Errors that explain themselves pass. ``SystemExit`` does not: a method that gives up ends its own cell.
+    Errors that explain themselves pass, and so does the user's Ctrl-C. ``SystemExit`` and other exceptions that are no
+    ``Exception`` do not: a method that gives up ends its own cell. Changes of the process's state hold
+    for its own calls (``process_state``).
     """
     return Call(method, what)
+
+
+def stops_at_once(error: BaseException) -> bool:
+    """Whether an exception is the user's stop: that of a second Ctrl-C in a run, or of Python's own handler."""
+    if isinstance(error, StoppedAtOnce):
+        return True
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def _words_of(error: BaseException) -> str:
+    """The text of an exception, whoever wrote it: to make it may raise as well."""
+    try:
+        return str(error)
+    except Exception as wrong:  # noqa: BLE001  anything may come from a stranger's __str__
+        return f"(its text raises {type(wrong).__name__})"
 
 
 def refused(method: str, what: str, why: str) -> MethodFailed:
@@ -101,7 +124,7 @@ def losses_of(method: str, given: Any, stage: str) -> dict[str, float]:
     for name, value in given.items():
         try:
             losses[str(name)] = float(value.detach() if isinstance(value, Tensor) else value)
-        except (TypeError, ValueError, RuntimeError) as error:
+        except (TypeError, ValueError, OverflowError, RuntimeError) as error:
             raise refused(
                 method,
                 f"loss '{name}' of stage '{stage}' is a {type(value).__name__}",
@@ -117,7 +140,10 @@ def not_finite(losses: Mapping[str, float]) -> list[str]:
 
 def require_storable(method: str, content: Mapping[str, Any], source: str, stage: str) -> None:
     """Raise MethodFailed for what could be written and not be read again, by its place in ``source``."""
-    found = _unstorable(content, "")
+    try:
+        found = _unstorable(content, "")
+    except RecursionError:
+        found = ("", "structure that holds itself, or is nested too deep")
     if found is not None:
         where, kind = found
         raise refused(

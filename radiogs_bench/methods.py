@@ -18,12 +18,16 @@ from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
 
 from .installed_methods import method_names, offered_methods, origin, recipes, substitutes
-from .method_calls import calling, lacking
+from .method_calls import calling, lacking, stops_at_once
+from .process_state import ours, set_apart
 
 DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""
 
 SUFFIX = ".toml"
+
+OURS = "radiogs-bench"
+"""The distribution whose methods leave the process's state alone."""
 
 
 def method(name: str) -> Method:
@@ -249,9 +253,14 @@ def describe(of: Method) -> dict[str, Any]:
 
 @cache
 def _loaded(point: EntryPoint) -> Method:
+    if point.dist is not None and point.dist.name == OURS:
+        ours.add(point.name)
     try:
-        loaded = point.load()
-    except Exception as error:  # whatever is wrong with a package is told with its name
+        with set_apart(point.name, "its import", loading=True):
+            loaded = point.load()
+    except BaseException as error:  # whatever is wrong with a package is told with its name
+        if stops_at_once(error):
+            raise
         places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith("<frozen")]
         raise UsageError(
             f"the method '{point.name}' cannot be loaded",

@@ -11,6 +11,7 @@ import math
 import os
 import re
 import stat
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,18 @@ FILE_LIMIT = "RADIOGS_BENCH_LARGEST_FILE"
 IMAGE_LIMIT = "RADIOGS_BENCH_LARGEST_IMAGE"
 TABLE_LIMIT = "RADIOGS_BENCH_LARGEST_TABLE"
 
-LIMITS = {FILE_LIMIT: 1 << 32, IMAGE_LIMIT: 1 << 26, TABLE_LIMIT: 1 << 28}
+TOML_LIMIT = "RADIOGS_BENCH_LARGEST_TOML"
+
+LIMITS = {FILE_LIMIT: 1 << 32, IMAGE_LIMIT: 1 << 26, TABLE_LIMIT: 1 << 28, TOML_LIMIT: 1 << 20}
 """Defaults by environment variable: bytes of a file (4 GiB), pixels of an image (8192 x 8192, which take about 3 GiB
-while they are read), and bytes of a JSON file (256 MiB: a million frames)."""
+while they are read), bytes of a JSON file (256 MiB: a million frames), and bytes of a TOML file (1 MiB)."""
+
+DEEPEST_KEY = 32
+"""Parts of a dotted key in TOML; a suite's have four."""
+
+LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST_KEY}}}(?=[\w"'-])"""
+)
 
 DEEPEST_JSON = 64
 """Objects and lists within one another; transforms files have four."""
@@ -132,6 +142,18 @@ def read_json(path: Path) -> Any:
             f"{printable(path)} is not valid JSON: {error!s:.200}", "", "Copy the file again, or correct it."
         ) from error
     return value
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The content of a TOML file that people write. Raises DataError where it cannot be read or is too large.
+
+    Raises ValueError for what is no TOML, and for a key of more than DEEPEST_KEY parts: the reader takes memory for
+    every part of a key and all before it.
+    """
+    text = read_bytes(path, TOML_LIMIT).decode()
+    if LONG_KEY.search(text):
+        raise ValueError(f"a key has more than {DEEPEST_KEY} parts")
+    return tomllib.loads(text)
 
 
 def _require_shallow(text: str) -> None:

@@ -17,7 +17,7 @@ from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
 from .reduction import resized
 from .same_bytes import SameBytes
-from .soundness import few_views_or_pixels, require_names, require_placed
+from .soundness import few_views_or_pixels, require_names, require_placed, require_shaped
 
 FORWARD = Path(__file__).parent / "forward"
 """A few larger views of some miniatures: for comparing images, too few to learn from."""
@@ -166,6 +166,7 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
             scene = load(folder)
     scene = files.held(scene)
     require_names(scene)
+    require_shaped(scene)
     require_placed(scene)
     surfaces = surfaces_of_scene(folder, scene)
     known_by = () if surfaces is None else (surfaces_of_scene.__module__,)

@@ -35,6 +35,9 @@ FLOAT32_STEP = 2.0**-23
 PIXEL_SHARE = 0.25
 """Share of a pixel, where cameras look, by which rounding a camera's place to float32 may move what it sees."""
 
+MOST_OBLONG = 16
+"""Times the shorter side of an image that the longer one may have."""
+
 SHOWN = 3
 
 
@@ -87,6 +90,18 @@ def _rounding(view: View, centre: torch.Tensor) -> float:
     step = 0.5 * FLOAT32_STEP * float(camera.centre.abs().max())
     distance = float((camera.centre.double() - centre).norm())
     return max(camera.fx, camera.fy) * step / distance if distance > 0 and math.isfinite(distance) else 0.0
+
+
+def require_shaped(scene: Scene) -> None:
+    """Raise DataError for images so oblong that nothing of them is left at the size at which views are matched."""
+    for view in (*scene.train, *scene.test):
+        sides = sorted((view.camera.width, view.camera.height))
+        if sides[1] > MOST_OBLONG * sides[0]:
+            raise DataError(
+                f"view '{view.name}' of scene '{scene.name}' has {view.camera.width} x {view.camera.height} pixels",
+                f"A side is up to {MOST_OBLONG} times as long as the other: views are matched at a reduced size.",
+                "Cut the images, or take such views out of the scene.",
+            )
 
 
 def require_names(scene: Scene) -> None:

@@ -14,6 +14,9 @@ from .image_files import read_image
 NO_DIRECTION = 3**0.5 / 255 * 1.001
 """Length of a zero normal as 8 bits store it: each of its coordinates is half a level too low or too high."""
 
+FARTHEST = 1000.0
+"""Times the median depth of what is covered, beyond which a depth is the background's."""
+
 SOLID = 0.5
 MOST_WITHOUT = 0.01
 """Coverage from which on a pixel has a normal, and the share of such pixels that may be without one: soft edges."""
@@ -54,6 +57,27 @@ def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
             "Export the normals again as n / 2 + 1 / 2, or remove the map from all views.",
         )
     return torch.where((alpha > 0) & ~none, torch.nn.functional.normalize(stored, dim=-1), 0.0)
+
+
+def read_depth(path: Path, image: Path) -> Float[Tensor, "height width 1"]:
+    """Z-depth in world units; zero where ``image`` has no coverage, and at partly covered pixels of background depth.
+
+    Renderers write a distance such as 1e10 where nothing is, and at the edge of what is there a mixture with it. Raises
+    DataError where a fully covered pixel has such a distance, or one below zero: it would be the error of the view.
+    """
+    depth, alpha = read_value(path), read_alpha(image)
+    solid = alpha == 1
+    inside = depth[solid] if bool(solid.any()) else depth[alpha > 0]
+    far = FARTHEST * float(inside.median())
+    wrong = solid & ((depth < 0) | (depth > far))
+    if bool(wrong.any()) or far <= 0:
+        raise DataError(
+            f"{path} is no depth of its view: {int(wrong.sum())} covered pixels are from"
+            f" {float(inside.min()):g} to {float(inside.max()):g} away, half of them less than {far / FARTHEST:g}",
+            "Depth is the distance along the camera's axis, in world units, wherever something is seen.",
+            "Export the depth again, or remove the map from all views.",
+        )
+    return torch.where((alpha > 0) & (depth >= 0) & (depth <= far), depth, 0.0)
 
 
 def read_displayed(path: Path, image: Path) -> Float[Tensor, "height width 3"]:

@@ -75,7 +75,8 @@ class Stage(Protocol):
     """A resumable optimisation: steps after ``restore`` give the same results as steps without an interruption.
 
     A stage that waits for another process may return from ``step`` with an unchanged ``iteration``, at least twice a
-    second, so that the harness can stop it. A stage with resources besides memory may be ``capabilities.Closing``.
+    second, so that the harness can stop it, and not at once: its cell ends where it does so many times in a row. A
+    stage with resources besides memory may be ``capabilities.Closing``.
     """
 
     iteration: int

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
 from types import UnionType
@@ -128,7 +129,7 @@ class PlainReader:
             return value
         if hint is float:
             self.expect(isinstance(value, int | float) and not isinstance(value, bool), where, value, "a number")
-            self.expect(math.isfinite(value), where, value, "a finite number")
+            self.expect(abs(value) <= sys.float_info.max, where, value, "a finite number")
             return float(value)
         self.expect(type(value) is hint, where, value, WORDS.get(hint, str(hint)))
         return value
@@ -201,8 +202,15 @@ def require(settings: Any, wanted: str, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         for each in value if isinstance(value, tuple) else (value,):
-            if each is not None and not (math.isfinite(each) and RANGES[wanted](each)):
+            if each is not None and not (_is_finite(each) and RANGES[wanted](each)):
                 raise UsageError(f"{name}: {each} is not {wanted}")
+
+
+def _is_finite(number: Any) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # a whole number beyond float64
+        return False
 
 
 def to_plain(value: Any) -> dict[str, Any]:

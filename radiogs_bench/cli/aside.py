@@ -3,10 +3,13 @@
 import hashlib
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from radiogs_core.errors import DataError
-from radiogs_reports.record import RECORD, recorded
+from radiogs_reports.files import Unusable
+from radiogs_reports.record import BEGUN, RECORD, recorded
 from radiogs_reports.summary import PLAIN
 
 from ..runs.sweep import Sweep, read_sweep
@@ -39,7 +42,8 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
         last = read_sweep(store.folder)
     except DataError:
         return None
-    reports = [*recorded(store.folder), RECORD, "summary.json"]
+    with damage_explained():
+        reports = [*recorded(store.folder), RECORD, BEGUN, "summary.json"]
     found = [name for name in reports if _is_own_file(store.folder, name)]
     if all(last[name] == coming[name] for name in SAME_RUN) or not found:  # type: ignore[literal-required]
         return None
@@ -48,6 +52,15 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
         (kept / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(store.folder / name, kept / name)
     return kept
+
+
+@contextmanager
+def damage_explained() -> Iterator[None]:
+    """Turn the reports' refusal of a file in the run's folder into a DataError."""
+    try:
+        yield
+    except Unusable as refusal:
+        raise DataError(str(refusal), "Results are not touched by this.") from refusal
 
 
 def name_of(run: Sweep) -> str:

@@ -39,9 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger().setLevel(logging.WARNING)
     logging.getLogger("radiogs_bench").setLevel(logging.DEBUG if verbose else logging.WARNING)
     try:
+        if not given:
+            build_parser().print_help()
+            return 0
         options = build_parser().parse_args(given)
         options.arguments = given
-        return _run(options)
+        return execute(options)
     except KeyboardInterrupt:
         error: ExplainedError = Interrupted("stopped at once", "", "Run the same command again: it continues.")
     except BrokenPipeError:
@@ -63,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return exit_code(error)
 
 
-def _run(options: argparse.Namespace) -> int:
+def execute(options: argparse.Namespace) -> int:
     """Run the command, with ``--data`` as the root of data if it was given."""
     if getattr(options, "data", None) is None:
         return int(options.command(options))
@@ -123,11 +126,13 @@ def completion(options: argparse.Namespace) -> int:
 
     parser = build_parser()
     words, or_paths = _words(), _words_or_paths()
-    for action in _every_action(parser):
-        if action.dest in words and action.choices is None:
-            action.choices = words[action.dest]
-        elif action.dest in or_paths:
-            action.complete = {shell: _function(action.dest) for shell in SHELLS} | {"fish": shtab.FILE["fish"]}
+    for command, action in _every_action(parser):
+        name = f"{command} {action.dest}"
+        if action.choices is None and (found := words.get(name, words.get(action.dest))):
+            action.choices = found
+        elif action.dest in or_paths or name in or_paths:
+            complete = _function(name if name in or_paths else action.dest)
+            action.complete = dict.fromkeys(SHELLS, complete) | {"fish": shtab.FILE["fish"]}
         elif action.type is Path:
             action.complete = shtab.FILE
     functions = "\n".join(_DEFINED[options.shell](_function(name), found) for name, found in or_paths.items())
@@ -136,41 +141,52 @@ def completion(options: argparse.Namespace) -> int:
 
 
 def _words() -> dict[str, list[str]]:
-    """The values of options that take one of some names, by option."""
+    """The values of options that take one of some names, by option, or by command and option."""
+    from radiogs_baselines.outputs.codes import CODES
+
+    from ..fetching.catalogue import DATA_SETS
     from ..scoring.metrics.protocols import PROTOCOLS
 
-    return {"protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"]}
+    return {
+        "protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"], "score code": list(CODES),
+        "datasets fetch names": list(DATA_SETS),
+    }  # fmt: skip
 
 
 def _words_or_paths() -> dict[str, list[str]]:
-    """The known names for options that also take a path, by option."""
+    """The known names for options that also take a path or a list, by option, or by command and option."""
     from radiogs_datasets import known_names
 
     from ..installed_methods import method_names
     from ..suites.registry import SUITES
 
-    scenes = list(known_names())
-    return {"suite": list(SUITES), "scene": scenes, "scenes": scenes, "method": list(method_names())}
+    scenes, methods = list(known_names()), list(method_names())
+    return {"suite": list(SUITES), "scene": scenes, "scenes": scenes, "method": methods, "methods name": methods}
 
 
 def _function(name: str) -> str:
     """The shell function that completes a name or a path."""
-    return f"_radiogs_bench_{name}"
+    return f"_radiogs_bench_{name.replace(' ', '_')}"
 
 
 _DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
-    "bash": lambda name, words: f'{name}() {{ compgen -W \'{" ".join(words)}\' -- "$1"; compgen -f -- "$1"; }}',
-    "zsh": lambda name, words: f"{name}() {{ _alternative 'names:name:({' '.join(words)})' 'files:file:_files' }}",
+    "bash": lambda name, words: (
+        f'{name}() {{ local before=""; [[ $1 == *,* ]] && before="${{1%,*}},";'
+        f' compgen -P "$before" -W \'{" ".join(words)}\' -- "${{1##*,}}"; compgen -f -- "$1"; }}'
+    ),
+    "zsh": lambda name, words: (
+        f"{name}() {{ _alternative 'names:name:_sequence compadd - {' '.join(words)}' 'files:file:_files' }}"
+    ),
     "fish": lambda name, words: "",
 }
-"""Definition of such a function, by shell."""
+"""Definition of such a function, by shell. A name may follow others and a comma."""
 
 
-def _every_action(parser: ExplainingParser) -> Iterator[Any]:
-    """All arguments of the parser and of the commands below it."""
+def _every_action(parser: ExplainingParser) -> Iterator[tuple[str, Any]]:
+    """All arguments of the parser and of the commands below it, each with its command."""
     for action in parser.arguments:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 yield from _every_action(below)
         else:
-            yield action
+            yield parser.prog.partition(" ")[2], action

@@ -43,8 +43,9 @@ def add_to(commands: "Commands") -> None:
     training.set_defaults(command=train)
     training.add_argument("scene", metavar="SCENE", help="Train on this scene, by name or folder.")
     training.add_argument(
-        "--out", required=True, type=Path, metavar="DIR", help="Make this folder, or continue the training in it."
-    )
+        "--out", type=Path, metavar="DIR",
+        help="Make this folder, or continue the training in it (default: out/ and the scene's name).",
+    )  # fmt: skip
     training.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
     training.add_argument("--seed", type=int, default=0, help="Seed all random numbers with this (default: 0).")
     training.add_argument(
@@ -113,8 +114,9 @@ def train(options: argparse.Namespace) -> int:
 
     chosen_device(options)  # also sets the number of threads
     variant, budget = fields_from(options)
+    folder = options.out or Path("out") / Path(options.scene).name
     model = api.train(
-        options.method, options.scene, options.preset, variant, options.seed, options.device, options.out,
+        options.method, options.scene, options.preset, variant, options.seed, options.device, folder,
         budget=budget, recipe=options.recipe or "", scene_options=scene_options(options), replace=options.force,
         say=say,
     )  # fmt: skip
@@ -124,10 +126,10 @@ def train(options: argparse.Namespace) -> int:
     for remark in model.facts.get("remarks", ()):
         say(remark)
     if options.score:
-        _score(model, options.out, options.out / "score.json")
+        _score(model, folder, folder / "score.json")
         written.append("score.json")
-    say(f"{options.out}: {', '.join(written)}")
-    say(f"Look at it:  radiogs-bench view {options.out}")
+    say(f"{folder}: {', '.join(written)}")
+    say(f"Look at it:  radiogs-bench {'view' if size else 'render'} {folder}")
     return 0
 
 

@@ -54,7 +54,7 @@ def add_to(commands: "Commands") -> None:
     )  # fmt: skip
     parser.set_defaults(command=run)
     parser.add_argument("suite", nargs="?", metavar="SUITE", help="Name a suite (see --list), or a TOML file.")
-    parser.add_argument("--list", action="store_true", help="List all suites, or the named one; run nothing.")
+    parser.add_argument("--list", action="store_true", help="List the suites, or describe the named one; run nothing.")
     parser.add_argument(
         "--scenes", type=names, metavar="A,B", help="Run on these scenes, by name or folder (default: the suite's)."
     )
@@ -153,10 +153,14 @@ def _list(options: argparse.Namespace) -> int:
 
         for each in suites:
             emit_suite(each)
+    elif options.suite:
+        for line in describe(suites[0]):
+            say(line)
     else:
+        width = max(len(each.name) for each in suites)
         for each in suites:
-            for line in describe(each):
-                say(line)
+            say(f"{each.name:{width}}  {each.title}")
+        say("Rows, columns and scenes of one:  radiogs-bench run SUITE --list")
     return 0
 
 
@@ -269,6 +273,7 @@ def run_and_report(
     from .events import EventProgress, emit
     from .growing import growing
 
+    store.remove_leavings()
     manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]

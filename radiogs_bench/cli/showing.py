@@ -34,7 +34,7 @@ from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
-from .aside import say_aside
+from .aside import damage_explained, say_aside
 from .events import emit
 from .reporter import console, say, show
 
@@ -112,7 +112,7 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
         summary["longer_runs"] = longer
     with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_sealed(store.folder / "summary.json", summary)
-        with explained(store.folder):
+        with explained(store.folder), damage_explained():
             told = partial(progress.advance, "figures, tables, page")
             written = write_reports(store.folder, shown.alone, told, shown.pictures)
     return summary, [store.folder / "summary.json", *written]

@@ -76,7 +76,7 @@ def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
         standing = standing_of(store, sweep)
         sys.stdout.write(json.dumps(as_plain_values(standing, sweep), allow_nan=False) + "\n")
         sys.stdout.flush()
-        if every is None or _ended(standing):
+        if every is None or standing.ended:
             return
         time.sleep(every)
 
@@ -92,19 +92,12 @@ def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
     with Live(console=out, auto_refresh=False, vertical_overflow="visible") as screen:
         while True:
             standing = standing_of(store, sweep)
-            ended = _ended(standing)
+            ended = standing.ended
             if out.is_terminal or ended:  # a file gets the end alone
                 screen.update(_picture(standing, store, sweep, out.width), refresh=True)
             if ended:
                 return
             time.sleep(every)
-
-
-def _ended(standing: "Standing") -> bool:
-    """Whether every cell has finished or failed."""
-    from ..runs.sweep import FINISHED
-
-    return all(cell.state == FINISHED or cell.state.startswith("failed") for cell in standing.cells)
 
 
 def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
@@ -137,6 +130,8 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
         row = [label(cell.ref), *([cell.ref["key"]] if keys else []), _state(cell)]
         table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
+    if any(cell.left for cell in standing.cells) and standing.ended:
+        lines.append("nothing runs: what did was killed; the same command continues it")
     if standing.seconds_left is not None:
         lines.append(f"about {time_left(standing.seconds_left)} left, as cells took that have finished")
     mine = {ref["key"] for ref in sweep["cells"]}
@@ -144,7 +139,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
     if others:
         lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")
     page = store.folder / "report.html"
-    if _ended(standing) and page.exists():
+    if standing.ended and page.exists():
         lines.append(f"open {page}")
     return Group(table, *map(Text, lines))
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 
 from ..errors import exit_code
 from .options import add_verbose, declare, names, positive
@@ -95,34 +95,82 @@ def add_gate(commands: "Commands") -> None:
         "gate out/gate --baseline baselines/gate.json",
     )  # fmt: skip
     parser.set_defaults(command=gate)
-    parser.add_argument("out", type=Path, metavar="OUT", help="Compare the run in OUT.")
+    parser.add_argument("out", type=Path, nargs="?", metavar="OUT", help="Compare the run in OUT.")
     parser.add_argument(
         "--baseline", type=Path, required=True, metavar="FILE", help="Compare with the baseline in FILE."
     )
     parser.add_argument("--update", action="store_true", help="Make the run the new baseline.")
+    parser.add_argument(
+        "--rerun", type=Path, action="append", default=[], metavar="OTHER",
+        help="With --update, measure how far a rerun differs: OTHER has the same run with another --threads. This"
+        " option may be repeated.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--power", action="store_true",
+        help="Say which loss of each metric a gate with this baseline finds with 80 %% probability; compare nothing.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--accept-changes", action="store_true",
+        help="Let a run pass whose training computes something else, as long as nothing is worse.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--slow-fails", action="store_true",
+        help="Let a training fail that takes 1.3 times the baseline's time on its machine.",
+    )  # fmt: skip
     add_verbose(parser)
 
 
 def gate(options: argparse.Namespace) -> int:
     """Print every change from the baseline; the exit code is 1 if any is a regression."""
     from ..results.baseline import baseline_of, read_baseline
-    from ..results.gate import compare
+    from ..results.gate import compare, power_lines
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
     from ..store.seal import write_sealed
     from .aside import say_aside
     from .reporter import say
 
+    _require_gate_options(options)
+    if options.power:
+        for line in power_lines(read_baseline(options.baseline)):
+            say(line)
+        return 0
     store, sweep = Store(options.out), read_sweep(options.out)
     if options.update:
-        write_sealed(options.baseline, baseline_of(store, sweep))
-        say(f"{options.baseline}: {len(sweep['cells'])} cells")
+        reruns = [(Store(folder), read_sweep(folder)) for folder in options.rerun]
+        made = baseline_of(store, sweep, reruns)
+        write_sealed(options.baseline, made)
+        known = "" if reruns else "; without --rerun it does not know how far a rerun differs"
+        say(f"{options.baseline}: {len(made['cells'])} cells{known}")
         return 0
-    changes = compare(store, sweep, read_baseline(options.baseline))
+    changes = compare(store, sweep, read_baseline(options.baseline), options.slow_fails)
     for each in changes:
         say(f"{each.severity}: {each.cell}: {each.what}")
     say_aside(store)
-    regressions = sum(each.severity == "regression" for each in changes)
-    cells = len(sweep["cells"])
-    say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as in the baseline"))
-    return REGRESSION if regressions else 0
+    regressions, changed = (sum(each.severity == kind for each in changes) for kind in ("regression", "changed"))
+    say(f"{len(sweep['cells'])} cells: {_ended(regressions, changed, options.accept_changes)}")
+    return REGRESSION if regressions or (changed and not options.accept_changes) else 0
+
+
+def _require_gate_options(options: argparse.Namespace) -> None:
+    if options.out is None and not options.power:
+        raise UsageError("no run was named", "", "Name its folder:  radiogs-bench gate OUT --baseline FILE")
+    if options.rerun and not options.update:
+        raise UsageError(
+            "--rerun is for making a baseline",
+            "A baseline keeps how far a rerun differs; a comparison reads it from there.",
+            "Add --update, or leave --rerun out.",
+        )
+
+
+def _ended(regressions: int, changed: int, accepted: bool) -> str:
+    """How the comparison ended, in words."""
+    if not regressions and not changed:
+        return "no worse than the baseline, and computed alike"
+    said = [f"{regressions} regressions"] * bool(regressions)
+    if changed:
+        said.append(f"{changed} changes of what is computed" + (", accepted" if accepted else ""))
+    ended = " and ".join(said)
+    if accepted or not changed:
+        return ended
+    return f"{ended}. If they are intended, make the baseline again with --update, or pass --accept-changes"

@@ -12,21 +12,30 @@ from radiogs_core.plain_values import flat
 from radiogs_reports.write.records import csv_of
 
 from ..extras import extra_library
+from ..runs.sweep import has_sweep, read_sweep
 from ..store.atomic import write_atomically
 from ..store.folder import Store
 from ..store.schema import Result
 
 
-def rows(store: Store) -> Iterator[dict[str, Any]]:
-    """Every metric of every finished cell, with the cell's settings and costs.
+def rows(store: Store, by_view: bool = False) -> Iterator[dict[str, Any]]:
+    """Every metric of every finished cell, with the cell's settings and costs; with ``by_view``, every view's value.
 
-    Columns: scene, method, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage;
-    counters of work and of guards, summed over stages; surfels; key.
+    Columns: row (of the folder's last run; None for a cell of another one), scene, method, variant fields, budget,
+    seed, device, protocol; surfels; seconds by stage; counters of work and of guards, summed over stages; key; metric,
+    value, reason. With ``by_view``: view instead of reason, and no line where a view has no value. Raises DataError for
+    a damaged manifest.
     """
+    named = {ref["key"]: ref["row"] for ref in read_sweep(store.folder)["cells"]} if has_sweep(store.folder) else {}
     for result in store.results():
-        common = _of_cell(result)
+        common = {"row": named.get(result["key"]), **_of_cell(result)}
         for metric, each in sorted(result["metrics"].items()):
-            yield {**common, "metric": metric, "value": each["value"], "reason": each["reason"]}
+            if not by_view:
+                yield {**common, "metric": metric, "value": each["value"], "reason": each["reason"]}
+                continue
+            for view, value in zip(result["views"], each["views"], strict=True):
+                if value is not None:
+                    yield {**common, "metric": metric, "view": view, "value": value}
 
 
 def export(store: Store, path: Path, form: str) -> int:

@@ -9,6 +9,7 @@ from radiogs_core.errors import DataError
 
 from ..errors import NotFetched
 from ..store.atomic import explained, write_atomically
+from ..store.opening import LARGEST_TEXT, opened
 from .catalogue import DataSet, Piece
 from .download import DownloadFailed, download, forget, sha256_of
 from .unpack import unpack
@@ -103,12 +104,15 @@ def _install(piece: Piece, folder: Path, placed: bool) -> str:
 
 def _record(folder: Path) -> dict[str, Any]:
     try:
-        found = json.loads((folder / RECORD).read_bytes())
+        with opened(folder / RECORD, LARGEST_TEXT) as file:
+            found = json.loads(file.read())
     except FileNotFoundError:
         return {}
-    except ValueError as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{folder / RECORD} is damaged: {error}", "", "Remove it to fetch everything anew.") from error
-    return dict(found)
+    if not isinstance(found, dict):
+        raise DataError(f"{folder / RECORD} is damaged: no table", "", "Remove it to fetch everything anew.")
+    return found
 
 
 def _text(record: dict[str, Any]) -> bytes:

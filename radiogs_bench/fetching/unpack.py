@@ -1,7 +1,9 @@
 """Unpacks archives of strangers: only files and folders come out, all within one folder, and sizes are bounded."""
 
+import lzma
 import shutil
 import stat
+import struct
 import tarfile
 import zipfile
 import zlib
@@ -26,7 +28,15 @@ CHUNK = 1 << 20
 CLUTTER = ("__MACOSX", ".DS_Store")
 """Files that macOS adds to archives; they are left out."""
 
-DAMAGED = (tarfile.TarError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
+DAMAGED = (
+    tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError,
+    OSError, ValueError, OverflowError, MemoryError, struct.error, AssertionError,
+)  # fmt: skip
+"""Errors of the libraries on what is no archive. Errors of writing are explained before they come here."""
+
+MOST_HEADER = 1 << 20
+MOST_HEADERS = 1 << 26
+"""Bytes of one extended header of a tar (a long name, or pax records), and of all: the library reads them whole."""
 
 
 @runtime_checkable
@@ -38,6 +48,23 @@ class Readable(Protocol):
 
     def close(self) -> None:
         """Give back what reading needs."""
+
+
+class _Bounded(tarfile.TarInfo):
+    """The header of a member; one that claims more bytes than a name can have is refused before they are read."""
+
+    def _proc_member(self, tar: tarfile.TarFile) -> tarfile.TarInfo:
+        """Called by tarfile for each header; its documentation has it overridden for such purposes."""
+        if self.type in EXTENDED:
+            tar.header_bytes = getattr(tar, "header_bytes", 0) + self.size  # type: ignore[attr-defined]
+            if self.size > MOST_HEADER or tar.header_bytes > MOST_HEADERS:  # type: ignore[attr-defined]
+                raise tarfile.ReadError(f"a name or a record of it would take {self.size} bytes")
+        return super()._proc_member(tar)  # type: ignore[misc]
+
+
+EXTENDED = (
+    tarfile.GNUTYPE_LONGNAME, tarfile.GNUTYPE_LONGLINK, tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.SOLARIS_XHDTYPE,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -140,7 +167,7 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
         with zipfile.ZipFile(archive) as zipped:
             yield _of_zip(archive, zipped)
     else:
-        with tarfile.open(archive, "r:*") as tar:
+        with tarfile.open(archive, "r:*", tarinfo=_Bounded) as tar:
             yield _of_tar(archive, tar)
 
 

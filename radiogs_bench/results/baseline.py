@@ -1,61 +1,99 @@
 """Baselines: what a gate compares with, made from a finished run, sealed, and looked at before it is used.
 
-The band of a metric is BAND standard deviations of a row's metric on a scene over the baseline's seeds, and at least
-FLOOR of its value.
+A baseline that is made with a rerun, which is the same run with another number of threads, knows how far two runs of
+the same sources differ. One without holds bands instead: of each metric, BAND standard deviations over its seeds.
 """
 
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import stdev
 from typing import Any
 
 from radiogs_core.errors import DataError
 from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
-from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
+from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
+from .paired import BAND
+from .stored_cells import is_number, stored_cells
+from .training_steps import kept_quantities, log_ratios, misshapen, work_ratios
 
-BASELINE_SCHEMA = "radiogs-bench/baseline/2"
-
-BAND = 4.0
-"""Standard deviations: with 100 metrics and only noise, one gate in 160 fails by chance."""
+BASELINE_SCHEMA = "radiogs-bench/baseline/3"
 
 FLOOR = 1e-4
-"""Smallest band, relative to the value: room for another processor's rounding."""
+"""Smallest loss of a metric that counts, relative to the value: room for another processor's rounding."""
 
 SETTINGS = ("suite", "preset", "protocol", "device")
-REPEATABLE = ("cpu", "threads", "gpu")
+REPEATABLE = ("cpu", "instructions", "threads", "gpu")
 
-MAKE_ONE = "Make one:  radiogs-bench gate OUT --baseline FILE --update"
+MAKE_ONE = "Make one:  radiogs-bench gate OUT --baseline FILE --update --rerun OTHER"
+
+Noise = dict[str, dict[str, dict[str, list[float]]]]
+"""Differences of reruns: by family (metrics, training, work), by scene and row, by quantity; over seeds and reruns."""
 
 
-def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
-    """A baseline from the store's last run. Raises DataError unless every cell is finished and has what to compare.
+def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]] = ()) -> dict[str, Any]:
+    """A baseline from the store's last run, and the noise from reruns of it.
 
-    Rows that were scored from files are left out: this code did not make them.
+    Raises DataError unless every cell is finished and has what to compare, and for a rerun that is none. Rows that were
+    scored from files are left out: this code did not make them.
     """
-    sweep = measured(sweep)
-    finished = finished_results(store, sweep, "A baseline with missing cells would not check them.")
+    finished = _finished(store, sweep)
     made = {
         "schema": BASELINE_SCHEMA,
-        **{name: sweep[name] for name in SETTINGS},  # type: ignore[literal-required]
+        **settings_of(sweep),
         "machine": machine_of([next(iter(finished.values()))]),
-        "bands": _bands(sweep, finished),
+        "bands": _bands(finished),
+        "reruns": len(reruns),
+        "noise": _noise(finished, [_rerun(finished, *each) for each in reruns]),
         "cells": {name: _kept(result) for name, result in finished.items()},
     }
-    _require_whole(made, "the run's baseline", "Its cells measured too little to be compared.")
+    require_whole(made, "the run's baseline", "Its cells measured too little to be compared.")
     return made
+
+
+def settings_of(sweep: Sweep) -> dict[str, str]:
+    """The settings that two runs share if they can be compared; the protocol with its version."""
+    settings = {name: str(sweep[name]) for name in SETTINGS}  # type: ignore[literal-required]
+    return settings | {"protocol": protocol(sweep["protocol"]).title}
+
+
+def _finished(store: Store, sweep: Sweep) -> dict[str, Result]:
+    stored = stored_cells(store, sweep)
+    own = [ref for ref in sweep["cells"] if label(ref) in stored.results]
+    finished_results(store, {**sweep, "cells": own}, "A baseline with missing cells would not check them.")
+    return stored.finished()
+
+
+def _rerun(finished: Mapping[str, Result], store: Store, sweep: Sweep) -> dict[str, Result]:
+    """The results of a rerun. Raises DataError where it is another run, or the same one."""
+    again = _finished(store, sweep)
+    other = [name for name, result in finished.items() if name not in again or again[name]["key"] != result["key"]]
+    if other:
+        raise DataError(
+            f"{store.folder} is no rerun of the baseline's run: {', '.join(other[:3])} is not there, or another cell",
+            "A rerun has the same cells, of the same sources and settings.",
+            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
+        )
+    if machine_of(again.values()) == machine_of(finished.values()):
+        raise DataError(
+            f"{store.folder} was run with the threads and on the machine of the baseline's run",
+            "Such a run repeats bit for bit: it does not show how far two runs differ by rounding.",
+            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
+        )
+    return again
 
 
 def read_baseline(path: Path) -> dict[str, Any]:
     """A stored baseline. Raises DataError for any other file, and for one that would let a regression pass."""
-    keys = (*SETTINGS, "machine", "bands", "cells")
+    keys = (*SETTINGS, "machine", "bands", "reruns", "noise", "cells")
     try:
         content = read_sealed(path, BASELINE_SCHEMA, keys)
     except FileNotFoundError:
@@ -66,7 +104,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
         raise DataError(
             f"cannot use the baseline {path}: {broken.reason}", "It was changed after it was made.", MAKE_ONE
         ) from broken
-    _require_whole(content, f"the baseline {path}", MAKE_ONE)
+    require_whole(content, f"the baseline {path}", MAKE_ONE)
     return content
 
 
@@ -89,11 +127,19 @@ def machine_of(results: Iterable[Result]) -> dict[str, Any]:
 
 
 def group_of(name: str) -> str:
-    """Scene and row of a cell's label, over whose seeds a band is taken."""
+    """Scene and row of a cell's label, whose seeds are judged together."""
     return name.rsplit(" seed ", 1)[0]
 
 
-def _require_whole(content: Mapping[str, Any], what: str, remedy: str) -> None:
+def groups_of(names: Iterable[str]) -> dict[str, list[str]]:
+    """Labels of cells by scene and row."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for name in names:
+        found[group_of(name)].append(name)
+    return found
+
+
+def require_whole(content: Mapping[str, Any], what: str, remedy: str) -> None:
     """Raise DataError where a baseline has nothing to compare with, or no number where one is needed."""
     try:
         complaints = list(_holes(content))
@@ -121,25 +167,63 @@ def _holes(content: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name} has no checksum of its scene"
         bands = content["bands"].get(group_of(name), {})
         for metric, value in cell["metrics"].items():
-            if not _is_number(value) or not _is_number(bands.get(metric)) or bands[metric] < 0:
+            if not is_number(value) or not is_number(bands.get(metric)) or bands[metric] < 0:
                 yield f"{name} has no value or no band of {metric}"
         counters = [amount for counted in cell["work"].values() for amount in counted.values()]
-        if not all(map(_is_number, (cell["seconds"], *counters))):
+        if not all(map(is_number, (cell["seconds"], *counters))):
             yield f"{name} has seconds or work that are no numbers"
+        if cell["pace"] is not None and not is_number(cell["pace"]):
+            yield f"{name} has a pace that is no number"
+        if misshapen(cell["training"]):
+            yield f"{name} has training steps that are no numbers"
+    yield from _holes_of_noise(content)
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _holes_of_noise(content: Mapping[str, Any]) -> Iterator[str]:
+    if not isinstance(content["reruns"], int) or content["reruns"] < 0:
+        yield "its number of reruns is no number"
+    if content["reruns"] == 0:
+        return
+    for group, cells in groups_of(content["cells"]).items():
+        judged = {
+            metric for name in cells for metric in content["cells"][name]["metrics"] if gain(metric, 0.0) is not None
+        }
+        missing = judged - content["noise"]["metrics"].get(group, {}).keys()
+        if missing:
+            yield f"{group} has no noise of {', '.join(sorted(missing))}"
+    for family in ("metrics", "training", "work"):
+        for group, quantities in content["noise"][family].items():
+            for name, values in quantities.items():
+                if not values or not all(map(is_number, values)):
+                    yield f"{group} has noise of {name} that is no number"
 
 
 def _kept(result: Result) -> dict[str, Any]:
     return {
         "checksum": result["cell"]["checksum"],
-        "metrics": {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None},
+        "metrics": _values(result),
         "work": result["work"],
         "seconds": training_seconds(result),
+        "pace": pace_of(result),
         "settled": settled(result),
+        "training": kept_quantities(result),
     }
+
+
+def _values(result: Result) -> dict[str, float]:
+    return {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None}
+
+
+def pace_of(result: Result) -> float | None:
+    """Training's seconds in those of the yardstick that was measured beside each stage; None where one was not."""
+    paces = []
+    for stage in result["stages"]:
+        sessions = result["sessions"].get(stage["name"])
+        yardstick = sessions[-1].get("yardstick") if sessions else None
+        if not yardstick:
+            return None
+        paces.append(result["seconds"].get(stage["name"], 0.0) / yardstick)
+    return math.fsum(paces) if paces else None
 
 
 def settled(result: Result) -> dict[str, float]:
@@ -160,23 +244,42 @@ def unit_of(measure: str) -> str:
     return MEASURES[measure].unit if measure in MEASURES else ""
 
 
-def _bands(sweep: Sweep, results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
+def gain(metric: str, value: float) -> float | None:
+    """A value that rises where the metric gets better; None for a measure whose direction no table knows."""
+    measure = MEASURES.get(metric.rpartition("/")[2])
+    if measure is None:
+        return None
+    return {"up": value, "down": -value, "zero": -abs(value)}[measure.better]
+
+
+def _bands(results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
     """Bands by scene and row, then by metric; with a single seed the band is FLOOR."""
-    values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for ref in sweep["cells"]:
-        for metric, each in results[label(ref)]["metrics"].items():
-            if each["value"] is not None:
-                values[group_of(label(ref))][metric].append(each["value"])
-    return {
-        group: {
-            metric: max(BAND * _deviation(found), FLOOR * max(map(abs, found))) for metric, found in metrics.items()
+    bands: dict[str, dict[str, float]] = {}
+    for group, names in groups_of(results).items():
+        values: dict[str, list[float]] = defaultdict(list)
+        for name in names:
+            for metric, value in _values(results[name]).items():
+                values[metric].append(value)
+        bands[group] = {
+            metric: max(BAND * stdev(found) if len(found) > 1 else 0.0, FLOOR * max(map(abs, found)))
+            for metric, found in values.items()
         }
-        for group, metrics in values.items()
-    }
+    return bands
 
 
-def _deviation(values: list[float]) -> float:
-    if len(values) < 2:
-        return 0.0
-    mean = math.fsum(values) / len(values)
-    return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+def _noise(results: Mapping[str, Result], reruns: Sequence[Mapping[str, Result]]) -> Noise:
+    """How far reruns differ from the run; empty without any."""
+    noise: Noise = {family: defaultdict(lambda: defaultdict(list)) for family in ("metrics", "training", "work")}
+    for again in reruns:
+        for name, before in results.items():
+            group, now = group_of(name), again[name]
+            for metric, value in _values(now).items():
+                gained, had = gain(metric, value), gain(metric, _values(before).get(metric, math.nan))
+                if gained is not None and had is not None and not math.isnan(had):
+                    noise["metrics"][group][metric].append(gained - had)
+            ratios = log_ratios(kept_quantities(now), kept_quantities(before))
+            for family, found in (("training", ratios), ("work", work_ratios(now["work"], before["work"]))):
+                for quantity, ratio in found.items():
+                    if isinstance(ratio, float):
+                        noise[family][group][quantity].append(ratio)
+    return {family: {group: dict(found) for group, found in groups.items()} for family, groups in noise.items()}

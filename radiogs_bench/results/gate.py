@@ -1,42 +1,47 @@
-"""Compares a run with a baseline: work counters exactly, metrics within a band, time as a warning, and time to quality
-as a remark.
+"""Compares a run with a baseline: metrics by their better direction, what training computes, work, and time.
 
-A run on the CPU repeats bit for bit with the same threads, processor and library versions; then counters must be equal,
-otherwise a difference is a warning.
+A metric's loss is judged over the seeds of a row on a scene, against the noise of a rerun; a gain never fails. Losses,
+gradients and counts of a training have no better direction: where they differ, the training is another one, and that
+fails too unless it is said to be intended.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Collection, Iterator, Mapping
+from statistics import fmean
+from typing import Any
 
 from radiogs_core.errors import DataError
+from radiogs_reports.analysis.comparisons import holm
 
-from ..runs.rows_from_files import measured
-from ..runs.sweep import Sweep, label
+from ..runs.result import EVALUATE
+from ..runs.sweep import Sweep
+from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
-from ..store.schema import Result, training_seconds
-from .baseline import SETTINGS, group_of, machine_of, settled
+from ..store.schema import Result
+from .baseline import FLOOR, MAKE_ONE, gain, group_of, groups_of, machine_of, require_whole, settings_of, settled
+from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
+from .paired import BAND, ERROR_RATE, Paired, detectable
+from .stored_cells import stored_cells
 
-SLOWER = 1.3
-"""Ratio of seconds to the baseline's above which time is a warning."""
+SEVERITIES = ("regression", "changed", "better", "warning", "remark")
+"""In the order of their lines."""
+
+DIRECTIONS = {"up": "higher is better", "down": "lower is better", "zero": "closer to zero is better"}
+
+NO_RERUN = (
+    "the baseline has no rerun, so how far two runs differ by rounding is not known: each value is compared with"
+    f" {BAND:g} standard deviations over the baseline's seeds, and at least 1/{1 / FLOOR:.0f} of it. Make the baseline"
+    " with --rerun"
+)
 
 
-@dataclass(frozen=True)
-class Change:
-    """One difference from the baseline, in words; only a regression fails the gate."""
-
-    cell: str
-    what: str
-    severity: Literal["regression", "remark", "warning"] = "regression"
-
-
-def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Change]:
-    """All differences, cell by cell.
+def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails: bool = False) -> list[Change]:
+    """All differences, the worst first. ``slow_fails``: whether a large slowdown is a regression.
 
     Raises DataError if suite, preset, protocol or device differ, or the files of a scene: then metrics cannot be
-    compared.
+    compared; and as ``stored_cells`` does.
     """
-    other = {name: (baseline[name], sweep[name]) for name in SETTINGS if baseline[name] != sweep[name]}  # type: ignore[literal-required]
+    require_whole(baseline, "the baseline", MAKE_ONE)
+    other = {name: (baseline[name], now) for name, now in settings_of(sweep).items() if baseline[name] != now}
     if other:
         raise DataError(
             "run and baseline have different settings: "
@@ -44,23 +49,45 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Cha
             "Their metrics cannot be compared.",
             "Run with the baseline's settings, or make the baseline again with --update.",
         )
-    found = {label(ref): store.result(ref["key"]) for ref in measured(sweep)["cells"]}
-    _require_same_scenes(found, baseline["cells"])
-    changes = [Change(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
-    for name, kept in baseline["cells"].items():
-        result = found.get(name)
-        if result is None:
-            changes.append(Change(name, "has no finished result"))
-        else:
-            changes += _compare_cell(name, result, kept, baseline)
-    return sorted(changes, key=lambda each: (each.severity, each.cell, each.what))
+    stored = stored_cells(store, sweep)
+    found, cells = stored.finished(), baseline["cells"]
+    _require_same_scenes(found, cells)
+    changes = [Change("the run", text, "warning") for text in stored.unchecked]
+    changes += [Change(name, "is not in the baseline", "warning") for name in stored.results.keys() - cells.keys()]
+    changes += [Change(name, "has no finished result") for name in cells if name not in found]
+    both = {name: result for name, result in found.items() if name in cells}
+    same = {group: _is_same_machine(both, names, baseline) for group, names in groups_of(both).items()}
+    trained = list(compare_training(both, baseline, same))
+    otherwise = {each.cell for each in trained if each.severity != "remark"}
+    repeated = {group for group, names in groups_of(both).items()
+                if same[group] and group not in otherwise and _same_work(both, names, cells)}  # fmt: skip
+    changes += trained
+    changes += compare_work(both, baseline, same)
+    changes += _compare_metrics(both, baseline, repeated)
+    changes += compare_time(both, baseline, all(same.values()), slow_fails)
+    for name, result in both.items():
+        changes += _remark(name, settled(result), cells[name].get("settled", {}), same[group_of(name)])
+    return sorted(changes, key=lambda each: (SEVERITIES.index(each.severity), each.cell))
 
 
-def _require_same_scenes(found: Mapping[str, Result | None], kept: Mapping[str, Mapping[str, Any]]) -> None:
+def _is_same_machine(found: Mapping[str, Result], names: list[str], baseline: Mapping[str, Any]) -> bool:
+    return all(machine_of([found[name]]) == baseline["machine"] for name in names)
+
+
+def _same_work(found: Mapping[str, Result], names: list[str], cells: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether the work of all stages but the evaluation is the baseline's."""
+    sides = ((found[name]["work"], cells[name]["work"]) for name in names)
+    return all(
+        now.get(stage) == before.get(stage)
+        for now, before in sides
+        for stage in now.keys() | before.keys()
+        if stage != EVALUATE
+    )
+
+
+def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping[str, Any]]) -> None:
     changed = [
-        name
-        for name, result in found.items()
-        if result is not None and name in kept and result["cell"]["checksum"] != kept[name]["checksum"]
+        name for name, result in found.items() if name in kept and result["cell"]["checksum"] != kept[name]["checksum"]
     ]
     if changed:
         raise DataError(
@@ -70,24 +97,147 @@ def _require_same_scenes(found: Mapping[str, Result | None], kept: Mapping[str, 
         )
 
 
-def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: Mapping[str, Any]) -> Iterator[Change]:
-    same = machine_of([result]) == baseline["machine"]
-    yield from _compare_work(name, result["work"], kept["work"], same)
-    for metric, before in kept["metrics"].items():
-        value = result["metrics"].get(metric, {"value": None})["value"]
-        band = baseline["bands"][group_of(name)][metric]
-        if value is None:
-            yield Change(name, f"{metric}: {before:.6g} -> n/a")
-        elif not abs(value - before) <= band:  # so that NaN is outside
-            yield Change(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
-    new = sorted(metric for metric, each in result["metrics"].items()
-                 if each["value"] is not None and metric not in kept["metrics"])  # fmt: skip
-    if new:
-        yield Change(name, f"not in the baseline: {', '.join(new)}", "warning")
-    earlier, later = float(kept["seconds"]), training_seconds(result)
-    if same and later > SLOWER * earlier:
-        yield Change(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
-    yield from _remark(name, settled(result), kept.get("settled", {}), same)
+def _compare_metrics(
+    found: Mapping[str, Result], baseline: Mapping[str, Any], repeated: Collection[str]
+) -> Iterator[Change]:
+    """Metrics of each row on each scene.
+
+    ``repeated``: those whose training repeats on the baseline's machine. There no metric differs by rounding.
+    """
+    tested: dict[tuple[str, str], Paired] = {}
+    for group, names in groups_of(found).items():
+        kept = {name: baseline["cells"][name]["metrics"] for name in names}
+        for metric in dict.fromkeys(metric for metrics in kept.values() for metric in metrics):
+            values = {name: (kept[name][metric], _value(found[name], metric)) for name in names if metric in kept[name]}
+            yield from (
+                Change(name, f"{metric}: {before:.6g} -> n/a") for name, (before, now) in values.items() if now is None
+            )
+            there = {name: (before, now) for name, (before, now) in values.items() if now is not None}
+            if group in repeated and gain(metric, 0.0) is not None:
+                yield from _scored_otherwise(group, metric, there)
+            elif gain(metric, 0.0) is None:
+                yield from _without_direction(metric, there)
+            elif not baseline["reruns"]:
+                yield from _within_bands(group, metric, there, baseline)
+            elif there:
+                gains = [_gained(metric, before, now) for before, now in there.values()]
+                tested[group, metric] = Paired(gains, baseline["noise"]["metrics"][group][metric])
+        new = sorted({
+            metric
+            for name in names
+            for metric, each in found[name]["metrics"].items()
+            if each["value"] is not None and metric not in kept[name]
+        })  # fmt: skip
+        if new:
+            yield Change(group, f"not in the baseline: {', '.join(new)}", "warning")
+    if not baseline["reruns"] and found:
+        yield Change("the baseline", NO_RERUN, "warning")
+    yield from _judged(tested, found, baseline)
+
+
+def _value(result: Result, metric: str) -> float | None:
+    return result["metrics"][metric]["value"] if metric in result["metrics"] else None
+
+
+def _gained(metric: str, before: float, now: float) -> float:
+    after, had = gain(metric, now), gain(metric, before)
+    assert after is not None, metric
+    assert had is not None, metric
+    return after - had
+
+
+def _scored_otherwise(group: str, metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
+    """A metric that differs although the training repeats: by what is rendered, or by how it is scored."""
+    gains = [_gained(metric, before, now) for before, now in values.values()]
+    if any(abs(gained) > REPEATED * abs(before) for gained, (before, _) in zip(gains, values.values(), strict=True)):
+        yield Change(
+            group,
+            f"{_worse_or_better(metric, fmean(gains))}, though training repeats: it is rendered or scored otherwise",
+            "changed",
+        )  # fmt: skip
+
+
+def _without_direction(metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
+    for name, (before, now) in values.items():
+        if before != now:
+            yield Change(
+                name, f"{metric} is other, and no table says which direction is better: {before:.6g} -> {now:.6g}",
+                "warning",
+            )  # fmt: skip
+
+
+def _within_bands(
+    group: str, metric: str, values: Mapping[str, tuple[float, float]], baseline: Mapping[str, Any]
+) -> Iterator[Change]:
+    """Values one by one, within the band over the baseline's seeds."""
+    band = baseline["bands"][group][metric]
+    for name, (before, now) in values.items():
+        gained = _gained(metric, before, now)
+        if not abs(gained) <= band:  # so that NaN is outside
+            said = f"{_worse_or_better(metric, gained)}: {before:.6g} -> {now:.6g}, beyond {_size(metric, band)}"
+            yield Change(name, said, "better" if gained > 0 else "regression")
+
+
+def _judged(
+    tested: Mapping[tuple[str, str], Paired], found: Mapping[str, Result], baseline: Mapping[str, Any]
+) -> Iterator[Change]:
+    """Metrics whose mean difference over seeds is beyond the noise of a rerun."""
+    adjusted = holm({key: each.p_value for key, each in tested.items()})
+    names = groups_of(found)
+    for (group, metric), each in tested.items():
+        befores = [baseline["cells"][name]["metrics"].get(metric) for name in names[group]]
+        kept = [value for value in befores if value is not None]
+        if not each.beyond(adjusted[group, metric], FLOOR * max(map(abs, kept))):
+            continue
+        seeds = len(each.differences)
+        said = (
+            f"{_worse_or_better(metric, each.mean)} over {seeds} seed{'s' * (seeds > 1)},"
+            f" from {sum(kept) / len(kept):.6g}; a rerun differs by {_size(metric, each.rerun)}"
+            + (f", p {adjusted[group, metric]:.2g}" if seeds > 1 else "")
+        )
+        yield Change(group, said, "better" if each.mean > 0 else "regression")
+
+
+def _worse_or_better(metric: str, gained: float) -> str:
+    measure = MEASURES[metric.rpartition("/")[2]]
+    word = "better" if gained > 0 else "worse"
+    return f"{metric} {word} by {_size(metric, abs(gained))} ({DIRECTIONS[measure.better]})"
+
+
+def _size(metric: str, amount: float) -> str:
+    """An amount of a metric with its unit."""
+    unit = MEASURES[metric.rpartition("/")[2]].unit
+    return f"{amount:.3g} {unit}".rstrip()
+
+
+def power_lines(baseline: Mapping[str, Any]) -> Iterator[str]:
+    """By row, scene and metric: the mean loss over seeds that a gate with this baseline finds in 80 % of runs."""
+    if not baseline["reruns"]:
+        yield f"warning: {NO_RERUN}"
+    groups = groups_of(baseline["cells"])
+    tests = sum(len(metrics) for metrics in baseline["noise"].get("metrics", {}).values())
+    for group, names in groups.items():
+        kept = [baseline["cells"][name]["metrics"] for name in names]
+        for metric in dict.fromkeys(metric for metrics in kept for metric in metrics):
+            if gain(metric, 0.0) is None:
+                yield f"{group}: {metric}: not judged, no table says which direction is better"
+                continue
+            direction = DIRECTIONS[MEASURES[metric.rpartition("/")[2]].better]
+            if not baseline["reruns"]:
+                band = _size(metric, baseline["bands"][group][metric])
+                yield f"{group}: {metric}: a loss of more than {band} in a single seed ({direction})"
+                continue
+            values = [metrics[metric] for metrics in kept if metric in metrics]
+            noise = baseline["noise"]["metrics"][group][metric]
+            loss = detectable(noise, len(values), tests, FLOOR * max(map(abs, values)))
+            yield (
+                f"{group}: {metric}: a mean loss of {_size(metric, loss)} ({direction}), seeds: {len(values)};"
+                f" a rerun differs by {_size(metric, Paired([0.0], noise).rerun)}"
+            )
+    yield (
+        f"Found with 80 % probability, where losses of all seeds are alike; at most {ERROR_RATE:.0%} of gates over an"
+        " unchanged tree on another machine find a loss that is none."
+    )
 
 
 def _remark(name: str, now: Mapping[str, float], before: Mapping[str, float], same: bool) -> Iterator[Change]:
@@ -98,19 +248,3 @@ def _remark(name: str, now: Mapping[str, float], before: Mapping[str, float], sa
     ]
     if said:
         yield Change(name, f"near their final values: {', '.join(said)}", "remark")
-
-
-Work = Mapping[str, Mapping[str, int]]
-
-
-def _compare_work(name: str, work: Work, kept: Work, same: bool) -> Iterator[Change]:
-    for stage in sorted(work.keys() | kept.keys()):
-        ours, counters = work.get(stage, {}), kept.get(stage, {})
-        for counter in sorted(counters.keys() | ours.keys()):
-            before, now = counters.get(counter, 0), ours.get(counter, 0)
-            if before != now:
-                change = f"{100 * (now - before) / before:+.3g} %" if before else "new"
-                where = "" if same else " (on another machine)"
-                yield Change(
-                    name, f"{stage} {counter}: {before} -> {now} ({change}){where}", "regression" if same else "warning"
-                )

@@ -29,6 +29,8 @@ class CellStanding:
     ref: CellRef
     state: str
     pace: Pace | None
+    left: bool = False
+    """Whether a process worked on it and has died: it has left a note of its progress, and nobody holds the claim."""
 
     @property
     def silent(self) -> bool:
@@ -42,6 +44,12 @@ class Standing:
 
     cells: Sequence[CellStanding]
     seconds_left: float | None
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more comes: every cell has finished or failed, or what ran has died."""
+        done = all(cell.state == FINISHED or cell.state.startswith("failed") for cell in self.cells)
+        return done or (not self.count(RUNNING) and any(cell.left for cell in self.cells))
 
     def count(self, state: str) -> int:
         """Cells of a state."""
@@ -69,6 +77,8 @@ def _cell(store: Store, ref: CellRef) -> CellStanding:
     state, pace = state_of(store, ref), pace_of(store, ref["key"])
     if state == FINISHED or pace is None:
         return CellStanding(ref, state, None)
+    if not store.is_claimed(ref["key"]):
+        return CellStanding(ref, state, None, left=True)
     return CellStanding(ref, RUNNING, pace)
 
 

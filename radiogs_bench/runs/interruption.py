@@ -1,21 +1,30 @@
 """Ctrl-C as a request: the step in progress ends, the state is written, then the run stops."""
 
+import os
 import signal
 from types import FrameType, TracebackType
 
-from ..errors import Interrupted
+from ..errors import Interrupted, StoppedAtOnce
 
-STOPPING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOPPING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+STREAMS = (1, 2)
+"""File descriptors that a closed terminal leaves without a reader."""
 
 
 class Interruption:
-    """Context in which the first Ctrl-C (or SIGTERM) requests a stop; a second one stops at once."""
+    """Context in which the first Ctrl-C (or SIGTERM, or a closed terminal) requests a stop; a second one stops at once.
+
+    Under ``nohup``, which ignores that terminals close, they are ignored.
+    """
 
     def __init__(self) -> None:
         self.requested = False
 
     def __enter__(self) -> "Interruption":
-        self._before = {which: signal.signal(which, self._ask) for which in STOPPING_SIGNALS}
+        heard = [which for which in STOPPING_SIGNALS if signal.getsignal(which) is not signal.SIG_IGN]
+        self._before = {which: signal.signal(which, self._ask) for which in heard}
+        self._terminals = [stream for stream in STREAMS if os.isatty(stream)]
         return self
 
     def __exit__(
@@ -25,8 +34,15 @@ class Interruption:
             signal.signal(which, handler)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGHUP:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for stream in self._terminals:  # every further word would end in an error
+                os.dup2(nowhere, stream)
+            os.close(nowhere)
+            self.requested = True
+            return
         if self.requested:
-            raise KeyboardInterrupt
+            raise StoppedAtOnce
         self.requested = True
 
     def check(self) -> None:

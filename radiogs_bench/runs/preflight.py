@@ -15,6 +15,7 @@ from radiogs_datasets import load_scene
 
 from ..errors import MethodFailed
 from ..method_calls import calling
+from ..own_values import own_scene
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
@@ -36,13 +37,20 @@ PRESET = "smoke"
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
     """Read every map of every view once, and discard it; ``advance`` is called with (done, total) maps.
 
-    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError.
+    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError,
+    also for a view whose mask is empty, which ``datasets check`` calls an error.
     """
     if not scene.test:
         raise DataError(f"scene '{scene.name}' has no test views", "Nothing could be scored after training.")
     maps = [(view, name) for view in (*scene.train, *scene.test, *scene.relight) for name in sorted(view.sources)]
     for done, (view, name) in enumerate(maps, start=1):
-        view.read(name)
+        values = view.read(name)
+        if name == "alpha" and not bool((values > 0).any()):
+            raise DataError(
+                f"the mask of view '{view.name}' of scene '{scene.name}' is empty",
+                "No pixel of it shows the object: nothing could be learnt from it, and its metrics would mean nothing.",
+                "Correct the mask, or take the view out of the scene:  radiogs-bench datasets check SCENE",
+            )
         advance(done, len(maps))
 
 
@@ -76,7 +84,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
             continue
         done.append((method.name, variant))
         try:
-            _warm_up(method, Run(little, variant, method.presets[PRESET], 0, device))
+            _warm_up(method, Run(own_scene(little), variant, method.presets[PRESET], 0, device))
         except MethodFailed:
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 

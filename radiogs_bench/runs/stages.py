@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import torch
 
@@ -15,11 +15,13 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
+from ..own_values import own_scene
 from ..store.folder import Store, checkpoint_name, product_name, stage_claim
-from ..store.provenance import reset_peaks, session
-from ..store.schema import Session, TrailPoint
+from ..store.provenance import reset_peaks, session, yardstick_seconds
+from ..store.schema import FirstStep, Session, TrailPoint
 from ..store.seal import strict_json
 from .cell import Cell, StageKey
+from .first_steps import FirstSteps
 from .interruption import Interruption
 from .progress import Progress
 from .scene_files import Digest, require_unchanged, require_unchanged_if_touched
@@ -63,6 +65,8 @@ class Ledger(TypedDict):
     trail: list[TrailPoint]
     since: Sums
     """Sums of the losses since the trail's last point."""
+    first_steps: NotRequired[list[FirstStep]]
+    """Absent in ledgers of earlier versions."""
     sessions: list[Session]
 
 
@@ -122,7 +126,7 @@ def facts_of(method: str, model: Trained) -> dict[str, Any]:
         facts = dict(model.facts())
     try:
         strict_json(facts)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise refused(
             method, f"facts() cannot be kept: {error}", "Facts are finite numbers, strings, lists and dicts of them."
         ) from error
@@ -170,13 +174,16 @@ def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> 
     with calling(method, f"begin() of stage '{spec.name}'"):
         stage = spec.begin(run, before)
     require(method, stage, Stage, f"begin() of stage '{spec.name}'")
+    for name, number in (("iteration", stage.iteration), ("iterations", stage.iterations)):
+        if not isinstance(number, int):
+            raise refused(method, f"'{name}' of stage '{spec.name}' is a {type(number).__name__}", "It counts steps.")
     return stage
 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
-    """The ``Run`` of a cell; its workspace is named by the key of the last stage."""
+    """The ``Run`` of a cell, on a scene of its own; its workspace is named by the key of the last stage."""
     workspace = bench.store.folder / "work" / str(cell.training_key)
-    return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
+    return Run(own_scene(scene), cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 
 def completed(
@@ -265,6 +272,11 @@ def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
     return Outcome(product=stored["product"], ledger=stored["ledger"])
 
 
+MOST_IDLE = 1000
+AT_ONCE = 0.01
+"""Seconds."""
+
+
 @dataclass
 class _StageLoop:
     """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
@@ -279,11 +291,14 @@ class _StageLoop:
     score: StageScore | None
     losses: dict[str, float] = field(default_factory=dict)
     earlier: list[Session] = field(default_factory=list)
+    idle: int = 0
+    """Calls of ``step`` in a row that came back at once and took no step."""
 
     def to_the_end(self) -> Ledger:
         """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
         bench, stage = self.bench, self.stage
         self.trail = Trail(stage.iterations, [], {}, scored=self.score is not None)
+        self.first = FirstSteps()
         self._resume()
         due = time.perf_counter() + bench.checkpoint_seconds
         while stage.iteration < stage.iterations:
@@ -297,7 +312,9 @@ class _StageLoop:
                 bench.interruption.check()
                 ended = time.perf_counter()
                 due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
-        return self._ledger()
+        ledger = self._ledger()
+        ledger["sessions"][-1]["yardstick"] = yardstick_seconds(bench.device)
+        return ledger
 
     def _resume(self) -> None:
         stored = self.bench.store.tensors(checkpoint_name(self.key.key), self.bench.device)
@@ -312,12 +329,17 @@ class _StageLoop:
         self.losses, self.earlier = ledger["losses"], ledger["sessions"]
         scored = self.score is not None
         self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
+        self.first = FirstSteps(ledger.get("first_steps", []))
 
     def _step(self) -> None:
         """Take one step; add a point to the trail if one is due, and score the model if asked for."""
         stage, trail, before = self.stage, self.trail, self.stage.iteration
+        begun = time.perf_counter()
         try:
-            with calling(self.method, f"step() of stage '{self.key.name}', iteration {before}"):
+            with (
+                self.first.watching(stage) as lengths,
+                calling(self.method, f"step() of stage '{self.key.name}', iteration {before}"),
+            ):
                 given = stage.step()
         except NumericalFailure as failure:
             raise self._broken(failure, "The state in which that step began") from failure
@@ -331,9 +353,12 @@ class _StageLoop:
                 "The state after that step",
             )
         if stage.iteration == before:  # a stage that waits for something else has taken no step
+            self._wait(time.perf_counter() - begun)
             return
+        self.idle = 0
         self.losses = losses
         trail.add(losses)
+        self.first.add(stage.iteration, losses, lengths)
         if trail.due(stage.iteration):
             reached = time.perf_counter()
             metrics: dict[str, float] = {}
@@ -342,6 +367,17 @@ class _StageLoop:
                     metrics = self.score(stage)
             trail.close(stage.iteration, reached - self.started, metrics)
             self.started += time.perf_counter() - reached
+
+    def _wait(self, seconds: float) -> None:
+        """Count a call of ``step`` that took no step. Raises MethodFailed where many came back at once."""
+        self.idle = self.idle + 1 if seconds < AT_ONCE else 0
+        if self.idle >= MOST_IDLE:
+            raise refused(
+                self.method,
+                f"step() of stage '{self.key.name}' came back {MOST_IDLE} times in a row with iteration"
+                f" {self.stage.iteration}, each time within {AT_ONCE * 1000:g} ms",
+                "A step adds one to iteration; a stage that waits for something else sleeps before it comes back.",
+            )
 
     def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
         """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""
@@ -369,5 +405,6 @@ class _StageLoop:
             losses=self.losses,
             trail=self.trail.points,
             since=self.trail.since,
+            first_steps=self.first.steps,
             sessions=[*self.earlier, session(self.bench.device)],
         )

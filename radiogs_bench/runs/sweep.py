@@ -322,7 +322,7 @@ def read_sweep(folder: Path) -> Sweep:
     """
     path = _path(folder)
     try:
-        stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__))
+        stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__, Sweep))
     except FileNotFoundError:
         raise DataError(
             f"no run in '{folder}'",

@@ -85,6 +85,7 @@ def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, fact
     result["facts"] = facts
     result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
     result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
+    result["first_steps"] = {name: ledger["first_steps"] for name, ledger in ledgers.items() if "first_steps" in ledger}
     for name, ledger in ledgers.items():
         result["losses"][name], result["trail"][name] = ledger["losses"], ledger["trail"]
         add_stage(result, name, Instruments.of(ledger), ledger["seconds"], ledger["sessions"])

@@ -109,7 +109,7 @@ def read_about(folder: Path) -> About:
     """Read ``trained.json``. Raises DataError if it is missing, damaged, or of another version."""
     path = folder / "trained.json"
     try:
-        about = cast(About, read_sealed(path, TRAINED_SCHEMA, About.__required_keys__))
+        about = cast(About, read_sealed(path, TRAINED_SCHEMA, About.__required_keys__, About))
     except FileNotFoundError:
         raise DataError(
             f"nothing was trained in '{folder}'",

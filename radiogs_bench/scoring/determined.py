@@ -15,6 +15,7 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.scene import Scene, View
 
 from ..method_calls import calling, refused, require
+from ..own_values import own_camera
 from ..store.schema import Determined
 from .score_maps import coverage, truth
 
@@ -64,7 +65,7 @@ def determined(
         return {}
     views = spread_over(scene.train, VIEWS)
     with calling(method, "varying()"):
-        model = trained.varying([view.camera.to(device, torch.float32) for view in views])
+        model = trained.varying([own_camera(view.camera.to(device, torch.float32)) for view in views])
     require(method, model, Varying, "varying()")
     with calling(method, "values of varying()"):
         values = dict(model.values)

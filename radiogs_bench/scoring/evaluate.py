@@ -19,6 +19,8 @@ from radiogs_core.scene.scene import Scene, View
 
 from ..errors import MethodFailed
 from ..method_calls import calling, refused, require
+from ..own_values import own_light
+from ..process_state import as_before
 from ..store.schema import MetricValue
 from .constant_maps import score_constant_light, score_constant_roughness
 from .frame_cost import FrameCosts
@@ -184,14 +186,19 @@ class _Evaluator:
 
         def after_step() -> None:
             try:
-                self.still_there()
+                with as_before():
+                    self.still_there()
             except Exception as error:
                 ours.append(error)
                 raise
 
         try:
             with calling(self.method, what):
-                ready = trained.prepare(light, albedo_scale, after_step)
+                ready = trained.prepare(
+                    None if light is None else own_light(light),
+                    None if albedo_scale is None else albedo_scale.clone(),
+                    after_step,
+                )
         except MethodFailed:
             if ours:  # it came from the harness, through the method
                 raise ours[-1] from None
@@ -288,8 +295,13 @@ class _Evaluator:
         """The model under a light in the reference mode of its method, if that is asked for and there is one."""
         if not (self.scope.reference and isinstance(trained, RelitByReference)):
             return None
+
+        def still_there() -> None:
+            with as_before():
+                self.still_there()
+
         with calling(self.method, "reference()"):
-            ready = trained.reference(self.scene.lights[light], albedo_scale, self.still_there)
+            ready = trained.reference(own_light(self.scene.lights[light]), albedo_scale.clone(), still_there)
         require(self.method, ready, Prepared, "reference()")
         return ready
 

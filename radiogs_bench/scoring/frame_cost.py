@@ -8,6 +8,7 @@ import torch
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import View
 
+from ..own_values import own_camera
 from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
 from .metrics.values import Value
@@ -51,7 +52,7 @@ class FrameCosts:
 
     def measure(self, task: str, render: Callable[[Camera], object], views: Sequence[View]) -> None:
         """Render every view again, and record time and memory."""
-        cameras = [view.camera.to(self.device, torch.float32) for view in views]
+        cameras = [own_camera(view.camera.to(self.device, torch.float32)) for view in views]
         with peaks_within(self.device) as peaks:
             times = frame_milliseconds(render, cameras, self.device)
         for view, milliseconds in zip(views, times, strict=True):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -11,6 +12,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 
 from ..method_calls import calling, refused
+from ..own_values import own_camera
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
@@ -35,10 +37,10 @@ def on_black(
     size or is no tensor of floating point; NumericalFailure for an image that is not finite.
     """
     with calling(method, "render()" + (f" of view '{view}'" if view else "")):
-        maps = dict(prepared.render(camera, *further))
+        maps = dict(prepared.render(own_camera(camera), *further))
     for name, image in maps.items():
         require_declared(method, prepared, camera, name, image)
-    maps = {name: image.detach().cpu() for name, image in maps.items()}
+    maps = {name: _kept(image) for name, image in maps.items()}
     for name in FINITE:
         if name in maps and not (finite := maps[name].isfinite()).all():
             raise NumericalFailure(
@@ -62,6 +64,9 @@ def require_declared(method: str, prepared: Prepared, camera: Camera, name: str,
         raise refused(
             method, f"it rendered a map '{name}' of {kind}", "Maps are tensors of floating point, images in [0, 1]."
         )
+    if image.layout is not torch.strided or image.is_meta or image.is_quantized:
+        kind = "no values, on the device 'meta'" if image.is_meta else f"the layout {image.layout}"
+        raise refused(method, f"it rendered a map '{name}' of {kind}", "Maps are dense tensors.")
     wanted = (camera.height, camera.width, CHANNELS.get(name, 3))
     if tuple(image.shape) != wanted:
         raise refused(
@@ -69,6 +74,15 @@ def require_declared(method: str, prepared: Prepared, camera: Camera, name: str,
             f"it rendered a map '{name}' of shape {tuple(image.shape)}",
             f"The camera asks for {wanted}: height, width, channels.",
         )
+
+
+def _kept(image: Tensor) -> Tensor:
+    """A map on the CPU, in memory of its own: a method may render the next view into the same one.
+
+    Values of 16 bits or fewer become float32, which holds them exactly.
+    """
+    image = image.detach()
+    return image.to("cpu", torch.float32 if image.dtype.itemsize < 4 else image.dtype, copy=True)
 
 
 def _shown(name: str, image: Tensor, kind: MapKind, alpha: Tensor | None) -> Tensor:

@@ -5,12 +5,14 @@ the true coverage, predicted maps by their own. Linear radiance (``indirect``) i
 albedo stays linear. Maps that a prediction lacks are not scored.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.scene import Scene, View
 
@@ -50,9 +52,20 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
 
 
 def mean_roughness(view: View, maps: Maps) -> float | None:
-    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask."""
+    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask.
+
+    Raises NumericalFailure where it is not finite there.
+    """
     inside = coverage(view)[..., 0] > 0.5
-    return float(maps["roughness"][inside].double().mean()) if "roughness" in maps and inside.any() else None
+    if "roughness" not in maps or not inside.any():
+        return None
+    mean = float(maps["roughness"][inside].double().mean())
+    if not math.isfinite(mean):
+        raise NumericalFailure(
+            f"a rendered map 'roughness' is not finite where view '{view.name}' shows the object",
+            "Its mean is part of the result.",
+        )
+    return mean
 
 
 def against_reference(image: Image, reference: Image, mask: Float[Tensor, "height width 1"]) -> dict[str, Value]:

@@ -1,5 +1,6 @@
 """Claims: only one process at a time works on a key of a store."""
 
+import fcntl
 import os
 import socket
 from collections.abc import Iterator
@@ -8,10 +9,16 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from radiogs_core.errors import DataError
+
 from ..errors import StoreError
 from .atomic import explained
+from .opening import LARGEST_TEXT, opened
 
 POLL_SECONDS = 0.05
+
+LONGEST_HOLDER = 300
+"""Bytes of a lock file that are read: it names a process and its machine."""
 
 
 class Claimed(Exception):
@@ -44,6 +51,18 @@ def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
         lock.release()
 
 
+def is_held(path: Path) -> bool:
+    """Whether a living process holds the claim at this moment; nothing is written."""
+    try:
+        with opened(path) as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (DataError, OSError):
+        return False
+    return False
+
+
 @contextmanager
 def saying_who_holds(what: str) -> Iterator[None]:
     """Turn Claimed into a StoreError, for commands that have nothing else to do meanwhile; ``what`` is claimed."""
@@ -71,6 +90,7 @@ def _sign(descriptor: int) -> None:
 def _holder(path: Path) -> str:
     """Who holds the claim; its file may be gone by now."""
     try:
-        return path.read_text(errors="replace") or "another process"
-    except FileNotFoundError:
+        with opened(path, LARGEST_TEXT) as file:
+            return file.read(LONGEST_HOLDER).decode(errors="replace") or "another process"
+    except (DataError, OSError):
         return "another process"

@@ -17,7 +17,7 @@ import io
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,9 +27,10 @@ import torch
 from ..errors import MethodFailed, StoreError
 from .aside import set_aside
 from .atomic import write_atomically
-from .claim import Claimed, claim, patient_claim
+from .claim import claim, is_held, patient_claim
 from .keys import content_key
 from .names import plain_name
+from .opening import opened
 from .schema import RESULT_SCHEMA, Failure, Result
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
@@ -54,12 +55,14 @@ class Store:
 
     def is_claimed(self, name: str) -> bool:
         """Whether another process holds the claim at this moment."""
-        path = self.folder / "locks" / name
-        try:
-            with claim(path) if path.exists() else nullcontext():
-                return False
-        except Claimed:
-            return True
+        return is_held(self.folder / "locks" / name)
+
+    def remove_leavings(self) -> None:
+        """Remove temporary files and notes of progress that killed processes have left: nobody holds their claims."""
+        for folder, claim_on in (("stages", stage_claim), ("cells", str), ("locks", str)):
+            for path in [*(self.folder / folder).glob(".*.tmp"), *(self.folder / folder).glob("*.pace")]:
+                if not self.is_claimed(claim_on(path.name.removeprefix(".").partition(".")[0])):
+                    path.unlink(missing_ok=True)
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, waiting until it is free; for short work."""
@@ -93,7 +96,7 @@ class Store:
 
         Raises FileNotFoundError, Broken, OtherSchema, StoreError.
         """
-        stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS)
+        stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")
         return cast(Result, stored)
@@ -102,7 +105,7 @@ class Store:
         """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
         try:
-            with path.open("rb") as file:
+            with opened(path) as file:
                 stat = os.fstat(file.fileno())
                 mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
                 if self._agreed.get(named) == mark:
@@ -171,7 +174,7 @@ class Store:
 
     def sealed_failure(self, key: str) -> Failure:
         """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
-        stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS)
+        stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS, Failure)
         if stored["key"] != key:
             raise Broken(f"it is not the failure of cell {key}")
         return cast(Failure, stored)
@@ -198,7 +201,7 @@ class Store:
             if not path.exists():
                 write_atomically(path, content)
         remedy = f"{failure.remedy} The whole traceback: {path}".strip()
-        return MethodFailed(failure.what, failure.why, remedy)
+        return type(failure)(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
         """The content that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and is absent.
@@ -229,7 +232,11 @@ class Store:
     def files(self, names: Iterable[str]) -> dict[str, bytes]:
         """Contents of the named files (paths within the store) that exist."""
         there = [name for name in names if (self.folder / name).exists()]
-        return {name: (self.folder / name).read_bytes() for name in there}
+        contents = {}
+        for name in there:
+            with opened(self.folder / name) as file:
+                contents[name] = file.read()
+        return contents
 
     def take_over(self, files: Mapping[str, bytes]) -> None:
         """Write files of another store, in their order: a result must come after its arrays."""

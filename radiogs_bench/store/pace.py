@@ -13,8 +13,11 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 
+from radiogs_core.errors import DataError
+
 from .folder import Store
 from .names import plain_name
+from .opening import opened
 
 LARGEST_BYTES = 10_000
 """Largest size of the file in bytes; a longer one was not written by a process of ours."""
@@ -67,10 +70,10 @@ def drop_pace(store: Store, key: str) -> None:
 def pace_of(store: Store, key: str) -> Pace | None:
     """Progress of the cell; None if no process reports it."""
     try:
-        with _path(store, key).open("rb") as file:
+        with opened(_path(store, key)) as file:
             stored = json.loads(file.read(LARGEST_BYTES))
         return _checked(Pace(**stored))
-    except (OSError, ValueError, TypeError, RecursionError):
+    except (DataError, OSError, ValueError, TypeError, RecursionError):
         return None
 
 

@@ -1,16 +1,19 @@
 """Where a result comes from: sources, versions, machine, memory."""
 
+import hashlib
 import os
 import platform
 import resource
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import psutil
@@ -18,12 +21,18 @@ import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory, workers
 
-from .schema import Session
+from .schema import Machine, Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")
 PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
+
+IDENTIFYING = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU implementer", "CPU part")
+"""Lines of the kernel's description of a processor that say which instructions it has, on x86 and on Arm."""
+
+SIDE, REPETITIONS = 256, 15
+"""Rows and columns of the yardstick's two matrices, and how often they are multiplied."""
 
 _before: dict[str, int] = {}
 """Peaks of the stage before the last reset within it, bytes."""
@@ -71,16 +80,31 @@ def cpu_name() -> str:
     return platform.processor() or platform.machine()
 
 
-def machine(device: torch.device) -> dict[str, Any]:
-    """The machine card; times from different cards are not comparable."""
-    return {
-        "system": platform.platform(),
-        "cpu": cpu_name(),
-        "cores": os.cpu_count(),
-        "memory_bytes": psutil.virtual_memory().total,
-        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
-        "threads": workers(torch.device("cpu")),
-    }
+@cache
+def instructions() -> str:
+    """A digest of the processor's family, model, stepping and instruction sets; empty where the kernel gives none.
+
+    Virtual machines give processors of several generations one name, and kernels compiled for them round differently.
+    """
+    if not CPU_INFORMATION.exists():
+        return ""
+    first = CPU_INFORMATION.read_text().split("\n\n")[0]
+    named = (line.partition(":") for line in first.splitlines())
+    kept = [f"{name.strip()}:{value.strip()}" for name, _, value in named if name.strip() in IDENTIFYING]
+    return hashlib.sha256("\n".join(kept).encode()).hexdigest()[:12]
+
+
+def machine(device: torch.device) -> Machine:
+    """The machine that this process runs on."""
+    return Machine(
+        system=platform.platform(),
+        cpu=cpu_name(),
+        instructions=instructions(),
+        cores=os.cpu_count(),
+        memory_bytes=psutil.virtual_memory().total,
+        gpu=torch.cuda.get_device_name(device) if device.type == "cuda" else None,
+        threads=workers(torch.device("cpu")),
+    )
 
 
 def reset_peaks(device: torch.device) -> None:
@@ -138,3 +162,17 @@ def session(device: torch.device) -> Session:
         "machine": machine(device),
         "peak_memory_bytes": peak_memory(device),
     }
+
+
+def yardstick_seconds(device: torch.device) -> float:
+    """Median seconds of a product of two matrices: what a device does just then without any code of this project.
+
+    Takes some 10 ms. Draws no random numbers.
+    """
+    first, second = (torch.full((SIDE, SIDE), value, device=device) for value in (0.5, 2.0))
+    found = []
+    for _ in range(REPETITIONS):
+        started = time.perf_counter()
+        float((first @ second)[0, 0])  # read, so that a GPU has finished
+        found.append(time.perf_counter() - started)
+    return median(found)

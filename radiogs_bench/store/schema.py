@@ -33,6 +33,33 @@ class TrailPoint(TypedDict):
     """Metrics by ``task/measure`` over a few test views; empty if the model was not scored."""
 
 
+class FirstStep(TypedDict):
+    """One of the first steps of a stage (see ``runs.first_steps``)."""
+
+    iteration: int
+    """Steps taken, with this one."""
+    losses: dict[str, float]
+    """Weighted losses of this step by name."""
+    gradients: dict[str, float]
+    """Euclidean length of each learnt tensor's gradient, by the tensor's name; empty where the stage offers none."""
+    updates: dict[str, float]
+    """Euclidean length of what the step added to each tensor; empty where the stage offers none."""
+
+
+class Machine(TypedDict):
+    """The machine that a process ran on; times from different machines are not comparable."""
+
+    system: str
+    cpu: str
+    instructions: NotRequired[str]
+    """A digest of what the processor can do; absent in results of earlier versions."""
+    cores: int | None
+    memory_bytes: int
+    gpu: str | None
+    threads: int
+    """Threads of the kernels."""
+
+
 class Session(TypedDict):
     """A process that contributed to a result; there are several if a run was interrupted and continued."""
 
@@ -42,10 +69,12 @@ class Session(TypedDict):
     """``commit`` and ``dirty`` of the harness's own repository; None where it runs from an installed package."""
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
-    machine: dict[str, Any]
-    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
+    machine: Machine
     peak_memory_bytes: dict[str, int]
     """Peaks of this process during the stage: ``host``, resident set; ``device``, CUDA allocator (with a GPU)."""
+    yardstick: NotRequired[float]
+    """Seconds of a fixed computation on the device just after the stage (``provenance.yardstick_seconds``); absent in a
+    session that did not end a stage, and in results of earlier versions."""
 
 
 class Determined(TypedDict):
@@ -141,6 +170,8 @@ class Result(TypedDict):
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
     """The losses, by stage, at geometrically spaced steps (see ``runs.trail``)."""
+    first_steps: NotRequired[dict[str, list[FirstStep]]]
+    """The first steps of each stage, one by one; absent in results of earlier versions, and without training."""
     seconds: dict[str, float]
     """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
     share counts in every one of them."""

@@ -13,6 +13,8 @@ from typing import Any
 from ..errors import StoreError
 from .atomic import write_atomically
 from .keys import canonical
+from .opening import LARGEST_TEXT, opened
+from .shapes import mismatch
 
 SEAL = "seal"
 
@@ -52,14 +54,16 @@ def write_sealed(path: Path, content: Mapping[str, Any]) -> None:
     write_atomically(path, strict_json(sealed(content)))
 
 
-def read_sealed(path: Path, schema: str, required: Collection[str]) -> dict[str, Any]:
-    """The content of a sealed file, whose seal agrees.
+def read_sealed(path: Path, schema: str, required: Collection[str], kind: Any = Any) -> dict[str, Any]:
+    """The content of a sealed file, whose seal agrees, and which has the types of ``kind`` (``shapes.mismatch``).
 
-    Raises FileNotFoundError; StoreError where the file cannot be read; OtherSchema for a file of another version; and
-    Broken for everything else: no JSON, no object, no seal or another one than its content has, a missing key.
+    Raises FileNotFoundError; StoreError where the file cannot be read; DataError where it is no regular file or too
+    large; OtherSchema for a file of another version; and Broken for everything else: no JSON, no object, no seal or
+    another one than its content has, a missing key, a value of another type.
     """
     try:
-        content = path.read_bytes()
+        with opened(path, LARGEST_TEXT) as file:
+            content = file.read()
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -80,6 +84,8 @@ def read_sealed(path: Path, schema: str, required: Collection[str]) -> dict[str,
         raise Broken(complaint)
     if missing := sorted(set(required) - stored.keys()):
         raise Broken(f"it lacks {', '.join(missing)}")
+    if wrong := mismatch(stored, kind):
+        raise Broken(wrong)
     return stored
 
 

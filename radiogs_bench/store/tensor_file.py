@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from ..errors import StoreError
+from .opening import opened
 from .seal import Broken
 
 STORED_AS = "stored_as"
@@ -26,10 +27,11 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     """Reads the content that was stored under ``name``. Pickles are not executed; every part's checksum is compared.
 
     Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there. Raises
-    FileNotFoundError, StoreError where the file cannot be read, and Broken where it is damaged or another's.
+    FileNotFoundError, StoreError where the file cannot be read, DataError where it is no regular file, and Broken where
+    it is damaged or another's.
     """
     try:
-        with zipfile.ZipFile(path) as archive:  # torch itself does not compare the checksums
+        with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
             if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
                 raise Broken("a part of it is compressed, which torch never does")
             damaged = archive.testzip()

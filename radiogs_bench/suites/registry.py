@@ -4,7 +4,6 @@ A file has the fields of ``suite.Suite`` (docs/suites.md); the dataclasses are i
 used in files at once.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -17,7 +16,7 @@ from radiogs_core.contract import Method, current_name, whole_numbers
 from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.plain_values import PlainReader, flat
 from radiogs_datasets import known_names
-from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
+from radiogs_datasets.bounded_reading import read_toml
 
 from ..methods import SUFFIX, method, require_recipe
 from ..scoring.metrics.measures import MEASURES
@@ -64,6 +63,9 @@ def suite(name: str) -> Suite:
     return SUITES[name]
 
 
+MOST_ROWS = 1000
+"""Rows of a suite's file: each is compared with every other, and nobody reads a longer table."""
+
 LARGEST_FACTOR = 1e4
 """Largest factor of a number of the budget: the largest preset times it is more than any machine finishes."""
 
@@ -75,13 +77,18 @@ def read_suite(path: Path) -> Suite:
     the file's folder.
     """
     try:
-        content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
+        content = read_toml(path)
     except DataError as error:
-        raise DataError(f"cannot read the suite {path}", error.why, "Name a suite's file.") from error
+        raise DataError(f"cannot read the suite {path}", error.why, error.remedy or "Name a suite's file.") from error
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no TOML: {error}", "", "What a suite's file may say: docs/suites.md") from error
     reader = PlainReader(str(path), "What a suite's file may say: docs/suites.md")
     reader.special[Metric] = partial(_metric, reader)
+    rows = content.get("rows")
+    if isinstance(rows, list) and len(rows) > MOST_ROWS:
+        reader.fail(
+            "suite.rows", f"{len(rows)} rows", f"A suite has at most {MOST_ROWS}.", "Make several suites of it."
+        )
     content.setdefault("published", None)
     for row in content.get("rows", ()) if isinstance(content.get("rows"), list) else ():
         _complete(row)

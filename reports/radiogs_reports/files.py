@@ -1,7 +1,36 @@
 """Paths of reports: within the folder of the run, never through a link that leads out of it."""
 
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from errno import ENOTDIR
+from io import BufferedReader
 from pathlib import Path
+
+
+class Unusable(ValueError):
+    """A file of the run's folder that is not what was stored there, by its path; the message says what to do."""
+
+
+@contextmanager
+def opened(path: Path, most: int) -> Iterator[BufferedReader]:
+    """A file of the run's folder, open for reading.
+
+    Raises Unusable for what is no regular file, which might never end, and for one of more than ``most`` bytes; OSError
+    where there is none or it cannot be read.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # a named pipe is not waited for
+    try:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
+            raise Unusable(f"{path} is no regular file; take it out of the folder")
+        if found.st_size > most:
+            raise Unusable(f"{path} has {found.st_size} bytes, more than any that is stored there")
+        with open(handle, "rb", closefd=False) as file:
+            yield file
+    finally:
+        os.close(handle)
 
 
 def fresh(path: Path) -> Path:

@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
+from .files import opened
+
 INDIRECT_GAIN = 4.0
 """Indirect light is shown four times brighter; at its own brightness it is too dark to judge."""
 
@@ -21,6 +23,9 @@ ANGLE_RANGE = 45.0
 MOST_BYTES = 1 << 32
 """Largest size of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to
 fill memory."""
+
+MOST_STORED = 1 << 38
+"""Largest size of a file of arrays as it is stored."""
 
 VIEWS = "views/"
 """Prefix of the names of further views' codes."""
@@ -110,7 +115,7 @@ def read_maps(path: Path, start: str = "") -> dict[str, Image]:
 
     Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
     """
-    with zipfile.ZipFile(path) as parts:
+    with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
         if sum(part.file_size for part in parts.infolist() if not part.filename.startswith(VIEWS)) > MOST_BYTES:
             raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     with np.load(path) as archive:
@@ -123,7 +128,7 @@ def open_codes(path: Path) -> "np.lib.npyio.NpzFile":
 
     Raises ValueError for an array that grows beyond every map of a view when it is unpacked.
     """
-    with zipfile.ZipFile(path) as parts:
+    with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
         if any(part.file_size > MOST_BYTES for part in parts.infolist()):
             raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     return np.load(path)

@@ -6,6 +6,8 @@ because their name says which run they belong to.
 """
 
 import hashlib
+import os
+import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import resources
@@ -13,7 +15,7 @@ from importlib.metadata import version
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from .files import fresh
+from .files import Unusable, fresh, opened
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
@@ -22,6 +24,18 @@ to OUT.
 
 Files that it does not list are never deleted.
 """
+
+BEGUN = "reports_begun.txt"
+"""There while reports are written: a line with their suite, then one per file that stood in their places and is none of
+ours. After a kill it tells what the killed process wrote."""
+
+LARGEST_RECORD = 1 << 24
+"""Bytes of the record, at most: a hundred thousand files."""
+
+MOST_BYTES = 1 << 38
+
+LINE = re.compile(r"(?:(?:[0-9a-f]{64})?  )?(?:(?!  )[^\0])*")
+"""A digest, which may be empty in the first line, and a name; a name alone in records of earlier versions."""
 
 OF_THE_LAST_RUN = ("tables/*", "figures/*", "report_files/*", "contact_sheet.png")
 
@@ -48,6 +62,8 @@ def made_from(summary: Summary, out: Path, alone: bool = False, pictures: bool =
 
 def unchanged(out: Path, source: str) -> list[Path] | None:
     """The reports in ``out`` if they were made from ``source`` and are as they were written; else None."""
+    if os.path.lexists(out / BEGUN):
+        return None
     digests = recorded(out)
     if digests.pop("", "") != source or not digests:
         return None
@@ -66,20 +82,63 @@ def keep_record(out: Path, written: Sequence[Path], source: str = "") -> None:
                 path.unlink()
     lines = [f"{source}  \n", *(f"{digest_of(path)}  {name}\n" for name, path in sorted(current.items()))]
     fresh(out / RECORD).write_text("".join(lines), encoding="utf-8")
+    (out / BEGUN).unlink(missing_ok=True)
 
 
 def recorded(out: Path) -> dict[str, str]:
-    """Digests of the recorded files by name; the digest of their source has the empty name."""
-    record = out / RECORD
-    lines = record.read_text(encoding="utf-8").splitlines() if record.exists() else []
-    return {name: digest for digest, _, name in (line.rpartition("  ") for line in lines)}
+    """Digests of the recorded files by name; the digest of their source has the empty name.
+
+    Raises Unusable for a record that is damaged: it would say nothing of what belongs to which run.
+    """
+    lines = _lines(out / RECORD)
+    if not all(LINE.fullmatch(line) for line in lines):
+        raise _damaged(out / RECORD)
+    found = {name: digest for digest, _, name in (line.rpartition("  ") for line in lines)}
+    if os.path.lexists(out / BEGUN) and not (out / BEGUN).is_symlink():
+        suite, *others = _lines(out / BEGUN) or [""]
+        left = {name for name in _reports_there(out, suite) if name not in others}
+        found |= {name: digest_of(out / name) for name in sorted(left - found.keys())}
+    return found
+
+
+def begin_record(out: Path, suite: str) -> None:
+    """Note that reports of ``suite`` are about to be written, and which files there are none of ours.
+
+    A process that is killed before ``keep_record`` leaves the note, by which its files are recognised.
+    """
+    ours = recorded(out)
+    others = [name for name in _reports_there(out, suite) if name not in ours]
+    fresh(out / BEGUN).write_text("".join(f"{line}\n" for line in (suite, *others)), encoding="utf-8")
+
+
+def _reports_there(out: Path, suite: str) -> list[str]:
+    """Names of the files in the places where reports of a suite are written."""
+    own = ("report.html", "report.tex", *(f"{suite}{end}" for end in ("_table.tex", ".tex", ".md", ".csv")))
+    found = [path for pattern in OF_THE_LAST_RUN for path in out.glob(pattern)] + [out / name for name in own]
+    return sorted(path.relative_to(out).as_posix() for path in found if path.is_file() and not path.is_symlink())
+
+
+def _lines(path: Path) -> list[str]:
+    if not os.path.lexists(path) or path.is_symlink():  # a link is none of ours, and is replaced
+        return []
+    try:
+        with opened(path, LARGEST_RECORD) as file:
+            return file.read().decode().splitlines()
+    except UnicodeDecodeError as error:
+        raise _damaged(path) from error
+    except OSError as error:
+        raise Unusable(f"cannot read {path} ({error.strerror}); delete it, and reports are made anew") from error
+
+
+def _damaged(path: Path) -> Unusable:
+    return Unusable(f"{path} is damaged; delete it, and reports are made anew")
 
 
 def digest_of(path: Path) -> str:
     """SHA-256 of a file; SHA-256 of no bytes for a file that does not exist."""
     if not path.is_file():
         return hashlib.sha256().hexdigest()
-    with path.open("rb") as file:
+    with opened(path, MOST_BYTES) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -25,7 +25,7 @@ from .figures.stability import stability_figure
 from .files import fresh, require_own_folders
 from .page.assemble import write_page
 from .page.pictures import FOLDER as PICTURES
-from .record import keep_record, made_from, unchanged
+from .record import begin_record, keep_record, made_from, unchanged
 from .summary import Summary, read_summary
 from .tables.caption import run_note
 from .tables.paper import paper_table
@@ -76,6 +76,7 @@ def write_reports(
     there = unchanged(out, source)
     if there is not None:
         return there
+    begin_record(out, summary["suite"])
     advance(0, PARTS)
     figures = write_figures(summary, out) if pictures else []
     advance(1, PARTS)

@@ -8,8 +8,9 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Any, Literal, NotRequired, TypedDict, cast
 
+from .files import opened
 from .statistics import Level
 
 SCHEMA = "radiogs-bench/summary/6"
@@ -344,6 +345,10 @@ class Summary(RunTable):
     """``seal_of`` the rest; added when it is written."""
 
 
+LARGEST_SUMMARY = 1 << 28
+"""Bytes, at most."""
+
+
 def read_summary(out: Path) -> Summary:
     """Read OUT/summary.json, and what it names: array files of the folder, and plain names that files are named after.
 
@@ -351,7 +356,14 @@ def read_summary(out: Path) -> Summary:
     of the folder.
     """
     path = out / "summary.json"
-    stored = json.loads(path.read_text(encoding="utf-8"))
+    with opened(path, LARGEST_SUMMARY) as file:
+        content = file.read()
+    try:
+        stored: Any = json.loads(content)
+    except RecursionError as error:
+        raise ValueError(f"{path} is nested too deep") from error
+    if not isinstance(stored, dict) or not isinstance(stored.get("schema"), str):
+        raise ValueError(f"{path} is no summary; rebuild it with: radiogs-bench report {out}")
     if stored["schema"] != SCHEMA:
         raise ValueError(
             f"{path} has schema {stored['schema']}, but this version reads {SCHEMA};"
@@ -359,7 +371,7 @@ def read_summary(out: Path) -> Summary:
         )
     if stored.get("seal") != seal_of(stored):
         raise ValueError(f"{path} does not agree with its seal; rebuild it with: radiogs-bench report {out}")
-    summary: Summary = stored
+    summary = cast(Summary, stored)
     for name in (summary["suite"], *(table["key"] for table in summary["paper"])):
         if PLAIN.fullmatch(name) is None:
             raise ValueError(f"{path}: {name!r} is no plain file name")

@@ -1,35 +1,44 @@
 """Changes single bytes of a finished run's files and reads them back: each change is seen, or changes nothing.
 
     python tests/bench/flips.py [COUNT] [SEED]
+    python tests/bench/flips.py commands [COUNT] [SEED]
 
-Prints how many changes of each kind of file were seen, how many left what is read bit for bit as it was (such as one
-in white space, or in a field of an archive that no reader looks at), how many changed it with nothing said ("silent"),
-and how many ended in an error that no reader expects. Exit code 1 if there is any of the latter two.
+The first prints how many changes of each kind of file were seen, how many left what is read bit for bit as it was (such
+as one in white space, or in a field of an archive that no reader looks at), how many changed it with nothing said
+("silent"), and how many ended in an error that no reader expects. The second prints how commands end that read damaged
+files (see ``commands_on``). Exit code 1 for any silent change, unexpected error, traceback or slow command.
 """
 
+import io
 import json
+import logging
 import random
+import shutil
 import sys
 import tempfile
+import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import torch
 
-from bench.fake_method import CPU, FakeSweep, asked, fake_cell, write_sweep
+from bench.fake_method import CPU, FAKE, FakeSweep, asked, fake_cell, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.errors import StoreError
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.runs.stages import trained
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.trained_folder import Origin, read_about, write_trained
 from radiogs_bench.store.folder import Store, product_name
-from radiogs_bench.store.seal import Broken
+from radiogs_bench.store.seal import Broken, seal_of
 from radiogs_bench.store.tensor_file import read_tensors
 from radiogs_core.errors import DataError
 from radiogs_reports.summary import read_summary
@@ -44,8 +53,9 @@ def finished(folder: Path) -> None:
     cells = request.cells()
     write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
     sweep.run([cell for _, cell in cells])
-    for command in (["report"], ["gate", "--baseline", str(folder / "baseline.json"), "--update"]):
-        assert main([command[0], str(folder), *command[1:]]) == 0
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        for command in (["report"], ["gate", "--baseline", str(folder / "baseline.json"), "--update"]):
+            assert main([command[0], str(folder), *command[1:]]) == 0
     key = cells[0][1].key
     result = sweep.store.sealed_result(key)
     words = {"what": "out of memory", "why": "a made-up failure", "remedy": "none", "exit_code": 1, "date": "today"}
@@ -125,14 +135,125 @@ def flips(folder: Path, count: int, seed: int) -> dict[str, Counter[str]]:
     return found
 
 
+ODD: tuple[Any, ...] = (None, True, -1, 10**400, 1.5, "x", "\ud800", [], [[]], {}, {"a": None}, ["x", 1])
+"""Values that take the place of others of a stored file."""
+
+COMMANDS = ("status", "report", "verify", "render", "gate", "export", "record")
+SEALED = ", sealed again"
+
+SPOKEN = ("damaged", "not used", "gone", "are not")
+
+WRONG = ("silent", "unexpected", "traceback", "slow")
+
+LONGEST = 10.0
+"""Seconds that a command may take beyond ten times those on the undamaged run; more count as hanging."""
+
+
+def damage(content: bytes, numbers: random.Random) -> tuple[str, bytes]:
+    """One damage of a stored JSON file: its kind, and the file. Half of those of values are sealed again."""
+    kind = numbers.choice(("type", "type", "type", "key", "key", "seal", "byte", "cut"))
+    if kind == "byte":
+        place = numbers.randrange(len(content))
+        return kind, content[:place] + bytes([numbers.randrange(128, 256)]) + content[place + 1 :]
+    if kind == "cut":
+        return kind, content[: numbers.randrange(len(content))]
+    stored = json.loads(content)
+    if kind == "seal":
+        stored["seal"] = numbers.choice((*ODD[:5], "0" * 64))
+        return kind, json.dumps(stored).encode()
+    places = list(_places(stored))
+    holder, name = numbers.choice(places)
+    if kind == "key":
+        del holder[name]
+    else:
+        holder[name] = numbers.choice(ODD)
+    if numbers.random() < 0.7:
+        kind += SEALED
+        try:
+            stored["seal"] = seal_of(stored)
+        except ValueError:  # what no text in UTF-8 can hold
+            stored["seal"] = ""
+    return kind, json.dumps(stored).encode()
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Every entry of nested tables and lists, by what holds it and its name or place."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, each in list(inner):
+        yield value, name
+        yield from _places(each)
+
+
+def commands_on(folder: Path, count: int, seed: int, work: Path) -> Counter[str]:
+    """Outcomes of commands on copies of a finished run, in each of which one file is damaged.
+
+    ``explained``: an exit code with its message. ``as before``: 0, with the table of the undamaged run. ``said``: 0,
+    and a damage is spoken of. ``read for what it says``: 0, and another table, from a file of right types that was
+    sealed again. These must not be: ``silent``, another table without that, ``traceback`` and ``slow``.
+    """
+    numbers, found = random.Random(seed), Counter[str]()
+    whole, usual = {}, {}
+    for command in COMMANDS:
+        begun = time.monotonic()
+        whole[command] = _ended(command, folder)
+        usual[command] = time.monotonic() - begun
+    names = ["sweep.json", "trained.json", "summary.json", "reports.txt", "baseline.json"]
+    names += [f"cells/{path.name}" for path in sorted((folder / "cells").glob("*.json"))]
+    for number in range(count):
+        copy = work / f"{number}"
+        shutil.copytree(folder, copy)
+        name = names[number % len(names)] if number % 3 else numbers.choice(names)
+        content = (copy / name).read_bytes()
+        kind, damaged = damage(content, numbers) if name.endswith(".json") else ("byte", b"\xff" + content[1:])
+        (copy / name).write_bytes(damaged)
+        for command in COMMANDS:
+            begun = time.monotonic()
+            code, said = _ended(command, copy)
+            if "Traceback" in said:
+                outcome = "traceback"
+            elif time.monotonic() - begun > LONGEST + 10 * usual[command]:
+                outcome = "slow"
+            elif code != 0:
+                outcome = "explained"
+            elif said.replace(str(copy), "") == whole[command][1].replace(str(folder), ""):
+                outcome = "as before"
+            else:
+                quiet = "read for what it says" if kind.endswith(SEALED) else "silent"
+                outcome = "said" if any(word in said for word in SPOKEN) else quiet
+            if outcome in WRONG:
+                sys.stderr.write(f"{name}, {kind}, {command}: {outcome}, {code}\n{said[-1500:]}\n{damaged[:200]!r}\n")
+            found[outcome] += 1
+        shutil.rmtree(copy)
+    return found
+
+
+def _ended(command: str, folder: Path) -> tuple[int, str]:
+    """Exit code of a command on a folder, and all that it prints and logs."""
+    said = io.StringIO()
+    handler = logging.StreamHandler(said)
+    more = {
+        "report": ["--no-pictures"], "render": ["--views", "test"],
+        "gate": ["--baseline", str(folder / "baseline.json")], "record": ["--to", str(folder / "record.json")],
+    }.get(command, [])  # fmt: skip
+    with redirect_stdout(said), redirect_stderr(said), patch.dict(substitutes, {FAKE.name: FAKE}):
+        logging.getLogger().addHandler(handler)
+        try:
+            code = main([command, str(folder), *more])
+        finally:
+            logging.getLogger().removeHandler(handler)
+    return code, said.getvalue()
+
+
 def run() -> int:
     """The command."""
-    count, seed = (int(given or usual) for given, usual in zip_longest(sys.argv[1:], (2000, 0)))
-    with tempfile.TemporaryDirectory() as place:
+    commands = sys.argv[1:2] == ["commands"]
+    count, seed = (int(given or usual) for given, usual in zip_longest(sys.argv[1 + commands :], (2000, 0)))
+    with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as work:
         finished(Path(place))
-        found = flips(Path(place), count, seed)
+        found = {"commands": commands_on(Path(place), count, seed, Path(work))} if commands else None
+        found = found or flips(Path(place), count, seed)
     sys.stdout.write(json.dumps(found, indent=1) + "\n")
-    return int(any(counts["silent"] or counts["unexpected"] for counts in found.values()))
+    return int(any(counts[outcome] for counts in found.values() for outcome in WRONG))
 
 
 if __name__ == "__main__":

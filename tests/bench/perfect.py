@@ -39,7 +39,7 @@ EVERYTHING = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 
 
 
 def scene_of(*views: View) -> Scene:
-    lights = {name: EnvironmentMap(torch.ones(2, 4, 3)) for name in ("sun", "sky")}
+    lights = {name: EnvironmentMap(torch.full((2, 4, 3), level)) for name, level in (("sun", 1.0), ("sky", 0.5))}
     return Scene("s", "none", views, views, lights, None, "0")
 
 
@@ -88,11 +88,16 @@ class Perfect:
         self.scales.append(albedo_scale)
         for _ in range(self.steps):
             after_step()
-        return Relit(self, next(name for name, each in self.scene.lights.items() if each is light))
+        return Relit(self, name_of(light, self.scene))
 
     def view(self, camera: Camera) -> View:
         views = (*self.scene.test, *self.scene.relight)
         return next(view for view in views if torch.equal(view.camera.centre, camera.centre))
+
+
+def name_of(light: EnvironmentMap, scene: Scene) -> str:
+    """The name of a light of the scene, of which a method is handed a copy."""
+    return next(name for name, each in scene.lights.items() if torch.equal(each.radiance, light.radiance))
 
 
 class Own:

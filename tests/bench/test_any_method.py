@@ -174,7 +174,7 @@ def test_a_run_of_another_method_has_a_table_a_status_and_a_gate(
     baseline.write_bytes(strict_json(sealed(content)))
     capsys.readouterr()
     assert main(["gate", str(tmp_path), "--baseline", str(baseline)]) == 1
-    assert f"regression: sphere chain seed 0: {last} steps: 4 -> 3" in capsys.readouterr().out
+    assert f"changed: sphere chain: stage {last}: less work, steps: " in capsys.readouterr().out
     assert main(["export", str(tmp_path)]) == 0
     assert main(["view", str(tmp_path)]) == 3
     assert "no surfels" in capsys.readouterr().err

@@ -1,15 +1,19 @@
 """Folders and suites of strangers, beyond the audit's (docs/reliability.md, "Attacks of our own")."""
 
 import io
+import json
 import os
 import shutil
+import socket
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from bench.flips import COMMANDS, WRONG, commands_on, finished
 from bench.own_suite import WHOLE
 from radiogs_bench.cli import main
 from radiogs_bench.errors import StoreError
@@ -17,10 +21,14 @@ from radiogs_bench.export.mesh import Mesh, write_mesh
 from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import claim
 from radiogs_bench.store.folder import Store
-from radiogs_bench.store.seal import Broken
+from radiogs_bench.store.pace import pace_of
+from radiogs_bench.store.schema import MetricValue
+from radiogs_bench.store.seal import Broken, sealed
+from radiogs_bench.store.shapes import mismatch
 from radiogs_bench.store.tensor_file import packed, read_tensors
 from radiogs_core.surfels.ply import write_ply
 from radiogs_reports.maps import MOST_BYTES, read_maps
+from radiogs_reports.record import BEGUN, begin_record, recorded
 from scenes import surfels_facing
 
 
@@ -102,6 +110,220 @@ def test_no_pickle_is_executed(tmp_path: Path) -> None:
     assert not (tmp_path / "made").exists()
     torch.load(tmp_path / "a.pt", weights_only=False)
     assert (tmp_path / "made").exists(), "the file is one that would do harm"
+
+
+@pytest.fixture(scope="module")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finished")
+    finished(folder)
+    return folder
+
+
+@pytest.fixture
+def run(finished_run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished_run, tmp_path / "run"))
+
+
+def with_pipe(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+
+
+def with_device(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    path.symlink_to("/dev/zero")
+
+
+def with_socket(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    here = os.open(path.parent, os.O_RDONLY)
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(f"/proc/self/fd/{here}/{path.name}")
+    os.close(here)
+
+
+def with_holes(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    with path.open("wb") as file:
+        file.truncate(3 << 30)
+
+
+@pytest.mark.parametrize("put", [with_pipe, with_device, with_socket, with_holes])
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("sweep.json", "status"),
+        ("sweep.json", "report"),
+        ("cells/*[0-9a-f].json", "status"),
+        ("cells/*[0-9a-f].json", "verify"),
+        ("cells/*.npz", "report"),
+        ("cells/*.npz", "verify"),
+        ("reports.txt", "report"),
+        ("trained.json", "render"),
+        ("stages/*.pt", "verify"),
+    ],
+)
+def test_what_is_no_regular_file_of_bounded_size_is_refused_unread(
+    name: str, command: str, put: Callable[[Path], None], run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack results_folder_pipes: these hung, or took all memory."""
+    path = sorted(each for each in run.glob(name) if ".failed." not in each.name)[0]
+    put(path)
+    more = ["--no-pictures"] if command == "report" else []
+    if put is with_device and name == "reports.txt":  # a link where a report is written is replaced
+        assert main([command, str(run), *more]) == 0
+        assert not path.is_symlink()
+        return
+    assert main([command, str(run), *more]) == 3
+    said = "".join(capsys.readouterr())
+    assert path.name in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("put", [with_pipe, with_device, with_holes])
+def test_a_lock_or_a_pace_that_is_no_regular_file_is_not_waited_for(put: Callable[[Path], None], run: Path) -> None:
+    (run / "locks").mkdir(exist_ok=True)
+    key = Store(run).result_keys()[0]
+    put(run / "locks" / f"{key}.pace")
+    assert pace_of(Store(run), key) is None
+    assert main(["status", str(run)]) == 0
+
+
+@pytest.mark.parametrize("content", [b"\xff", b"no digest  a\n"])
+def test_a_record_of_reports_that_is_damaged_is_named(
+    content: bytes, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack reports_txt_byte: every later command ended in a traceback."""
+    (run / "reports.txt").write_bytes(content)
+    assert main(["report", str(run), "--no-pictures"]) == 3
+    assert f"{run / 'reports.txt'} is damaged; delete it" in capsys.readouterr().err
+    (run / "reports.txt").unlink()
+    assert main(["report", str(run), "--no-pictures"]) == 0
+
+
+def test_a_record_of_reports_that_is_a_folder_is_named(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run / "reports.txt").unlink()
+    (run / "reports.txt").mkdir()
+    assert main(["report", str(run), "--no-pictures"]) == 3
+    assert str(run / "reports.txt") in capsys.readouterr().err
+
+
+def sealed_again(path: Path, place: tuple[str, ...], value: object) -> None:
+    """Put a value into a stored file, with a seal that agrees."""
+    stored = json.loads(path.read_bytes())
+    holder = stored
+    for name in place[:-1]:
+        holder = holder[name]
+    holder[place[-1]] = value
+    path.write_text(json.dumps(sealed(stored)))
+
+
+@pytest.mark.parametrize(
+    ("place", "value"), [(("scene",), 7), (("variant",), [1]), (("method",), ["x"]), (("seed",), True)]
+)
+def test_a_model_s_fields_of_another_type_are_named(
+    place: tuple[str, ...], value: object, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack trained_types."""
+    sealed_again(run / "trained.json", place, value)
+    assert main(["render", str(run)]) == 3
+    said = capsys.readouterr().err
+    assert f"{run / 'trained.json'} is damaged: {place[0]} is" in said
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("metrics",), None),
+        (("metrics",), []),
+        (("metrics", "nvs/psnr", "value"), "x"),
+        (("metrics", "nvs/psnr"), {"reason": None, "views": []}),
+        (("work",), []),
+        (("seconds", "evaluate"), None),
+        (("seconds",), {"evaluate": "x"}),
+        (("sessions",), []),
+        (("sessions", "evaluate"), [{"date": "", "git": None, "versions": {}, "machine": {}, "peak_memory_bytes": {}}]),
+        (("trail",), None),
+    ],
+)
+def test_a_result_with_a_value_of_another_type_is_set_aside_by_name(
+    place: tuple[str, ...], value: object, run: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Attack gate_types, as the store reads it."""
+    key = Store(run).result_keys()[0]
+    sealed_again(run / "cells" / f"{key}.json", place, value)
+    assert Store(run).result(key) is None
+    assert ".".join(place).split("/")[0] in caplog.text
+    assert list((run / "aside").iterdir())
+
+
+def test_a_number_beyond_every_range_is_named(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Found by damaged stored files: a whole number beyond float64 in a sealed variant."""
+    variant = json.loads((run / "trained.json").read_bytes())["variant"]
+    assert "side" in variant["geometry"]["start"]["sweep"]
+    sealed_again(run / "trained.json", ("variant", "geometry", "start", "sweep", "side"), 10**400)
+    assert main(["render", str(run)]) == 2
+    assert "is not one or above" in capsys.readouterr().err
+
+
+def test_a_value_has_the_type_that_is_declared() -> None:
+    assert mismatch({"value": 1, "reason": None, "views": [1.5, None]}, MetricValue) == ""
+    for wrong in (None, [], {}, {"value": True, "reason": None, "views": []}):
+        assert mismatch(wrong, MetricValue) != ""
+    assert mismatch({"value": 1, "reason": None, "views": [1, "x"]}, MetricValue) == "views[1] is 'x', not a number"
+    assert mismatch({"value": 10**400, "reason": None, "views": []}, MetricValue).startswith("value is 1000")
+
+
+@pytest.mark.parametrize("command", ["run", "method"])
+def test_a_suite_s_keys_are_not_nested_without_bound(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack toml_dotted_key: 7.5 GB for a file of 200 kB."""
+    file = tmp_path / "deep.toml"
+    file.write_text("a." * 100_000 + "b = 1\n")
+    words = ["run", str(file), "--list"] if command == "run" else ["methods", str(file)]
+    assert main(words) == 2
+    assert "a key has more than 32 parts" in capsys.readouterr().err
+
+
+def test_a_suite_has_no_more_bytes_and_rows_than_can_be_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack toml_100000_rows: quadratic time."""
+    file = tmp_path / "rows.toml"
+    head = 'name="hh"\ntitle="H"\nreference="r0"\ncolumns=["nvs/psnr"]\n'
+    file.write_text(head + "".join(f'[[rows]]\nkey="r{i}"\ntext="R{i}"\n' for i in range(40_000)))
+    assert main(["run", str(file), "--list"]) == 3
+    assert "RADIOGS_BENCH_LARGEST_TOML" in capsys.readouterr().err
+    monkeypatch.setenv("RADIOGS_BENCH_LARGEST_TOML", str(1 << 24))
+    assert main(["run", str(file), "--list"]) == 2
+    assert "40000 rows" in capsys.readouterr().err
+
+
+def test_reports_of_a_run_that_was_killed_while_it_wrote_them_are_recognised(run: Path) -> None:
+    """Attack killed_report_leaves_figures: they stayed among those of the next suite for good."""
+    for name in ("figures/theirs.png", "tables/theirs.csv"):
+        (run / name).parent.mkdir(exist_ok=True)
+        (run / name).write_text("a stranger's")
+    begin_record(run, "killed")
+    left = ("figures/killed-a.png", "tables/killed.csv", "killed.csv", "killed_table.tex", "killed.md")
+    for name in left:
+        (run / name).write_text("half")
+    assert set(left) <= recorded(run).keys()
+    assert not {"figures/theirs.png", "tables/theirs.csv"} & recorded(run).keys()
+    assert main(["report", str(run), "--no-pictures"]) == 0
+    assert not (run / BEGUN).exists()
+    assert not (run / "figures/killed-a.png").exists()
+    assert not (run / "tables/killed.csv").exists()
+    assert (run / "figures/theirs.png").exists()
+    assert (run / "tables/theirs.csv").exists()
+
+
+@pytest.mark.slow
+def test_damaged_files_under_every_command_end_without_a_traceback(finished_run: Path, tmp_path: Path) -> None:
+    found = commands_on(finished_run, 60, 0, tmp_path)
+    assert sum(found.values()) == 60 * len(COMMANDS)
+    assert not set(WRONG) & found.keys(), found
 
 
 @pytest.mark.parametrize("text", [r"\u001b[2J", r"\u202e", r"a\nb", r"\u0000"])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import pytest
 import radiogs_datasets
 from bench import fake_method
 from radiogs_bench.cli import main
+from radiogs_bench.cli.main import build_parser
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
@@ -145,6 +147,10 @@ def test_a_wrong_command_ends_with_exit_code_2(
         ("train cor", "corner corner-128 corner.toml"),
         ("status o", "out"),
         ("datasets ch", "check"),
+        ("methods svg", "svg-ir svg-ir-public"),
+        ("score out --from svg", "svg-ir"),
+        ("datasets fetch tens", "tensoir tensoir-ind"),
+        ("run ablations --scenes corner,bow", "corner,bowl corner,bowl-128"),
     ],
 )
 def test_bash_completes_commands_options_names_and_paths(
@@ -172,17 +178,30 @@ def test_other_shells_get_a_script_with_the_names(shell: str, capsys: pytest.Cap
     assert ("red_white" in script) == (shell == "zsh")
 
 
-def test_the_suites_are_listed_with_rows_columns_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    said, complained = capsys.readouterr()
+    assert said == build_parser().format_help()
+    assert complained == ""
+
+
+def test_the_suites_are_listed_on_one_screen(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--list"]) == 0
-    listed = capsys.readouterr().out
+    listed = capsys.readouterr().out.splitlines()
+    assert len(listed) == len(SUITES) + 1 < 40
+    for suite, line in zip(SUITES.values(), listed, strict=False):
+        assert re.fullmatch(rf"{re.escape(suite.name)} +{re.escape(suite.title)}", line)
+
+
+def test_a_suite_is_described_by_its_rows_columns_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     for suite in SUITES.values():
-        assert f"{suite.name}: {suite.title}" in listed
+        assert main(["run", suite.name, "--list"]) == 0
+        listed = capsys.readouterr().out
+        assert listed.startswith(f"{suite.name}: {suite.title}")
         assert f"  rows: {', '.join(row.key for row in suite.rows)}\n" in listed
         assert f"  columns: {', '.join(column.key for column in suite.columns)}\n" in listed
         assert f"  scenes: {', '.join(suite.scenes)}\n" in listed
         assert not suite.download or f"  download: {suite.download}\n" in listed
-    assert main(["run", "ng", "--list"]) == 0
-    assert capsys.readouterr().out.startswith("ng: ")
 
 
 def test_a_folder_without_a_run_ends_with_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

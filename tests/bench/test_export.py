@@ -7,8 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import radiogs_bench as rb
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
+from radiogs_bench.runs.sweep import read_sweep
 
 REQUEST = asked(2)
 
@@ -30,6 +32,8 @@ def test_every_metric_of_every_cell_is_a_line(store: FakeSweep, form: str) -> No
     file = folder / f"export.{form}"
     table = pd.read_csv(file) if form == "csv" else pd.DataFrame(json.loads(file.read_text()))
     stored = {result["key"]: result for result in store.store.results()}
+    rows_of_cells = {ref["key"]: ref["row"] for ref in read_sweep(folder)["cells"]}
+    assert table.columns[0] == "row"
     assert len(stored) == 10
     assert len(table) == sum(len(result["metrics"]) for result in stored.values())
     for line in table.to_dict("records"):
@@ -39,12 +43,33 @@ def test_every_metric_of_every_cell_is_a_line(store: FakeSweep, form: str) -> No
             assert pd.isna(line["value"]), line
         else:
             assert line["value"] == value, line["metric"]
+        assert line["row"] == rows_of_cells[line["key"]]
         assert line["seed"] == result["cell"]["seed"]
         assert line["variant.detach"] == result["cell"]["variant"]["detach"]
         assert (
             line["guards.faint_surfels"] == sum(each["faint_surfels"] for each in result["guards"].values() if each) > 0
         )
         assert line["work.steps"] == sum(counters.get("steps", 0) for counters in result["work"].values())
+
+
+def test_a_frame_has_the_settings_in_one_column_or_each_in_its_own_and_the_values_of_views(store: FakeSweep) -> None:
+    folder = store.store.folder
+    frame, wide, views = (
+        rb.open_store(folder),
+        rb.open_store(folder, settings=True),
+        rb.open_store(folder, by_view=True),
+    )
+    assert list(frame.columns[:4]) == ["row", "scene", "method", "settings"]
+    fields = [name for name in wide if name.startswith("variant.")]
+    assert [{f"variant.{name}": value for name, value in json.loads(each).items()} for each in frame["settings"]] == (
+        wide[fields].to_dict("records")
+    )
+    assert frame["value"].equals(wide["value"])
+    for result in store.store.results():
+        own = views[(views["key"] == result["key"]) & (views["metric"] == "nvs/psnr")]
+        assert dict(zip(own["view"], own["value"], strict=True)) == dict(
+            zip(result["views"], result["metrics"]["nvs/psnr"]["views"], strict=True)
+        )
 
 
 def test_parquet_without_its_library_says_what_to_install(store: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,19 +2,22 @@
 
 import io
 import re
+import socketserver
 import threading
+import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
 from radiogs_bench.cli import main
-from radiogs_bench.errors import NotFetched
+from radiogs_bench.errors import NotFetched, exit_code
 from radiogs_bench.fetching import catalogue
 from radiogs_bench.fetching.catalogue import DATA_SETS, DataSet, Piece
-from radiogs_bench.fetching.download import DownloadFailed, download, sha256_of
+from radiogs_bench.fetching.download import DownloadFailed, MalformedAnswer, download, sha256_of
 from radiogs_bench.fetching.fetch import fetch_data_set
 from radiogs_bench.suites.registry import SUITES
 from radiogs_core.errors import DataError, UsageError
@@ -118,6 +121,160 @@ def test_nothing_is_continued_that_another_address_began(server: Server, tmp_pat
     server.most = 1 << 40
     download(f"{server.url}/b", tmp_path / "part", nothing)
     assert (tmp_path / "part").read_bytes() == CONTENT[::-1]
+
+
+@pytest.mark.parametrize("name", [".p.bin.part", ".p.bin.part.json"])
+def test_a_download_is_not_written_through_a_link(name: str, server: Server, tmp_path: Path) -> None:
+    """Attack fetch_through_links."""
+    server.files["/p"] = b"12345"
+    (tmp_path / "mine").write_text("precious")
+    (tmp_path / "ds").mkdir()
+    (tmp_path / "ds" / name).symlink_to(tmp_path / "mine")
+    piece = Piece("p.bin", f"{server.url}/p", packed=False)
+    fetch_data_set(DataSet("ds", "T", "page", "licence", (piece,)), tmp_path, nothing, nothing)
+    assert (tmp_path / "mine").read_text() == "precious"
+    assert not (tmp_path / "ds" / "p.bin").is_symlink()
+    assert (tmp_path / "ds" / "p.bin").read_bytes() == b"12345"
+
+
+class Careless(BaseHTTPRequestHandler):
+    """Continues whatever it is asked for, and says in its ETag which version that is."""
+
+    server: Server
+
+    def do_GET(self) -> None:
+        content = self.server.files[self.path]
+        wanted = self.headers.get("Range")
+        self.server.asked.append((self.path, wanted))
+        first = 0 if wanted is None else int(wanted[6:-1])
+        self.send_response(200 if wanted is None else 206)
+        self.send_header("Content-Range", f"bytes {first}-{len(content) - 1}/{len(content)}")
+        self.send_header("Content-Length", str(len(content) - first))
+        self.send_header("ETag", self.server.version)
+        self.end_headers()
+        self.wfile.write(content[first:])
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        pass
+
+
+@pytest.mark.parametrize("version", ['"two"', ""])
+def test_a_file_that_changed_is_begun_anew_where_the_server_does_not_look(
+    version: str, server: Server, tmp_path: Path
+) -> None:
+    """Attack fetch_through_links, resumed_mixture."""
+    server.files["/a"] = CONTENT
+    server.most = 400_000
+    with pytest.raises(DownloadFailed):
+        download(f"{server.url}/a", tmp_path / "a", nothing)
+    server.RequestHandlerClass = Careless
+    server.version, server.files["/a"] = version, CONTENT[::-1]
+    download(f"{server.url}/a", tmp_path / "a", nothing)
+    assert (tmp_path / "a").read_bytes() == CONTENT[::-1]
+    assert [wanted for _, wanted in server.asked] == [None, "bytes=400000-", None]
+
+
+class Raw(socketserver.BaseRequestHandler):
+    """Sends the server's pieces, whatever is asked."""
+
+    def handle(self) -> None:
+        self.request.recv(10_000)
+        pieces, pause = self.server.pieces  # type: ignore[attr-defined]
+        for piece in pieces:
+            with suppress(OSError):
+                self.request.sendall(piece)
+            time.sleep(pause)
+
+
+@pytest.fixture
+def answering() -> Iterator[Callable[..., str]]:
+    """Start a server that sends some bytes to whoever asks, piece by piece with pauses; returns its address."""
+    with ExitStack() as stack:
+
+        def start(*pieces: bytes, pause: float = 0.0) -> str:
+            serving = stack.enter_context(socketserver.TCPServer(("127.0.0.1", 0), Raw))
+            serving.pieces = pieces, pause  # type: ignore[attr-defined]
+            thread = threading.Thread(target=serving.serve_forever, kwargs={"poll_interval": 0.01})
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(serving.shutdown)
+            return f"http://127.0.0.1:{serving.server_address[1]}/p"
+
+        yield start
+
+
+OK = b"HTTP/1.1 200 OK\r\n"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        *(OK + b"Content-Length: %s\r\n\r\n12345" % length for length in (
+            b"abc", b"5, 5", b"-1", b"1" + b"0" * 5000, b"", "²".encode("latin-1"), b"5\r\nContent-Length: 6",
+        )),
+        OK + b"\r\n12345",
+        OK + b"Transfer-Encoding: chunked\r\n\r\n-5\r\n12345\r\n0\r\n\r\n",
+        OK + b"Transfer-Encoding: chunked\r\n\r\nxyz\r\n12345\r\n0\r\n\r\n",
+        OK + b"Content-Encoding: gzip\r\nContent-Length: 5\r\n\r\n12345",
+        b"HTTP/1.1 302 Found\r\nLocation: http://[\r\nContent-Length: 0\r\n\r\n",
+        b"HTTP/1.1 206 Partial Content\r\nContent-Range: bytes 0-4/5\r\nContent-Length: 5\r\n\r\n12345",
+        b"HTTP/1.1 204 No Content\r\n\r\n",
+        b"nonsense\r\n\r\n",
+    ],
+)  # fmt: skip
+def test_a_malformed_answer_is_one_kind_of_error_and_leaves_nothing(
+    answer: bytes, answering: Callable[..., str], tmp_path: Path
+) -> None:
+    piece = Piece("p.bin", answering(answer), packed=False)
+    with pytest.raises((MalformedAnswer, DownloadFailed)) as refused:
+        download(piece.url, tmp_path / "a", nothing, timeout=5.0)
+    assert not list(tmp_path.iterdir())
+    assert exit_code(refused.value) == 3
+    assert not getattr(refused.value, "unreachable", False)
+
+
+def test_an_answer_in_chunks_is_whole_when_it_says_so(answering: Callable[..., str], tmp_path: Path) -> None:
+    head = OK + b"Transfer-Encoding: chunked\r\n\r\n5\r\n12345\r\n"
+    download(answering(head + b"0\r\n\r\n"), tmp_path / "a", nothing)
+    assert (tmp_path / "a").read_bytes() == b"12345"
+    with pytest.raises(DownloadFailed, match="ended early"):
+        download(answering(head), tmp_path / "b", nothing)
+
+
+@pytest.mark.parametrize("begun", [b"HTTP/1.1 200", OK + b"Content-Length: 500000\r\n\r\n"])
+def test_a_server_that_sends_byte_after_byte_is_given_up(
+    begun: bytes, answering: Callable[..., str], tmp_path: Path
+) -> None:
+    """Each byte came within the time of a silent connection, so that it was waited for without end."""
+    started = time.monotonic()
+    with pytest.raises(DownloadFailed, match="fewer than 100 bytes a second"):
+        download(answering(begun, *[b"1"] * 20, pause=0.1), tmp_path / "a", nothing, timeout=0.5)
+    assert time.monotonic() - started < 5
+
+
+@pytest.mark.parametrize(
+    "note",
+    [b"[]", b"x", b"{}", b'{"url": "URL", "version": "v"}', b'{"url": "URL", "version": "a\\nb", "bytes": 5}',
+     b'{"url": "URL", "version": "v", "bytes": "5"}', b"[" * 100_000],
+)  # fmt: skip
+def test_a_note_of_an_earlier_download_that_is_damaged_begins_it_anew(
+    note: bytes, server: Server, tmp_path: Path
+) -> None:
+    server.files["/a"] = CONTENT
+    (tmp_path / "a").write_bytes(b"O" * 1000)
+    (tmp_path / "a.json").write_bytes(note.replace(b"URL", f"{server.url}/a".encode()))
+    download(f"{server.url}/a", tmp_path / "a", nothing)
+    assert (tmp_path / "a").read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize("content", [b"[]", b"\xff", b"1", None])
+def test_a_damaged_list_of_what_was_fetched_is_named(content: bytes | None, server: Server, tmp_path: Path) -> None:
+    chosen = some_set(server)
+    path = tmp_path / chosen.name / "fetched.json"
+    path.parent.mkdir()
+    path.mkdir() if content is None else path.write_bytes(content)
+    with pytest.raises(DataError, match=r"fetched\.json is damaged"):
+        fetch_data_set(chosen, tmp_path, nothing, nothing)
 
 
 def archive(**members: bytes) -> bytes:

@@ -1,14 +1,15 @@
-"""The gate lets an unchanged run through, every time, and stops what moved."""
+"""The gate lets an unchanged run through, every time, and gains; it stops losses and changes of what is computed."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked, write_sweep
+from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import BAND, baseline_of
 from radiogs_bench.results.gate import compare
 from radiogs_bench.runs.sweep import Request, read_sweep
@@ -17,6 +18,13 @@ from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
 
 REQUEST = asked(3)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fake_in_the_place_of_radiogs() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(substitutes, FAKE.name, FAKE)
+        yield
 
 
 def run(folder: Path, request: Request = REQUEST) -> Path:
@@ -65,10 +73,13 @@ def test_bands_are_the_spread_over_seeds(finished: Path) -> None:
     assert content["bands"]["fake ours"]["nvs/psnr"] == pytest.approx(BAND * deviation)
 
 
-def test_one_more_ray_is_a_regression(finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_more_step_is_a_change_that_may_be_accepted(
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = altered(baseline, lambda cell: cell["work"]["invert"].update(steps=cell["work"]["invert"]["steps"] - 1))
     assert main(["gate", str(finished), "--baseline", file]) == 1
-    assert "fake ours seed 1: invert steps: 5 -> 6 (+20 %)" in capsys.readouterr().out
+    assert "changed: fake ours: stage invert: more work, steps: 17 -> 18 (+5.88 %)" in capsys.readouterr().out
+    assert main(["gate", str(finished), "--baseline", file, "--accept-changes"]) == 0
 
 
 def test_on_another_machine_counters_warn_and_figures_still_stop(
@@ -79,20 +90,25 @@ def test_on_another_machine_counters_warn_and_figures_still_stop(
     content["cells"]["fake ours seed 1"]["work"]["invert"]["steps"] += 1
     baseline.write_bytes(strict_json(sealed(content)))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
-    assert "warning: fake ours seed 1: invert steps" in capsys.readouterr().out
+    assert "warning: fake ours: stage invert: less work, steps" in capsys.readouterr().out
     content["cells"]["fake ours seed 1"]["metrics"]["nvs/psnr"] += 1000
     baseline.write_bytes(strict_json(sealed(content)))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
 
 
-def test_a_value_outside_its_band_is_a_regression_and_inside_is_not(finished: Path, baseline: Path) -> None:
+def test_without_a_rerun_a_loss_beyond_the_band_over_seeds_is_a_regression_and_a_gain_is_none(
+    finished: Path, baseline: Path
+) -> None:
     store, sweep = Store(finished), read_sweep(finished)
     content = json.loads(baseline.read_text())
+    content["machine"]["cpu"] = "another"
     band = content["bands"]["fake ours"]["nvs/psnr"]
-    for share, stopped in ((0.9, False), (1.1, True), (-1.1, True)):
+    for share, severities in ((0.9, []), (1.1, ["regression"]), (-1.1, ["better"])):
         moved = json.loads(json.dumps(content))
         moved["cells"]["fake ours seed 0"]["metrics"]["nvs/psnr"] += share * band
-        assert bool(compare(store, sweep, moved)) is stopped
+        changes = [each for each in compare(store, sweep, moved) if each.severity not in ("warning", "remark")]
+        assert [each.severity for each in changes] == severities
+        assert all(("better by" if each.severity == "better" else "worse by") in each.what for each in changes)
 
 
 def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
@@ -109,19 +125,25 @@ def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
     assert "fake ours seed 9: has no finished result" in said
 
 
-def test_a_longer_time_is_a_remark_and_no_regression(
-    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("factor", "said"), [(1.05, None), (1.15, "slower"), (1.4, "slower"), (0.8, "faster")])
+def test_a_longer_time_is_a_remark_and_fails_where_that_is_asked_for(
+    factor: float, said: str | None, finished: Path, baseline: Path
 ) -> None:
-    file = altered(baseline, lambda cell: cell.update(seconds=-1.0))
-    assert main(["gate", str(finished), "--baseline", file]) == 0
-    assert "warning: fake ours seed 1:" in capsys.readouterr().out
+    content = json.loads(baseline.read_text())
+    for cell in content["cells"].values():
+        cell["pace"] /= factor
+    store, sweep = Store(finished), read_sweep(finished)
+    for fails in (False, True):
+        found = [each for each in compare(store, sweep, content, fails) if "time" in each.what]
+        assert [each.what.partition(":")[0] for each in found] == ([] if said is None else [said])
+        assert [each.severity == "regression" for each in found] == [fails and factor > 1.3] * (said is not None)
 
 
 def test_time_to_quality_is_a_remark_and_never_stops(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A metric that came near its final value after 5 s here, and after 4 in the baseline."""
-    monkeypatch.setattr(Store, "result", _with_trail(Store.result))
+    monkeypatch.setattr(Store, "sealed_result", _with_trail(Store.sealed_result))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "remark: fake ours seed 1: near their final values: nvs/psnr after 5.0 s\n" in capsys.readouterr().out
     assert baseline_of(Store(finished), read_sweep(finished))["cells"]["fake ours seed 1"]["settled"] == {"nvs/psnr": 5}
@@ -136,11 +158,13 @@ def _with_trail(read: Callable[[Store, str], Any]) -> Callable[[Store, str], Any
     def scored(store: Store, key: str) -> Any:
         result = read(store, key)
         last = result["stages"][-1]["name"]
+        scores = ((2, 10.0), (5, 29.5), (9, 30.0))
         points = [
-            {"iteration": second, "seconds": float(second), "losses": {}, "metrics": {"nvs/psnr": value}}
-            for second, value in ((2, 10.0), (5, 29.5), (9, 30.0))
+            {**point, "seconds": float(second), "metrics": {"nvs/psnr": value}}
+            for point, (second, value) in zip(result["trail"][last], scores, strict=True)
         ]
-        return {**result, "trail": {last: points}, "seconds": dict.fromkeys(result["seconds"], 0.0)}
+        trail = {**result["trail"], last: points}
+        return {**result, "trail": trail, "seconds": dict.fromkeys(result["seconds"], 0.0)}
 
     return scored
 

@@ -1,14 +1,15 @@
 """The gate compares with nothing that would let a regression pass: not with holes, NaN, other scenes, other hands."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked, write_sweep
+from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.results.gate import compare
 from radiogs_bench.runs.sweep import read_sweep
@@ -17,6 +18,13 @@ from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
 
 OURS = "fake ours seed 0"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fake_in_the_place_of_radiogs() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(substitutes, FAKE.name, FAKE)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +90,11 @@ HOLES = {
     "a band below zero": put(-1.0, "bands", "fake ours", "nvs/psnr"),
     "no machine": put({}, "machine"),
     "no key machine": without("machine"),
+    "no training": without("cells", OURS, "training"),
+    "training in words": put({"invert/loss/distance": ["3"]}, "cells", OURS, "training"),
+    "a pace in words": put("3", "cells", OURS, "pace"),
+    "no reruns": without("reruns"),
+    "reruns without noise": put(1, "reruns"),
     "no sessions": put({"mixed": []}, "machine"),
     "no suite": without("suite"),
 }
@@ -112,12 +125,14 @@ def test_a_value_that_is_no_number_does_not_pass(place: str, value: str, finishe
     "change",
     [put(float("nan"), "cells", OURS, "metrics", "nvs/psnr"), put(float("nan"), "bands", "fake ours", "nvs/psnr")],
 )
-def test_nan_is_outside_every_band(change: Callable[[dict[str, Any]], None], finished: Path, baseline: Path) -> None:
-    """Audit M8: also where a baseline is handed over from Python, which nothing has read."""
+def test_nan_is_refused_too_where_nothing_read_the_baseline(
+    change: Callable[[dict[str, Any]], None], finished: Path, baseline: Path
+) -> None:
+    """Audit M8: a baseline that is handed over from Python."""
     content = json.loads(baseline.read_text())
     change(content)
-    (found,) = compare(Store(finished), read_sweep(finished), content)
-    assert (found.cell, found.severity) == (OURS, "regression")
+    with pytest.raises(DataError, match="no value or no band of nvs/psnr"):
+        compare(Store(finished), read_sweep(finished), content)
 
 
 def test_a_baseline_that_was_edited_is_refused(finished: Path, baseline: Path) -> None:
@@ -150,7 +165,7 @@ def test_other_scene_files_are_not_compared(finished: Path, baseline: Path, caps
 def test_cells_that_the_baseline_lacks_are_a_warning(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Audit M8: a partial baseline. A stage without counters in it is a regression, a metric or a cell a warning."""
+    """Audit M8: a partial baseline. A stage without counters in it is a change, a metric or a cell a warning."""
 
     def partial(content: dict[str, Any]) -> None:
         cells = content["cells"]
@@ -162,8 +177,8 @@ def test_cells_that_the_baseline_lacks_are_a_warning(
     sealed_by_hand(baseline, partial)
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
     said = capsys.readouterr().out
-    assert f"regression: {OURS}: invert steps: 0 -> 6 (new)" in said
-    assert f"warning: {OURS}: not in the baseline: nvs/psnr" in said
+    assert "changed: fake ours: stage invert: more work, steps: 0 -> 6 (new)" in said
+    assert "warning: fake ours: not in the baseline: nvs/psnr" in said
     assert "warning: fake nvs-init seed 0: is not in the baseline" in said
 
 

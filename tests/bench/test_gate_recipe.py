@@ -1,11 +1,13 @@
 """The documented recipe and the workflow are commands that the program has, and say the same."""
 
 import shlex
+import subprocess
 from pathlib import Path
 
 import yaml
 
 from radiogs_bench.cli.main import build_parser
+from radiogs_bench.results.baseline import read_baseline
 
 ROOT = Path(__file__).parents[2]
 WORKFLOW = ROOT / "docs" / "examples" / "gate.yml"
@@ -21,8 +23,8 @@ def commands() -> list[str]:
     return [step["run"] for step in job["steps"] if "run" in step]
 
 
-def test_the_recipe_has_five_lines_that_the_program_understands() -> None:
-    assert len(recipe()) == 5
+def test_the_recipe_has_six_lines_that_the_program_understands() -> None:
+    assert len(recipe()) == 6
     for line in recipe()[1:]:
         program, *arguments = shlex.split(line)
         assert program == "radiogs-bench"
@@ -39,3 +41,25 @@ def test_the_workflow_ends_within_a_stated_time_and_may_only_read() -> None:
     content = yaml.safe_load(WORKFLOW.read_text())
     assert content["jobs"]["gate"]["timeout-minutes"] <= 15
     assert content["permissions"] == {"contents": "read"}
+
+
+def test_a_committed_baseline_is_whole_small_and_knows_a_rerun() -> None:
+    files = sorted((ROOT / ".github").glob("gate-*.json"))
+    assert [file.name for file in files] == ["gate-smoke.json", "gate-tiny.json"]
+    for file in files:
+        assert read_baseline(file)["reruns"] == 1
+    assert sum(file.stat().st_size for file in files) < 200_000
+
+
+def test_the_runs_of_make_gate_are_those_of_the_committed_baselines() -> None:
+    made = subprocess.run(["make", "-n", "gate"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    commands = [shlex.split(line) for line in made.splitlines() if "radiogs-bench " in line]
+    compared = {each[2]: each[4] for each in commands if each[1] == "gate"}
+    ran = {each[-1]: build_parser().parse_args(each[1:]) for each in commands if each[1] == "run"}
+    assert ran.keys() == compared.keys()
+    for out, file in compared.items():
+        baseline = read_baseline(ROOT / file)
+        assert (ran[out].suite, ran[out].preset) == (baseline["suite"], baseline["preset"])
+        cells = {f"{scene} {row} seed {seed}" for scene in ran[out].scenes for row in ran[out].rows
+                 for seed in range(ran[out].seeds)}  # fmt: skip
+        assert cells == baseline["cells"].keys()

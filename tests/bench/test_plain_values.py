@@ -117,6 +117,7 @@ def test_a_whole_number_for_a_real_one_becomes_real() -> None:
         ({"table": {"p": "x"}}, "table.p: 'x' is not a number"),
         ({"table": []}, "table: [] is not a table"),
         ({"inner": {"rate": float("inf")}}, "inner.rate: inf is not a finite number"),
+        ({"inner": {"rate": 10**400}}, "inner.rate: 1"),
         ({"count": -1}, "variant of m: count: below zero\nIt counts.\nLeave it out."),
     ],
 )

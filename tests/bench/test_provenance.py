@@ -92,6 +92,20 @@ def test_without_a_reset_the_peak_is_that_of_the_process(monkeypatch: pytest.Mon
     assert peak_memory(CPU)["host"] == resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
+def test_processors_of_one_name_differ_by_their_instructions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    digests = []
+    for number, (flags, megahertz) in enumerate((("avx2 fma", 3000), ("avx2 fma avx512f", 3000), ("avx2 fma", 2000))):
+        information = tmp_path / f"cpuinfo_{number}"
+        lines = ("processor\t: {}", "model name\t: Some CPU", f"cpu MHz\t: {megahertz}", f"flags\t\t: {flags}")
+        information.write_text("\n\n".join("\n".join(lines).format(core) for core in (0, 1)))
+        monkeypatch.setattr(provenance, "CPU_INFORMATION", information)
+        provenance.instructions.cache_clear()
+        digests.append(provenance.instructions())
+    provenance.instructions.cache_clear()
+    assert digests[0] == digests[2] != digests[1]
+    assert {len(digest) for digest in digests} == {12}
+
+
 def test_the_cpu_has_a_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     provenance.cpu_name.cache_clear()
     information = tmp_path / "cpuinfo"

@@ -1,16 +1,24 @@
 """The Python API, by the walk of docs/python_api.md as it stands there."""
 
+import pydoc
 import re
+from collections.abc import Callable
+from operator import methodcaller
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import torch
 
 import radiogs_bench as rb
+from bench.chain_method import Chain, ChainPrepared, ChainTrained, Turned
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench import api
-from radiogs_bench.cli import main
+from radiogs_bench.cli import from_python, main
+from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
+from scenes import sphere_scene
 
 WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
 
@@ -42,10 +50,94 @@ def test_the_examples_of_the_python_api_page_run_unchanged(
 
 def test_every_public_name_is_there_and_documented() -> None:
     walk = WALK.read_text()
-    assert set(api.__all__) == set(rb.__all__) - {"__version__"}
-    for name in api.__all__:
-        assert getattr(rb, name) is getattr(api, name)
-        assert f"rb.{name}" in walk
+    assert {*api.__all__, *from_python.__all__} == set(rb.__all__) - {"__version__"}
+    for module in (api, from_python):
+        for name in module.__all__:
+            assert getattr(rb, name) is getattr(module, name)
+            assert f"rb.{name}" in walk
+
+
+def test_completion_and_help_list_the_names() -> None:
+    assert dir(rb) == sorted(rb.__all__)
+    listed = pydoc.render_doc(rb, renderer=pydoc.plaintext)
+    assert all(name in listed for name in rb.__all__ if not name.startswith("__"))
+
+
+@pytest.fixture
+def chain_model() -> rb.Model:
+    scene = sphere_scene(views=2, size=16)
+    run = Run(scene, Turned(), Chain.presets["smoke"], 3, torch.device("cpu"))
+    return rb.Model(ChainTrained(torch.zeros(1), 1.0), run, "chain")
+
+
+def test_a_model_is_short_in_words_and_a_picture_in_a_notebook(chain_model: rb.Model) -> None:
+    assert repr(chain_model) == "Model('chain', scene 'sphere', preset 'smoke', seed 3)"
+    assert repr(chain_model.prepared()) == "PreparedModel(scene 'sphere', maps image, alpha)"
+    picture = cv2.imdecode(np.frombuffer(methodcaller("_repr_png_")(chain_model), np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (16, 16, 3)
+    assert set(picture.flatten()) == {128}
+
+
+def test_views_and_lights_are_given_by_name_too(chain_model: rb.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = chain_model.run.scene
+    view, (name, light) = scene.test[1], next(iter(scene.lights.items()))
+    assert torch.equal(chain_model.render(view.name)["image"], chain_model.render(view)["image"])
+    with pytest.raises(UsageError, match="unknown view 'test_9'"):
+        chain_model.render("test_9")
+    with pytest.raises(UsageError, match="unknown light 'noon'"):
+        chain_model.relight("noon", view)
+    lit: list[object] = []
+
+    def prepare(self: ChainTrained, light: object = None, *further: object) -> ChainPrepared:
+        lit.append(light)
+        return ChainPrepared(0.5)
+
+    monkeypatch.setattr(ChainTrained, "prepare", prepare)
+    chain_model.relight(name, view.name)
+    ready = chain_model.prepared(light)
+    for each in scene.test:
+        ready.render(each)
+    assert lit == [light, light], "many views are rendered by one preparation"
+
+
+def test_a_run_from_python_takes_the_options_of_the_command_and_returns_its_table(
+    fake_run: Callable[..., int], tmp_path: Path
+) -> None:
+    assert fake_run("ablations") == 0
+    finished = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
+    options = {"scenes": ["corner"], "seeds": 2, "preset": "smoke", "verbose": False, "shard": None}
+    values = rb.run("ablations", tmp_path, **options)
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()} == finished
+    frame = rb.open_store(tmp_path)
+    for row, key in (("Ours", "ours"), ("λ_rad = 0", "no-rad")):
+        mean = frame[(frame["row"] == key) & (frame["metric"] == "nvs/psnr")]["value"].mean()
+        assert values.loc[row, "nvs/psnr"] == pytest.approx(mean, rel=1e-9)
+    differences = rb.table(tmp_path, "difference")
+    assert differences.loc["λ_rad = 0", "nvs/psnr"] == pytest.approx(
+        values.loc["λ_rad = 0", "nvs/psnr"] - values.loc["Ours", "nvs/psnr"], rel=1e-6
+    )
+    assert differences.loc["Ours"].isna().all()
+    low, high = (rb.table(tmp_path, what).loc["λ_rad = 0", "nvs/psnr"] for what in ("low", "high"))
+    assert low <= differences.loc["λ_rad = 0", "nvs/psnr"] <= high
+    assert set(rb.table(tmp_path, "verdict").stack().dropna()) <= {"better", "worse"}
+
+
+def test_a_run_from_python_raises_what_ends_it(fake_run: Callable[..., int], tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="run does not know --sedes"):
+        rb.run("ablations", tmp_path, sedes=3)
+    with pytest.raises(DataError, match="no table in"):
+        rb.table(tmp_path)
+    with pytest.raises(UsageError, match="unknown field 'light_b'"):
+        rb.run("ablations", tmp_path, preset="smoke", scenes=["corner"], set={"inverse_iterations": 1, "light_b": 2})
+
+
+def test_the_gate_from_python_is_a_frame(fake_run: Callable[..., int], tmp_path: Path) -> None:
+    assert fake_run("ablations") == 0
+    assert main(["gate", str(tmp_path), "--baseline", str(tmp_path / "baseline.json"), "--update"]) == 0
+    changes = rb.gate(tmp_path, tmp_path / "baseline.json")
+    assert list(changes.columns) == ["severity", "cell", "what"]
+    assert not {"regression", "changed"} & set(changes["severity"])
 
 
 def test_errors_of_the_python_api_are_explained(tmp_path: Path) -> None:

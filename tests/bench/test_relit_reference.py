@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from bench.perfect import EVERYTHING, Perfect, Relit, scene_of, view_with
+from bench.perfect import EVERYTHING, Perfect, Relit, name_of, scene_of, view_with
 from known_ball import BALL, WHITE, ball_scene
 from radiogs.model import Model
 from radiogs.settings import PRESETS, Variant
@@ -33,7 +33,7 @@ class Referring(Perfect):
 
     def reference(self, light: EnvironmentMap, albedo_scale: torch.Tensor, after_step: Callable[[], None]) -> Relit:
         true = Perfect(self.scene)
-        return Relit(true, next(name for name, each in self.scene.lights.items() if each is light))
+        return Relit(true, name_of(light, self.scene))
 
 
 def scored(model: Trained, scene: Scene, reference: bool = True) -> Evaluation:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from bench.fake_method import CPU
-from bench.perfect import KINDS, Perfect
+from bench.perfect import KINDS, Perfect, name_of
 from public_outputs import WRITERS, Maps, noisy
 from radiogs_baselines.outputs.reading import read_predictions
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
@@ -65,7 +65,7 @@ class Predicting(Perfect):
         self.maps = maps
 
     def prepare(self, light: EnvironmentMap | None = None, *further: Any, **named: Any) -> Any:
-        under = next((name for name, each in self.scene.lights.items() if each is light), None)
+        under = None if light is None else name_of(light, self.scene)
         return Shown(self.maps, self.scene, under)
 
 

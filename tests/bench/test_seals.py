@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import CPU, FakeSweep, asked, write_sweep
+from bench.fake_method import CPU, FAKE, FakeSweep, asked, write_sweep
 from made_up_run import summary
 from radiogs_bench.cli import main
+from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.sweep import read_sweep, state_of
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.keys import content_key
@@ -105,15 +106,17 @@ def test_one_changed_digit_of_a_cell_reaches_no_table(run: Path, capsys: pytest.
     assert "4 of 5 cells finished" in _said(["status", str(run)], capsys)
 
 
-def test_the_gate_uses_no_damaged_cell(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_gate_uses_no_damaged_cell(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Audit M6."""
-    baseline = tmp_path / "baseline.json"
+    monkeypatch.setitem(substitutes, FAKE.name, FAKE)
+    baseline, cell = tmp_path / "baseline.json", first_cell(run)
     assert main(["gate", str(run), "--baseline", str(baseline), "--update"]) == 0
-    changed(first_cell(run), lambda content: content["seconds"].update(invert=0.0))
-    assert main(["gate", str(run), "--baseline", str(baseline)]) == 1
-    said = capsys.readouterr().out
-    assert "has no finished result" in said
-    assert "1 file was found damaged" in said
+    changed(cell, lambda content: content["seconds"].update(invert=0.0))
+    assert main(["gate", str(run), "--baseline", str(baseline)]) == 3
+    assert f"{cell} is not as it was stored: its content does not agree with its seal" in capsys.readouterr().err
+    assert cell.exists()
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,13 @@
 """Whoever looks on learns which step each cell is at, how fast it goes, and how long the rest will take."""
 
 import json
+import os
+import pty
+import signal
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +21,8 @@ from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.runs.engines.run import OthersProgress
 from radiogs_bench.runs.kept_pace import KeptPace
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.sweep import Sweep, label
-from radiogs_bench.store.folder import Store
+from radiogs_bench.runs.sweep import Sweep, label, read_sweep
+from radiogs_bench.store.folder import Store, stage_claim
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
 
 KEY = "0123456789abcdef0123"
@@ -109,7 +114,7 @@ def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def half_done(tmp_path: Path) -> tuple[Store, Sweep]:
+def half_done(tmp_path: Path) -> Iterator[tuple[Store, Sweep]]:
     """A folder in which the cells of seed 0 have finished, 10 s a stage and 1 s of scoring; one of seed 1 runs."""
     request, sweep = asked(2), FakeSweep(tmp_path)
     places = [place for place, _ in request.cells()]
@@ -123,7 +128,8 @@ def half_done(tmp_path: Path) -> tuple[Store, Sweep]:
     manifest = request.manifest(places)
     write_sweep(sweep.store, manifest)
     put_pace(sweep.store, places[5]["key"], Pace("stage 1", 30, 120, 6.0, time.time()))
-    return sweep.store, manifest
+    with sweep.store.claim(places[5]["key"]):
+        yield sweep.store, manifest
 
 
 def test_the_time_left_is_that_of_finished_cells_and_shared_stages_count_once(half_done: tuple[Store, Sweep]) -> None:
@@ -134,7 +140,94 @@ def test_the_time_left_is_that_of_finished_cells_and_shared_stages_count_once(ha
     # Five cells with two different first stages.
     assert standing.seconds_left == pytest.approx(2 * 10 + 5 * 20 + 5 * 1)
     put_pace(store, sweep["cells"][6]["key"], Pace("stage 1", 1, 120, None, time.time()))
-    assert standing_of(store, sweep).seconds_left == pytest.approx(125 / 2)
+    with store.claim(sweep["cells"][6]["key"]):
+        assert standing_of(store, sweep).seconds_left == pytest.approx(125 / 2)
+
+
+KILLED = """
+import os, sys, time
+from pathlib import Path
+from radiogs_bench.store.folder import Store
+from radiogs_bench.store.pace import Pace, put_pace
+
+store, key = Store(Path(sys.argv[1])), sys.argv[2]
+with store.claim(key):
+    put_pace(store, key, Pace("stage 1", 1, 3, None, time.time()))
+    for name in (f"stages/.{sys.argv[3]}.checkpoint.pt.tmp", f"cells/.{key}.json.tmp"):
+        (store.folder / name).parent.mkdir(exist_ok=True)
+        (store.folder / name).write_text("half")
+    os.kill(os.getpid(), 9)
+"""
+"""A process that is killed while it works on a cell and writes files."""
+
+
+def test_what_was_killed_is_not_running_and_its_leavings_go_with_the_next_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Attack status_after_kill: the state was running for ever, and --watch never ended."""
+    request, sweep = asked(1), FakeSweep(tmp_path)
+    places = [place for place, _ in request.cells()]
+    write_sweep(sweep.store, request.manifest(places))
+    first = places[0]
+    given = [str(tmp_path), first["key"], first["stages"][0]]
+    assert subprocess.run([sys.executable, "-c", KILLED, *given], check=False).returncode == -9
+    assert pace_of(sweep.store, first["key"]) is not None
+    assert standing_of(sweep.store, read_sweep(tmp_path)).count("running") == 0
+    assert main(["status", str(tmp_path), "--json", "--watch", "1"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["running"] == 0
+    assert [cell["state"] for cell in told["cells"]] == ["to do"] * 5
+    assert main(["status", str(tmp_path), "--watch", "1"]) == 0
+    assert "nothing runs: what did was killed" in capsys.readouterr().out
+    other = tmp_path / "stages" / ".living.pt.tmp"
+    other.write_text("being written")
+    with sweep.store.claim(stage_claim("living")):
+        sweep.store.remove_leavings()
+    assert [path.name for path in tmp_path.rglob("*.tmp")] == [other.name]
+    assert pace_of(sweep.store, first["key"]) is None
+
+
+def test_whether_a_claim_is_held_is_seen_without_writing(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert not store.is_claimed("x")
+    with store.claim("x"):
+        assert store.is_claimed("x")
+    (tmp_path / "locks" / "x").write_text("of one that died")
+    assert not store.is_claimed("x")
+    assert (tmp_path / "locks" / "x").exists()
+
+
+TERMINAL = """
+import os, signal, sys, time
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.interruption import Interruption
+
+with Interruption() as interruption:
+    sys.stdout.write("ready"); sys.stdout.flush()
+    while not interruption.requested:
+        time.sleep(0.01)
+    sys.stdout.write("a word that nobody reads"); sys.stdout.flush()
+    open(sys.argv[1], "w").write("checkpoint")
+"""
+
+
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_closed_terminal_asks_to_stop_as_ctrl_c_does_unless_that_is_ignored(ignored: bool, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)  # inherited, as from nohup
+    with subprocess.Popen(
+        [sys.executable, "-c", TERMINAL, str(tmp_path / "kept")], stdout=theirs, stderr=theirs
+    ) as process:
+        signal.signal(signal.SIGHUP, before)
+        os.close(theirs)
+        assert os.read(ours, 100) == b"ready"
+        os.close(ours)
+        process.send_signal(signal.SIGHUP)
+        try:
+            process.wait(0.5 if ignored else 30)
+        except subprocess.TimeoutExpired:
+            process.kill()
+    assert (tmp_path / "kept").exists() == (not ignored)
 
 
 def test_a_silent_cell_is_marked_and_has_no_time_left(half_done: tuple[Store, Sweep]) -> None:
@@ -231,6 +324,7 @@ def test_one_cell_alone_has_no_time_left_before_anything_like_it_has_finished(tm
     sweep = FakeSweep(tmp_path)
     manifest = request.manifest([place for place, _ in request.cells()])
     put_pace(sweep.store, fake_cell().key, Pace("stage 1", 1, 3, None, time.time()))
-    standing = standing_of(sweep.store, manifest)
+    with sweep.store.claim(fake_cell().key):
+        standing = standing_of(sweep.store, manifest)
     assert standing.count("running") == 1
     assert standing.seconds_left is None

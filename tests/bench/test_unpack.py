@@ -1,5 +1,6 @@
 """Archives of strangers: what is sound comes out whole, and what is not leaves nothing behind."""
 
+import gzip
 import io
 import stat
 import tarfile
@@ -53,6 +54,36 @@ def everything(folder: Path) -> dict[str, bytes]:
 def test_a_sound_archive_comes_out_without_the_folder_that_all_of_it_is_in(make: Make, tmp_path: Path) -> None:
     assert unpack(make(tmp_path / "a", SOUND | {"__MACOSX/set/._x": b"clutter"}), tmp_path / "out") == 3
     assert everything(tmp_path / "out") == {name.removeprefix("set/"): content for name, content in SOUND.items()}
+
+
+@pytest.mark.parametrize("kind", [tarfile.XHDTYPE, tarfile.GNUTYPE_LONGNAME, tarfile.GNUTYPE_LONGLINK])
+@pytest.mark.parametrize("size", [3 << 30, 2 << 20])
+def test_a_header_that_claims_more_than_a_name_has_is_refused_unread(kind: bytes, size: int, tmp_path: Path) -> None:
+    """Attack fetch_through_links, tar_bombs: 4 GiB of memory for a file of 3 MB."""
+    header = tarfile.TarInfo("././@LongLink")
+    header.type, header.size = kind, size
+    with gzip.open(tmp_path / "a", "wb") as archive:
+        archive.write(header.tobuf(tarfile.GNU_FORMAT) + bytes(min(size, 1 << 16)))
+    with pytest.raises(DataError, match="a name or a record of it would take"):
+        unpack(tmp_path / "a", tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_headers_are_bounded_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unpacking, "MOST_HEADERS", 10_000)
+    long = {f"{'a' * 150}{number}": b"x" for number in range(100)}
+    with pytest.raises(DataError, match="a name or a record of it would take"):
+        unpack(tarred(tmp_path / "a", long), tmp_path / "out")
+    assert unpack(tarred(tmp_path / "b", dict(list(long.items())[:5])), tmp_path / "out") == 5
+
+
+@pytest.mark.parametrize(
+    "content", [b"BZh9" + b"x" * 1000, b"\xfd7zXZ\x00" + b"x" * 1000, b"PK\x05\x06" + b"\xff" * 18]
+)
+def test_what_is_no_archive_is_one_kind_of_error(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(DataError, match="is damaged, or no archive"):
+        unpack(tmp_path / "a", tmp_path / "out")
 
 
 @MAKERS

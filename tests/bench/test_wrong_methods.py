@@ -1,9 +1,16 @@
 """A method that does something wrong ends its own cell, and whoever wrote it is told what and where."""
 
+import asyncio
 import math
+import os
 import pickle
+import random
+import signal
+import sys
+import warnings
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -16,8 +23,10 @@ from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, T
 from radiogs_bench import installed_methods, methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.run import report_failures
-from radiogs_bench.errors import MethodFailed, explain
+from radiogs_bench.errors import MethodFailed, exit_code, explain
 from radiogs_bench.method_calls import calling, lacking, losses_of, members, require, require_storable
+from radiogs_bench.own_values import own_scene
+from radiogs_bench.process_state import begin_row
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
@@ -28,7 +37,7 @@ from radiogs_bench.runs.stages import Bench, facts_of
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.maps import on_black
 from radiogs_bench.store.folder import Store
-from radiogs_core.contract import Method, NotOffered, Prepared, Stage, Trained
+from radiogs_core.contract import MapKind, Method, NotOffered, Prepared, Run, Stage, Trained
 from radiogs_core.errors import ExplainedError, NumericalFailure, UsageError
 from scenes import sphere_scene
 
@@ -72,10 +81,10 @@ def fails(kind: type[BaseException], *with_what: Any) -> Callable[..., Any]:
     return raise_it
 
 
-def run_all(store: Store, *chains: Chain, seeds: int = 1) -> list[ExplainedError]:
-    """Run the cells of some methods; returns why some failed."""
+def run_all(store: Store, *chains: Chain, seeds: int = 1, **how: float) -> list[ExplainedError]:
+    """Run the cells of some methods; returns why some failed. ``how``: fields of the bench."""
     found = {chain.name: chain for chain in chains}
-    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__, checksum_now)
+    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__, checksum_now, **how)
     tasks = [Task(cell, cell.key) for chain in chains for cell in cells_of(chain, seeds)]
     return run_cells(tasks, lambda cell: train_and_score(bench, cell, SCENE), store, bench.progress, bench.interruption)
 
@@ -120,6 +129,376 @@ def test_an_exception_in_a_method_fails_its_cell_with_its_name_and_traceback(
     assert str(file) in failures[0].remedy
     assert report_failures(failures) == 1
     assert capsys.readouterr().err.count("error: ") == 1, "what failed alike is explained once"
+
+
+def observed(run: Run) -> dict[str, Any]:
+    """The surroundings of a row as its method finds them: the process's state, and sums over the scene's tensors."""
+    scene = run.scene
+    cameras = [view.camera.centre for view in (*scene.train, *scene.test, *scene.relight)]
+    return {
+        "folder": os.getcwd(),
+        "variable": os.environ.get("ODD", ""),
+        "modules": sys.path[0],
+        "type": str(torch.zeros(1).dtype),
+        "threads": torch.get_num_threads(),
+        "deterministic": torch.are_deterministic_algorithms_enabled(),
+        "gradients": torch.is_grad_enabled(),
+        "precision": torch.get_float32_matmul_precision(),
+        "denormal": float(torch.full((1,), 1e-40, dtype=torch.float32) * 1.0),
+        "torch": float(torch.rand(1, dtype=torch.float64)),
+        "numpy": float(np.random.rand()),  # noqa: NPY002  a method may
+        "printing": np.get_printoptions()["precision"],
+        "division": np.geterr()["divide"],
+        "filters": len(warnings.filters),
+        "interrupt": str(signal.getsignal(signal.SIGINT)),
+        "stderr": str(sys.stderr),
+        "cameras": float(torch.stack(cameras).sum()),
+        "images": float(sum(view.read("image").sum() for view in scene.train)),
+        "lights": float(sum(light.radiance.sum() for light in scene.lights.values())),
+    }
+
+
+class Observing(Chain):
+    """A chain whose facts are what it observed in its first stage and when it was restored."""
+
+    seen: Mapping[str, Any]
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> ChainTrained:
+        model = super().restore(run, tensors)
+        before, after = self.seen, observed(run)
+        model.facts = lambda: {"begun": dict(before), "restored": after}  # type: ignore[method-assign]
+        return model
+
+    def stages(self, variant: Turned, budget: Any) -> Any:
+        specs = super().stages(variant, budget)
+        begin = specs[0].begin
+
+        def begin_observing(run: Run, before: Mapping[str, Any]) -> Any:
+            self.seen = observed(run)
+            return begin(run, before)
+
+        object.__setattr__(specs[0], "begin", begin_observing)
+        return specs
+
+
+def scale_everything(run: Run) -> None:
+    """Write into every tensor of the scene that a method is handed."""
+    for view in {id(view): view for view in (*run.scene.train, *run.scene.test)}.values():
+        view.camera.camera_to_world[:3, 3].add_(1.0)
+        view.read("image").mul_(0.5)
+    for light in run.scene.lights.values():
+        light.radiance.div_(2)
+
+
+ODD: Mapping[str, Callable[[Run], object]] = {
+    "the working folder": lambda run: os.chdir("/"),
+    "environment variables": lambda run: os.environ.update(ODD="1"),
+    "where modules are looked for": lambda run: sys.path.insert(0, "/odd"),
+    "PyTorch's default type": lambda run: torch.set_default_dtype(torch.float64),
+    "PyTorch's number of threads": lambda run: torch.set_num_threads(torch.get_num_threads() + 1),
+    "PyTorch's deterministic algorithms": lambda run: torch.use_deterministic_algorithms(True),
+    "whether PyTorch keeps gradients": lambda run: torch.set_grad_enabled(False),
+    "PyTorch's precision and denormal numbers": lambda run: (
+        torch.set_float32_matmul_precision("medium"),
+        torch.set_flush_denormal(True),
+    ),
+    "PyTorch's random numbers": lambda run: torch.manual_seed(7),
+    "NumPy's random numbers": lambda run: np.random.seed(7),  # noqa: NPY002
+    "how NumPy prints": lambda run: np.set_printoptions(precision=2, legacy="1.13"),
+    "NumPy's treatment of errors": lambda run: np.seterr(all="raise"),
+    "filters of warnings": lambda run: warnings.simplefilter("ignore"),
+    "handlers of signals": lambda run: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    "standard output and errors": lambda run: setattr(sys, "stderr", sys.__stderr__),
+    "": scale_everything,
+}
+"""Changes that a method may make, by the name under which they are said; nothing is said of its copy of the scene."""
+
+
+def facts_beside(folder: Path, *others: Chain) -> Mapping[str, Any]:
+    """The observations of a row behind those of other methods."""
+    store, observing = Store(folder), Observing(("fit",), name="observing")
+    assert run_all(store, *others, observing) == []
+    stored = store.result(cells_of(observing)[0].key)
+    assert stored is not None
+    return stored["facts"]
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_method_changes_nothing_of_another_row(name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    places: list[Run] = []
+
+    class Odd(Chain):
+        def restore(self, run: Run, tensors: Mapping[str, Any]) -> ChainTrained:
+            ODD[name](run)
+            return super().restore(run, tensors)
+
+        def _beginning(self, number: int) -> Any:
+            begin = super()._beginning(number)
+
+            def odd(run: Run, before: Mapping[str, Any]) -> Any:
+                places.append(run)
+                ODD[name](run)
+                return begin(run, before)
+
+            return odd
+
+    given = torch.cat([light.radiance.flatten() for light in SCENE.lights.values()])
+    alone = facts_beside(tmp_path / "alone")
+    with caplog.at_level("WARNING"):
+        beside = facts_beside(tmp_path / "beside", Odd(("fit",), name=f"odd {name}"))
+    assert places, "the other method was called"
+    assert beside == alone
+    assert torch.equal(given, torch.cat([light.radiance.flatten() for light in SCENE.lights.values()]))
+    said = [line for line in caplog.messages if line.startswith(f"odd {name} changed")]
+    assert len(said) == bool(name), "once, however often it is done"
+    assert all(name in line for line in said)
+
+
+def test_a_method_seeds_python_s_random_numbers_for_itself_alone() -> None:
+    drawn = []
+    for _ in range(2):
+        begin_row()
+        for _ in range(2):
+            with calling("draws", "step()"):
+                drawn.append(random.random())
+    with calling("seeds", "step()"):
+        random.seed(7)
+    assert random.random() != random.Random(7).random()
+    assert drawn[0] == drawn[2], "every row begins alike"
+    assert drawn[0] != drawn[1] != drawn[2], "and draws on"
+
+
+def test_a_method_finds_in_its_next_call_what_it_changed_and_in_its_next_row_nothing(tmp_path: Path) -> None:
+    found: list[tuple[torch.dtype, float]] = []
+
+    class Keeping(Chain):
+        def restore(self, run: Run, tensors: Mapping[str, Any]) -> ChainTrained:
+            found.append((torch.get_default_dtype(), float(torch.rand(1, dtype=torch.float64))))
+            return super().restore(run, tensors)
+
+        def _beginning(self, number: int) -> Any:
+            begin = super()._beginning(number)
+
+            def keep(run: Run, before: Mapping[str, Any]) -> Any:
+                found.append((torch.get_default_dtype(), float(torch.rand(1, dtype=torch.float64))))
+                torch.set_default_dtype(torch.float64)
+                return begin(run, before)
+
+            return keep
+
+    assert run_all(Store(tmp_path), Keeping(("fit",), name="keeping"), seeds=2) == []
+    kinds, numbers = zip(*found, strict=True)
+    assert kinds == (torch.float32, torch.float64) * 2
+    assert numbers[0] != numbers[1], "numbers are drawn on, not drawn again"
+    assert numbers[:2] == numbers[2:], "the next row begins as the first did"
+    assert torch.get_default_dtype() == torch.float32
+
+
+def test_a_method_reads_its_scene_from_wherever_it_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A relative path of a scene is from where the run was started."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "image.txt").write_text("0.5")
+    monkeypatch.chdir(tmp_path / "here")
+
+    def image() -> torch.Tensor:
+        return torch.full((16, 16, 3), float(Path("image.txt").read_text()))
+
+    view = replace(SCENE.train[0], sources={"image": image})
+    with calling("goes", "step()"):
+        os.chdir("/")
+        assert float(own_scene(replace(SCENE, train=(view,))).train[0].read("image").mean()) == 0.5
+        assert os.getcwd() == "/"
+    assert Path.cwd() == tmp_path / "here"
+
+
+class Nameless(Exception):
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+@pytest.mark.parametrize(
+    "error", [asyncio.CancelledError, KeyboardInterrupt, GeneratorExit, BaseException, SystemExit, Nameless]
+)
+@pytest.mark.parametrize("where", ["step", "product", "facts", "prepare"])
+def test_whatever_a_method_raises_ends_its_cell_alone_and_is_recorded(
+    error: type[BaseException], where: str, tmp_path: Path
+) -> None:
+    store, wrong, right = Store(tmp_path), Wrong(**{where: fails(error)}), Chain(("fit",), name="right")
+    with Interruption():
+        (failure,) = run_all(store, wrong, right)
+    assert store.result(cells_of(right)[0].key) is not None
+    kept = store.failure(cells_of(wrong)[0].key)
+    assert kept is not None
+    assert kept["what"] == failure.what
+    assert error.__name__ in failure.what
+
+
+def test_a_second_ctrl_c_stops_a_run_within_a_method(tmp_path: Path) -> None:
+    def pressed_twice(*given: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt), Interruption():
+        run_all(Store(tmp_path), Wrong(step=pressed_twice))
+
+
+def cyclic() -> dict[str, Any]:
+    values: list[Any] = []
+    values.append(values)
+    return {"value": values}
+
+
+def nested(depth: int) -> dict[str, Any]:
+    values: Any = 0.0
+    for _ in range(depth):
+        values = [values]
+    return {"value": values}
+
+
+def showing(name: str, image: Callable[[], Any]) -> Callable[..., Any]:
+    """A model that renders one more map, or another one."""
+
+    def prepare(*given: Any) -> Any:
+        shown = ChainPrepared(0.5)
+        shown.offers = {**ChainPrepared.offers, name: MapKind("data")}
+        maps = shown.render
+        shown.render = lambda camera, *further: {**maps(camera), name: image()}  # type: ignore[method-assign]
+        return shown
+
+    return prepare
+
+
+def offering_nothing(*given: Any) -> Any:
+    shown = ChainPrepared(0.5)
+    shown.offers = None  # type: ignore[assignment]
+    return shown
+
+
+@pytest.mark.parametrize(
+    ("what", "code"),
+    [
+        ({"step": lambda: {"loss": 10**400}}, 1),
+        ({"product": cyclic}, 1),
+        ({"facts": lambda: nested(5000)}, 1),
+        ({"product": lambda: {"value": torch.zeros(1, device="meta")}}, 1),
+        ({"prepare": offering_nothing}, 6),
+        ({"prepare": showing("image", lambda: torch.zeros(16, 16, 3, device="meta"))}, 1),
+        ({"prepare": showing("image", lambda: torch.zeros(16, 16, 3).to_sparse())}, 1),
+        ({"prepare": showing("roughness", lambda: torch.full((16, 16, 1), torch.nan))}, 4),
+    ],
+)
+def test_whatever_a_method_gives_ends_its_cell_alone_and_is_recorded(
+    what: Mapping[str, Callable[..., Any]], code: int, tmp_path: Path
+) -> None:
+    store, wrong, right = Store(tmp_path), Wrong(**what), Chain(("fit",), name="right")
+    (failure,) = run_all(store, wrong, right)
+    assert exit_code(failure) == code
+    assert store.result(cells_of(right)[0].key) is not None
+    kept = store.failure(cells_of(wrong)[0].key)
+    assert kept is not None
+    assert kept["exit_code"] == code
+
+
+CALLS = ("begin", "step", "state", "product", "restore", "facts", "prepare", "offers", "render")
+"""The calls of the contract that a cell makes, and a property."""
+
+OUTCOMES: Mapping[str, Callable[[], Any]] = {
+    "an exception": fails(ValueError, "no"),
+    "a BaseException": fails(BaseException, "no"),
+    "a cancellation": fails(asyncio.CancelledError),
+    "an exit": fails(SystemExit, 3),
+    "nothing": lambda: None,
+    "a number": lambda: 7,
+    "a number beyond float64": lambda: {"value": 10**400, "image": 10**400},
+    "text": lambda: "\x1b[2J",
+    "text that UTF-8 cannot hold": lambda: {"value": "\ud800", "image": "\ud800", "\ud800": 1},
+    "an empty table": dict,
+    "a cycle": cyclic,
+    "a deep list": lambda: nested(5000),
+    "NaN": lambda: {"value": torch.tensor([math.nan]), "image": torch.full((16, 16, 3), math.nan)},
+    "tensors without values": lambda: {name: torch.zeros(16, 16, 3, device="meta") for name in ("value", "image")},
+    "sparse tensors": lambda: {name: torch.zeros(16, 16, 3).to_sparse() for name in ("value", "image")},
+    "tensors of 16 bits": lambda: {name: torch.zeros(16, 16, 3, dtype=torch.bfloat16) for name in ("value", "image")},
+    "a default type": lambda: torch.set_default_dtype(torch.float64),
+    "a folder": lambda: os.chdir("/"),
+}  # fmt: skip
+
+
+class WrongIn(Chain):
+    """A chain one of whose calls has another outcome, named by both."""
+
+    def __init__(self, call: str, outcome: str) -> None:
+        super().__init__(("fit",), name=f"{CALLS.index(call)}-{list(OUTCOMES).index(outcome)}")
+        self.call, self.outcome = call, OUTCOMES[outcome]
+
+    def instead(self, call: str, right: Any) -> Any:
+        return (lambda *given: self.outcome()) if call == self.call else right
+
+    def _beginning(self, number: int) -> Any:
+        def begin(run: Run, before: Mapping[str, Any]) -> Any:
+            stage = super(WrongIn, self)._beginning(number)(run, before)
+            for name in ("step", "state", "product"):
+                setattr(stage, name, self.instead(name, getattr(stage, name)))
+            return stage
+
+        return self.instead("begin", begin)
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> Any:
+        model = self.instead("restore", super().restore)(run, tensors)
+        if self.call in ("facts", "prepare"):
+            setattr(model, self.call, self.instead(self.call, None))
+        elif self.call in ("offers", "render"):
+            prepare = model.prepare
+
+            def shown(*given: Any) -> Any:
+                prepared = prepare(*given)
+                setattr(prepared, self.call, self.outcome() if self.call == "offers" else self.instead("render", None))
+                return prepared
+
+            model.prepare = shown
+        return model
+
+
+def values(store: Store, chain: Chain) -> Any:
+    result = store.result(cells_of(chain)[0].key)
+    assert result is not None
+    with np.load(store.arrays_path(result["key"])) as arrays:
+        return result["metrics"], result["losses"], {name: arrays[name].tobytes() for name in arrays}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_every_call_with_every_wrong_outcome_leaves_other_rows_as_they_are(call: str, tmp_path: Path) -> None:
+    """A cell whose call has a wrong outcome ends with a result or a record of its failure."""
+    right = Chain(("fit", "finish"), name="right")
+    assert run_all(Store(tmp_path / "alone"), right) == []
+    alone = values(Store(tmp_path / "alone"), right)
+    store, wrong = Store(tmp_path / "beside"), [WrongIn(call, outcome) for outcome in OUTCOMES]
+    with Interruption():
+        run_all(store, *wrong, right, checkpoint_seconds=0.0)
+    assert values(store, right) == alone
+    keys = [cells_of(each)[0].key for each in wrong]
+    failed = [store.failure(key) is not None for key in keys]
+    assert failed == [store.result(key) is None for key in keys]
+    assert sum(failed) >= len(OUTCOMES) // 2
+
+
+def test_values_of_16_bits_are_scored_and_buffers_that_are_used_again_are_copied() -> None:
+    buffer = torch.zeros(16, 16, 1)
+    shown = showing("depth", lambda: buffer.add_(1))()
+    first, second = (on_black(shown, CAMERA)["depth"] for _ in range(2))
+    assert (float(first.mean()), float(second.mean())) == (1.0, 2.0)
+    half = on_black(showing("image", lambda: torch.full((16, 16, 3), 0.5, dtype=torch.bfloat16))(), CAMERA)["image"]
+    assert half.dtype == torch.float32
+
+
+def test_an_error_s_text_cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_all(Store(tmp_path), failures := Wrong(step=fails(ValueError, "\x1b[2J\x1b]0;title\x07")))
+    assert failures.begun
+    (failure,) = run_all(Store(tmp_path), failures)
+    report_failures([failure])
+    said = capsys.readouterr().err
+    assert "title" in said
+    assert "\x1b" not in said
 
 
 def test_a_repaired_method_runs_and_its_failure_is_removed(tmp_path: Path) -> None:

@@ -7,15 +7,26 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
+from PIL import Image
 
+from datasets.orb_captures import SIDE, write_captures
+from radiogs_bench.runs.preflight import read_everything
+from radiogs_bench.scoring.metrics.conventions import DepthOffset
+from radiogs_bench.scoring.metrics.geometry import depth_offset
 from radiogs_bench.suites.scenes import load_scenes
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
+from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_exr, write_png
 from radiogs_datasets.layouts.blender import read_points
+from radiogs_datasets.layouts.photos import read_mask
 from radiogs_datasets.registry import TINY, scene_names
-from radiogs_datasets.soundness import require_names
+from radiogs_datasets.soundness import require_names, require_shaped
+from radiogs_datasets.view_maps import read_depth
+from scenes import sphere_scene
 
 
 @pytest.fixture
@@ -37,9 +48,80 @@ def test_points_are_read_from_regular_files_within_their_size(tmp_path: Path) ->
         + b"".join(f"property uchar {colour}\n".encode() for colour in ("red", "green", "blue"))
         + b"end_header\n" + bytes(15)
     )  # fmt: skip
-    for name in ("pipe.ply", "huge.ply"):
+    (tmp_path / "long.ply").write_bytes(
+        b"ply\nformat ascii 1.0\ncomment " + b"a" * 5_000_000 + b"\nelement vertex 0\nend_header\n"
+    )
+    for name in ("pipe.ply", "huge.ply", "long.ply"):
         with pytest.raises(DataError):
             read_points(tmp_path / name)
+
+
+def test_an_alpha_of_1_throughout_says_nothing_of_a_mask(tmp_path: Path) -> None:
+    """Attack mask_rgba_opaque: every pixel counted as covered."""
+    grey = np.zeros((8, 8, 1), np.float32)
+    grey[2:6, 2:6] = 1
+    full = np.ones_like(grey)
+    write_png(tmp_path / "l.png", grey)
+    write_png(tmp_path / "rgba.png", np.concatenate([grey, grey, grey, full], -1))
+    Image.fromarray(np.uint8(np.concatenate([grey, full], -1) * 255), "LA").save(tmp_path / "la.png")
+    write_png(tmp_path / "cut.png", np.concatenate([full, full, full, grey], -1))
+    for name in ("l.png", "rgba.png", "la.png", "cut.png"):
+        assert torch.equal(read_mask(tmp_path / name), torch.from_numpy(grey)), name
+    write_png(tmp_path / "photo.png", np.concatenate([grey, full, full, full], -1))
+    with pytest.raises(DataError, match="is a colour image, not a mask"):
+        read_mask(tmp_path / "photo.png")
+
+
+def test_the_background_s_depth_is_no_depth_of_the_edge(tmp_path: Path) -> None:
+    """Attack depth_sentinel: depth/offset was 1.8e10."""
+    alpha = np.ones((4, 4, 1), np.float32)
+    alpha[0], alpha[1] = 0, 0.75
+    depth = np.full((4, 4, 1), 2.0, np.float32)
+    depth[0], depth[1, :2] = 1e10, 7.5e9
+    write_png(tmp_path / "rgba.png", np.concatenate([*[np.zeros_like(alpha)] * 3, alpha], -1))
+    write_exr(tmp_path / "depth.exr", depth)
+    read = read_depth(tmp_path / "depth.exr", tmp_path / "rgba.png")
+    assert read[..., 0].tolist() == [[0] * 4, [0, 0, 2, 2], [2] * 4, [2] * 4]
+    ours = torch.full((4, 4, 1), 2.5)
+    assert depth_offset(ours, read, torch.from_numpy(alpha), 1.0, DepthOffset()) == pytest.approx(50)
+    for wrong in (1e10, 1e38, -1.0):
+        depth[3, 3] = wrong
+        write_exr(tmp_path / "depth.exr", depth)
+        with pytest.raises(DataError, match="is no depth of its view: 1 covered pixels"):
+            read_depth(tmp_path / "depth.exr", tmp_path / "rgba.png")
+
+
+@pytest.mark.parametrize("name", ["train/0001.png", "test/0000.png", "pseudo_gt_albedo"])
+def test_a_grey_picture_among_stanford_orb_s_is_refused_by_name(name: str, tmp_path: Path) -> None:
+    """Attack orb_grey: a traceback in training, or in scoring, or scored in silence."""
+    capture = write_captures(tmp_path)
+    truth = tmp_path / "data ü/ground_truth/teapot_scene001/pseudo_gt_albedo/0000.png"
+    path = truth if name == "pseudo_gt_albedo" else capture / name
+    write_png(path, np.full((SIDE, SIDE, 1), 0.5, np.float32))
+    assert any(f"{path} has 1 channels" in finding.what for finding in check_scene(str(capture)).findings)
+    with pytest.raises(DataError, match="has 1 channels, 3 are needed"):
+        read_everything(load_scene(str(capture)), lambda done, total: None)
+
+
+@pytest.mark.parametrize("size", [(8192, 1), (1, 8192)])
+def test_images_of_next_to_no_height_are_refused(size: tuple[int, int]) -> None:
+    """Attack strip_8192x1: a traceback in training."""
+    scene = sphere_scene(views=3)
+    require_shaped(scene)
+    width, height = size
+    strip = replace(scene.train[1], camera=replace(scene.train[1].camera, width=width, height=height))
+    with pytest.raises(DataError, match=f"has {width} x {height} pixels"):
+        require_shaped(replace(scene, train=(scene.train[0], strip)))
+
+
+def test_a_run_refuses_the_empty_masks_that_check_calls_errors() -> None:
+    """Finding F18 of the attacks: scenes that are not sound were scored."""
+    scene = sphere_scene(views=3)
+    read_everything(scene, lambda done, total: None)
+    nothing = {**scene.train[0].sources, "alpha": lambda: torch.zeros(16, 16, 1)}
+    empty = replace(scene, train=(replace(scene.train[0], sources=nothing), *scene.train[1:]))
+    with pytest.raises(DataError, match="the mask of view 'view_000' of scene 'sphere' is empty"):
+        read_everything(empty, lambda done, total: None)
 
 
 def scaled(pose: list[list[float]]) -> None:

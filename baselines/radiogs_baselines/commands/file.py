@@ -5,14 +5,13 @@ docs/methods_as_commands.md.
 """
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import PlainReader
-from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
+from radiogs_datasets.bounded_reading import read_toml
 from radiogs_datasets.registry import LAYOUTS
 
 from ..outputs.codes import CODES
@@ -168,7 +167,7 @@ class MethodFile:
 def read_file(path: Path) -> MethodFile:
     """Read a method's file. Raises DataError if it cannot be read, and UsageError if a value in it is wrong."""
     try:
-        content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
+        content = read_toml(path)
     except DataError as error:
         raise DataError(f"cannot read the method {path}", error.why, "Give the path of a method's file.") from error
     except (ValueError, RecursionError) as error:

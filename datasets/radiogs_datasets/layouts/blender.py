@@ -247,10 +247,21 @@ def _points(folder: Path, files: Mapping[Path, Transforms]) -> Points | None:
 POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
 
 
+LONGEST_HEADER = 1 << 16
+"""Bytes of a PLY file's header: the library reads it character by character."""
+
+
 def read_points(path: Path) -> Points:
     """World positions, and 8-bit display sRGB colours. Raises DataError for what is no such file."""
+    data = read_bytes(path)
+    if data.find(b"end_header", 0, LONGEST_HEADER) < 0:
+        raise DataError(
+            f"cannot read {path}: it has no PLY header of at most {LONGEST_HEADER} bytes",
+            "The header names the elements and their properties; points need some hundred bytes.",
+            "Export the points again, or take 'ply_file_path' out of the transforms file.",
+        )
     try:
-        vertices = PlyData.read(io.BytesIO(read_bytes(path)), mmap=False)["vertex"].data
+        vertices = PlyData.read(io.BytesIO(data), mmap=False)["vertex"].data
         positions = np.stack([np.asarray(vertices[name], np.float64) for name in POSITION], -1)
         colours = np.stack([np.asarray(vertices[name]) for name in COLOUR], -1)
     except (PlyParseError, KeyError, ValueError, OSError, MemoryError, EOFError, UnicodeDecodeError) as error:

@@ -148,11 +148,15 @@ def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"] | None:
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
-    """Coverage in [0, 1]: the alpha of an image that has one, else its grey level. Raises DataError."""
+    """Coverage in [0, 1]: the alpha of an image that has one which says something, else its grey level.
+
+    An alpha of 1 throughout says nothing: many programs add one when they save grey pictures. Raises DataError.
+    """
     image = torch.from_numpy(read_image(path))
-    if image.shape[2] == 3 and not torch.equal(image.amin(-1), image.amax(-1)):
+    grey, by_alpha = image[..., :3], image.shape[2] == 4 and bool((image[..., 3:] < 1).any())
+    if not by_alpha and not torch.equal(grey.amin(-1), grey.amax(-1)):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
-    mask = image[..., 3:] if image.shape[2] == 4 else image[..., :1]
+    mask = image[..., 3:] if by_alpha else image[..., :1]
     if 0 < float(mask.max()) < 1.5 / 255:
         raise DataError(
             f"{path} is a mask of the levels 0 and 1",

@@ -206,7 +206,14 @@ def _frames(table: Path) -> list[dict[str, object]]:
 
 
 def _colours(path: Path) -> Float[Tensor, "height width channels"]:
-    return reduced(torch.from_numpy(read_image(path)))
+    image = read_image(path)
+    if image.shape[2] < 3:
+        raise DataError(
+            f"{path} has {image.shape[2]} channels, 3 are needed",
+            "A grey picture among coloured ones would be learnt, or scored, as another object.",
+            "Export the image again, with all its channels.",
+        )
+    return reduced(torch.from_numpy(image))
 
 
 def _shown(path: Path) -> Float[Tensor, "height width 3"]:

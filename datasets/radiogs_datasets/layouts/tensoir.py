@@ -22,12 +22,13 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 
 from ..cameras.transforms import Transforms, read_transforms
-from ..view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
+from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .tensoir_lights import find_lights, read_light
 
 MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
     "normal.png": ("normal", read_normal),
+    "depth.exr": ("depth", read_depth),
     "indirect.png": ("indirect", read_displayed),
 }
 """Map and reader by file name, for maps that need the alpha of the view's image."""
@@ -35,7 +36,6 @@ MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
 MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
     "albedo.png": ("albedo", read_colour),
     "roughness.png": ("roughness", read_value),
-    "depth.exr": ("depth", read_value),
     "direct.exr": ("direct", read_colour),
     "indirect.exr": ("indirect", read_colour),
 }

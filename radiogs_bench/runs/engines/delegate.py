@@ -20,6 +20,7 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
+from ...process_state import begin_row
 from ...store.folder import Store, checkpoint_name, product_name
 from ..cell import Cell, StageKey, Work, cell_of
 from ..interruption import Interruption
@@ -122,6 +123,7 @@ def _run(remote: RemoteCell, given: Files, wanted: list[str], work: Callable[[Be
                 checkpoint_seconds=math.inf,
                 kept_views=remote.recipe.kept_views,
             )
+            begin_row()
             work(bench, scene)
             return RemoteResult(store.files(wanted), None, node)
     except ExplainedError as failure:

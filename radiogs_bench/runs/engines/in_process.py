@@ -2,12 +2,14 @@
 
 import logging
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from radiogs_core.errors import DataError, ExplainedError
 
-from ...errors import Interrupted, MethodFailed, StoreError, exit_code
+from ...errors import Interrupted, MethodFailed, StoreError, Unforeseen, exit_code, visible
+from ...process_state import begin_row
 from ...store.claim import Claimed
 from ...store.folder import Store, product_name, stage_claim
 from ...store.provenance import now
@@ -65,7 +67,7 @@ def run_cells(
         if failure is None:
             progress.say(f"{task.label}: done in {time.perf_counter() - started:.1f} s")
         else:
-            progress.say(f"{task.label}: failed: {failure.what}")
+            progress.say(f"{task.label}: failed: {visible(failure.what)}")
             failures.append(failure)
         return True
 
@@ -92,14 +94,28 @@ def waits_for_others(store: Store, cell: Cell) -> bool:
 
 def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedError | None:
     """Run a cell; a failure of this cell alone is recorded and returned."""
+    begin_row()
     try:
         run(task.cell)
-    except STOPPING:
+    except (*STOPPING, Claimed):
         raise
     except ExplainedError as error:
         logger.debug("%s failed", task.label, exc_info=True)
         return record_failure(store, task, error)
+    except Exception as error:  # noqa: BLE001  recorded with its traceback; the other cells go on
+        return record_failure(store, task, unforeseen(error))
     return None
+
+
+def unforeseen(error: Exception) -> Unforeseen:
+    """The failure of a cell by an error that nobody foresaw, with its whole traceback, which is stored."""
+    told = traceback.format_exception_only(error)[-1].strip()
+    return Unforeseen(
+        f"unexpected: {told}".partition("\n")[0],
+        "The method may have given what nobody looks at, or the harness has a fault.",
+        "Please report it with the traceback.",
+        trace="".join(traceback.format_exception(error)),
+    )
 
 
 def record_failure(store: Store, task: Task, error: ExplainedError) -> ExplainedError:

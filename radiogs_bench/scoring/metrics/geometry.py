@@ -105,9 +105,10 @@ def depth_errors(
 def depth_offset(depth: Map, target: Map, mask: Map, extent: float, rules: DepthOffset) -> float:
     """Mean |z - z*| in percent of ``extent`` (world units); NaN where nothing is covered.
 
-    A pixel that the prediction leaves empty has depth 0: it counts as that, an error of the whole distance.
+    A pixel that the prediction leaves empty has depth 0: it counts as that, an error of the whole distance. One whose
+    true depth is 0 has none that is known, and does not count.
     """
-    inside = mask > rules.covered
+    inside = (mask > rules.covered) & (target > 0)
     difference = (depth[inside].double() - target[inside].double()).abs()
     return 100 * float(difference.mean()) / extent if len(difference) else math.nan
 

@@ -1,0 +1,279 @@
+"""State of the whole process that code may change and other code then runs under: set apart for each method.
+
+A method that changes the working folder, PyTorch's default type or the seeds keeps its own for its own calls. Whatever
+is called after it, the harness or another row's method, finds them as they were.
+"""
+
+import locale
+import logging
+import os
+import random
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from .errors import StoreError
+
+logger = logging.getLogger(__name__)
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+SEED = 0
+"""Seeds the generators of the process in every row, for a method that draws from them without a seed of its own."""
+
+DENORMAL = np.float32(1e-40)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of the state: its name in messages, its present value, and how it is set."""
+
+    name: str
+    read: Callable[[], Any]
+    write: Callable[[Any], object]
+
+
+def _folder() -> str:
+    try:
+        return os.getcwd()
+    except FileNotFoundError:  # somebody deleted it
+        return ""
+
+
+def _enter(folder: str) -> None:
+    if folder:
+        os.chdir(folder)
+
+
+def _set_environment(wanted: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - wanted.keys():
+        del os.environ[name]
+    for name, value in wanted.items():
+        if os.environ.get(name) != value:
+            os.environ[name] = value
+
+
+def _set_device(device: torch.device) -> None:
+    torch.set_default_device(None if device.type == "cpu" else device)
+
+
+def _torch_numbers() -> tuple[bytes, ...]:
+    states = [torch.get_rng_state()]
+    if torch.cuda.is_initialized():
+        states += torch.cuda.get_rng_state_all()
+    return tuple(state.numpy().tobytes() for state in states)
+
+
+def _set_torch_numbers(states: tuple[bytes, ...]) -> None:
+    first, *devices = (torch.frombuffer(bytearray(state), dtype=torch.uint8) for state in states)
+    torch.set_rng_state(first)
+    if torch.cuda.is_initialized() and not devices:  # nothing had been drawn there when the state was taken
+        torch.cuda.manual_seed_all(SEED)
+    for index, state in enumerate(devices):
+        torch.cuda.set_rng_state(state, index)
+
+
+def _numpy_numbers() -> tuple[Any, ...]:
+    return _plain_numbers(np.random.get_state())  # noqa: NPY002  whoever uses the old functions has them put back
+
+
+def _plain_numbers(state: Any) -> tuple[Any, ...]:
+    kind, key, *rest = state
+    return kind, np.asarray(key).tobytes(), *rest
+
+
+def _set_numpy_numbers(state: tuple[Any, ...]) -> None:
+    kind, key, *rest = state
+    np.random.set_state((kind, np.frombuffer(key, np.uint32), *rest))  # noqa: NPY002
+
+
+def _deterministic() -> tuple[bool, bool]:
+    return torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()
+
+
+def _arithmetic() -> tuple[Any, ...]:
+    return (
+        torch.get_float32_matmul_precision(),
+        torch.backends.cudnn.allow_tf32,
+        torch.backends.cudnn.benchmark,
+        torch.backends.cudnn.deterministic,
+        bool(DENORMAL * np.float32(1) == 0),
+    )
+
+
+def _set_arithmetic(wanted: tuple[Any, ...]) -> None:
+    precision, tf32, benchmark, deterministic, flush = wanted
+    torch.set_float32_matmul_precision(precision)
+    torch.backends.cudnn.allow_tf32 = tf32
+    torch.backends.cudnn.benchmark, torch.backends.cudnn.deterministic = benchmark, deterministic
+    torch.set_flush_denormal(flush)
+
+
+def _set_filters(wanted: list[Any]) -> None:
+    warnings.resetwarnings()  # also says that what was shown before says nothing about what is shown from now on
+    warnings.filters[:] = wanted  # type: ignore[index]
+
+
+def _handlers() -> tuple[Any, ...]:
+    return tuple(signal.getsignal(which) for which in SIGNALS)
+
+
+def _set_handlers(wanted: tuple[Any, ...]) -> None:
+    if threading.current_thread() is not threading.main_thread():
+        return  # nothing but the main thread may set them, so a method in this one has not
+    for which, handler in zip(SIGNALS, wanted, strict=True):
+        if handler is not None:  # of a library in C, which Python cannot set
+            signal.signal(which, handler)
+
+
+def _set_streams(wanted: tuple[Any, Any]) -> None:
+    sys.stdout, sys.stderr = wanted
+
+
+def _set_path(wanted: list[str]) -> None:
+    sys.path[:] = wanted
+
+
+PARTS: Mapping[str, Part] = {
+    part.name: part
+    for part in (
+        Part("the working folder", _folder, _enter),
+        Part("environment variables", lambda: dict(os.environ), _set_environment),
+        Part("where modules are looked for", lambda: list(sys.path), _set_path),
+        Part("PyTorch's default type", torch.get_default_dtype, torch.set_default_dtype),
+        Part("PyTorch's default device", torch.get_default_device, _set_device),
+        Part("PyTorch's number of threads", torch.get_num_threads, torch.set_num_threads),
+        Part("whether PyTorch keeps gradients", torch.is_grad_enabled, torch.set_grad_enabled),
+        Part(
+            "PyTorch's deterministic algorithms",
+            _deterministic,
+            lambda given: torch.use_deterministic_algorithms(given[0], warn_only=given[1]),
+        ),
+        Part("PyTorch's precision and denormal numbers", _arithmetic, _set_arithmetic),
+        Part("PyTorch's random numbers", _torch_numbers, _set_torch_numbers),
+        Part("NumPy's random numbers", _numpy_numbers, _set_numpy_numbers),
+        Part("Python's random numbers", random.getstate, random.setstate),
+        Part("how NumPy prints", np.get_printoptions, lambda given: np.set_printoptions(**given)),
+        Part("NumPy's treatment of errors", np.geterr, lambda given: np.seterr(**given)),
+        Part("filters of warnings", lambda: list(warnings.filters), _set_filters),
+        Part("handlers of signals", _handlers, _set_handlers),
+        Part(
+            "the locale", lambda: locale.setlocale(locale.LC_ALL), lambda given: locale.setlocale(locale.LC_ALL, given)
+        ),
+        Part("standard output and errors", lambda: (sys.stdout, sys.stderr), _set_streams),
+    )
+}
+
+UNSAID = ("Python's random numbers",)
+"""Parts of which nothing is said: libraries of all kinds draw from them."""
+
+State = dict[str, Any]
+"""Values of some parts by their names."""
+
+
+def _read() -> State:
+    return {name: part.read() for name, part in PARTS.items()}
+
+
+def _move(now: State, wanted: State) -> None:
+    """Set the parts in which ``wanted`` differs from ``now``. Raises StoreError where that cannot be done."""
+    for name, value in wanted.items():
+        if now[name] == value:
+            continue
+        try:
+            PARTS[name].write(value)
+        except (OSError, RuntimeError, ValueError, TypeError) as error:
+            raise StoreError(
+                f"{name} cannot be set back to what it was before a method changed it: {error}",
+                "Other rows would be run under what that method left.",
+                "Run the same command again without that method.",
+            ) from error
+
+
+ours: set[str] = set()
+"""Names of methods that come with the harness. Their calls are not set apart, which would take 0.3 ms of each: they
+take seeds and settings from their arguments."""
+
+_loaded: dict[str, State] = {}
+"""Parts of the state that importing a method's package has changed, by method; they hold in each of its rows."""
+
+_own: dict[str, State] = {}
+"""Parts that a method has changed in its present row, the imports included, by method."""
+
+_said: set[tuple[str, str]] = set()
+
+_before: list[State] = []
+"""The harness's state at each open call into a method, the innermost last."""
+
+
+def begin_row() -> None:
+    """Forget what methods have changed in rows before: every row begins with what the import of its package left."""
+    _own.clear()
+
+
+def _new_row(method: str) -> State:
+    """The parts of the state in which a row begins otherwise than the harness stands: imports, and seeds."""
+    return {
+        "PyTorch's random numbers": (torch.Generator().manual_seed(SEED).get_state().numpy().tobytes(),),
+        "NumPy's random numbers": _plain_numbers(np.random.RandomState(SEED).get_state()),
+        "Python's random numbers": random.Random(SEED).getstate(),
+        **_loaded.get(method, {}),
+    }
+
+
+@contextmanager
+def set_apart(method: str, what: str, loading: bool = False) -> Iterator[None]:
+    """Run a call into a method under its own state, and restore the harness's afterwards.
+
+    A part that the method changed is said once, by name; ``what`` is the call in that message, such as ``step()``.
+    ``loading``: the call imports the method's package, and what it changes holds in all rows of the method.
+    """
+    if method in ours:
+        yield
+        return
+    before = _read()
+    _before.append(before)
+    own = _own[method] if method in _own else _own.setdefault(method, _new_row(method))
+    _move(before, own)
+    entered = {**before, **own}
+    try:
+        yield
+    finally:
+        _before.pop()
+        after = _read()
+        changed = {name: value for name, value in after.items() if value != before[name]}
+        _move(after, before)
+        own.clear()
+        own.update(changed)
+        if loading:
+            _loaded[method] = dict(changed)
+        told = [name for name, value in changed.items() if value != entered[name] and name not in UNSAID]
+        new = [name for name in told if (method, name) not in _said]
+        if new:
+            _said.update((method, name) for name in new)
+            logger.warning(
+                "%s changed %s in %s; this holds for its own calls, and is undone for everything else",
+                method, ", ".join(new), what,
+            )  # fmt: skip
+
+
+@contextmanager
+def as_before() -> Iterator[None]:
+    """Run what a method calls back under the state that it was called from; without an open call, nothing changes."""
+    if not _before:
+        yield
+        return
+    inside = _read()
+    _move(inside, _before[-1])
+    try:
+        yield
+    finally:
+        _move(_read(), inside)

@@ -1,0 +1,91 @@
+"""Paired differences of a run from its baseline, judged against the noise of a rerun.
+
+A rerun is the baseline's run again with another number of threads: the same sources, other rounding. Its differences
+from the baseline are noise alone. The differences of the judged run are tested against zero with the variance of both,
+each about its own expected value: the judged ones about their mean, those of the rerun about zero.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.optimize import brentq
+from scipy.stats import nct, norm, t
+
+ERROR_RATE = 0.01
+"""Share of gates over an unchanged tree that may find anything in one family (metrics, training, work), after Holm's
+correction."""
+
+BAND = 4.0
+"""Standard deviations that a single value may differ by, where it cannot be tested: over the baseline's seeds where the
+noise of a rerun is not known; of a rerun where there is a single seed."""
+
+POWER = 0.8
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Differences of one quantity over the seeds of a row on a scene, and the same differences of reruns."""
+
+    differences: Sequence[float]
+    """Now - baseline by seed; gains are positive where there is a better direction."""
+    noise: Sequence[float]
+    """Rerun - baseline by seed and rerun; never empty."""
+
+    @property
+    def mean(self) -> float:
+        """Mean difference."""
+        return math.fsum(self.differences) / len(self.differences)
+
+    @property
+    def rerun(self) -> float:
+        """Root of the mean square of the rerun's differences."""
+        return root_mean_square(self.noise)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the pooled variance."""
+        return len(self.differences) - 1 + len(self.noise)
+
+    @property
+    def p_value(self) -> float:
+        """One-sided p value of a mean that is not in the direction of ``mean``.
+
+        With a single seed it is 0 beyond BAND times ``rerun`` and else 1: nothing is known of the differences' spread.
+        """
+        mean = self.mean
+        if len(self.differences) == 1:
+            return float(abs(mean) <= BAND * self.rerun)
+        about_mean = math.fsum((each - mean) ** 2 for each in self.differences)
+        variance = (about_mean + math.fsum(each**2 for each in self.noise)) / self.freedom
+        if variance == 0:
+            return float(mean == 0)
+        return float(t.sf(abs(mean) / math.sqrt(variance / len(self.differences)), self.freedom))
+
+    def beyond(self, adjusted: float, floor: float) -> bool:
+        """Whether the mean is no noise: by its adjusted p value, and by its size beside a rerun's and ``floor``."""
+        return adjusted < ERROR_RATE and abs(self.mean) > max(self.rerun, floor)
+
+
+def root_mean_square(values: Sequence[float]) -> float:
+    """Root of the mean square."""
+    return math.sqrt(math.fsum(each**2 for each in values) / len(values))
+
+
+def detectable(noise: Sequence[float], seeds: int, tests: int, floor: float) -> float:
+    """The mean loss that ``Paired.beyond`` finds in POWER of all runs whose other differences are a rerun's noise.
+
+    ``tests``: size of the family; the p value is compared as Holm compares the smallest one.
+    """
+    deviation = root_mean_square(noise)
+    if deviation == 0:
+        return floor
+    error = deviation / math.sqrt(seeds)
+    margin = float(norm.ppf(POWER)) * error
+    if seeds == 1:
+        return max(BAND * deviation, floor) + margin
+    freedom = seeds - 1 + len(noise)
+    critical = float(t.isf(ERROR_RATE / tests, freedom))
+    largest = 10 * (critical + 10)
+    shift = brentq(lambda centre: float(nct.sf(critical, freedom, centre)) - POWER, 0.0, largest)
+    return max(float(shift) * error, max(deviation, floor) + margin)

@@ -1,0 +1,143 @@
+"""The results that a gate compares: of the installed sources, and with values of the types that were stored."""
+
+import math
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, TypedDict
+
+from radiogs_core.errors import DataError, UsageError
+from radiogs_datasets import reduction
+from radiogs_datasets.generate import surfaces
+from radiogs_datasets.registry import LAYOUTS
+
+from ..methods import method as find_method
+from ..methods import variant_of
+from ..runs.cell import evaluation_code
+from ..runs.rows_from_files import measured
+from ..runs.sweep import Sweep, label
+from ..sources import code_digest
+from ..store.folder import Store
+from ..store.schema import Result
+from ..store.seal import Broken
+from ..store.shapes import mismatch
+from ..suites.experiment import EXPERIMENTS
+
+AGAIN = "Run the same command again, which makes what has changed anew"
+
+
+class Identity(TypedDict):
+    """The part of a stored cell that says which sources made it."""
+
+    checksum: str
+    loader: str
+    method: str
+    method_code: str
+    evaluation_code: str
+    experiment: str
+    variant: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class StoredCells:
+    """Results of a run's cells by label; None where a cell has not finished."""
+
+    results: Mapping[str, Result | None]
+    unchecked: tuple[str, ...]
+    """Sentences on what could not be compared with the installed sources."""
+
+    def finished(self) -> dict[str, Result]:
+        """Those that there are."""
+        return {name: result for name, result in self.results.items() if result is not None}
+
+
+def stored_cells(store: Store, sweep: Sweep) -> StoredCells:
+    """The results of the folder's last run, without rows that were scored from files; no file is moved.
+
+    Raises DataError for a run without cells, for a result that is not as it was stored, and for one that other sources
+    than the installed ones made; OtherSchema, StoreError.
+    """
+    sweep = measured(sweep)
+    results = {label(ref): _stored(store, ref["key"], sweep) for ref in sweep["cells"]}
+    if not results:
+        raise DataError("the run has no cells", "There is nothing to compare.", f"{AGAIN}{_command(sweep)}")
+    finished = {name: result for name, result in results.items() if result is not None}
+    return StoredCells(results, tuple(dict.fromkeys(_require_installed(finished, sweep))))
+
+
+def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
+    """The result of a cell, or None where it has not finished. Raises DataError where it is not as it was stored."""
+    try:
+        result = store.sealed_result(key)
+        store.check_arrays(result)
+        if wrong := mismatch(result["cell"], Identity):
+            raise Broken(f"cell: {wrong}")
+    except FileNotFoundError:
+        return None
+    except Broken as broken:
+        raise DataError(
+            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken.reason}",
+            "The gate compares only what the program has written.",
+            f"{AGAIN}{_command(sweep)}",
+        ) from None
+    return result
+
+
+def _command(sweep: Sweep) -> str:
+    return f":  radiogs-bench {shlex.join(sweep['command'])}" if sweep.get("command") else "."
+
+
+def _require_installed(finished: Mapping[str, Result], sweep: Sweep) -> Iterator[str]:
+    """Raises DataError where other sources made results; yields what could not be compared."""
+    stale: dict[str, list[str]] = {}
+    for name, result in finished.items():
+        try:
+            other = _other_sources(result["cell"], result.get("data", {}).get("layout", ""))
+        except UsageError as error:
+            yield f"not compared with the installed sources, because {error.what}"
+            continue
+        for what in other:
+            stale.setdefault(what, []).append(name)
+    if stale:
+        said = "; ".join(f"{what}: {', '.join(names[:3])}{' ...' * (len(names) > 3)}" for what, names in stale.items())
+        raise DataError(
+            f"{len({name for names in stale.values() for name in names})} of {len(finished)} results were made by other"
+            f" sources than the installed ones ({said})",
+            "What they say is not what these sources do.",
+            f"{AGAIN}{_command(sweep)}",
+        )
+
+
+def _other_sources(cell: Mapping[str, Any], layout: str) -> list[str]:
+    """Which sources of a cell are not the installed ones. Raises UsageError for a method that is not installed."""
+    kind = EXPERIMENTS.get(cell["experiment"])
+    if kind is None:
+        return ["the experiment, which is no more"]
+    method, found = find_method(cell["method"]), []
+    if kind.trains:
+        try:
+            variant = variant_of(method, cell["variant"])
+        except UsageError:
+            return ["the method's settings"]
+        specs = method.stages(variant, next(iter(method.presets.values())))
+        if code_digest(*{source for spec in specs for source in spec.sources}, *method.sources) != cell["method_code"]:
+            found.append("the method")
+    weights = " without "  # LPIPS weights that are not there: what the machine has, and no source
+    if evaluation_code(kind, method).partition(weights)[0] != cell["evaluation_code"].partition(weights)[0]:
+        found.append("scoring")
+    if layout in LAYOUTS and cell["loader"] not in _loaders(layout, kind.on_surfaces):
+        found.append("the scene's loader")
+    return found
+
+
+def _loaders(layout: str, on_surfaces: bool) -> set[str]:
+    """Digests of what may have read a scene in a folder: reduced or not, with surfaces or without."""
+    reduced, by_surfaces = ((), (reduction.__name__,)), ((), (surfaces.__name__,)) if on_surfaces else ((),)
+    load = LAYOUTS[layout].load.__module__
+    return {code_digest(load, *more, *known) for more, known in product(reduced, by_surfaces)}
+
+
+def is_number(value: object) -> bool:
+    """Whether a value read from JSON is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

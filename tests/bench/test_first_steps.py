@@ -1,0 +1,128 @@
+"""The first steps of a stage are recorded with lengths of gradients and updates, and nothing that is learnt changes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from bench.fake_method import CPU, FakeSweep, evaluate, fake_cell, method
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.first_steps import FIRST_STEPS, FirstSteps
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.store.schema import FirstStep, Result
+from radiogs_core.contract import Run
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelVariant
+from scenes import sphere_scene
+
+RATE = 0.1
+
+
+class Descent:
+    """Gradient descent on the sum of squares of three numbers."""
+
+    def __init__(self) -> None:
+        self.iteration, self.iterations = 0, 20
+        self.optimiser = self
+        self.tensors = {"place": torch.tensor([1.0, 2.0, 2.0], requires_grad=True), "held": torch.ones(2)}
+
+    def step(self) -> Mapping[str, float]:
+        loss = self.tensors["place"].square().sum()
+        loss.backward()
+        with torch.no_grad():
+            self.tensors["place"] -= RATE * self.tensors["place"].grad
+        self.tensors["place"].grad = None
+        self.iteration += 1
+        return {"squares": float(loss.detach())}
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        raise NotImplementedError
+
+    def product(self) -> dict[str, Any]:
+        return {}
+
+
+def recorded(stage: Any) -> list[FirstStep]:
+    first = FirstSteps()
+    while stage.iteration < stage.iterations:
+        with first.watching(stage) as lengths:
+            losses = stage.step()
+        first.add(stage.iteration, losses, lengths)
+    return first.steps
+
+
+def test_lengths_are_those_of_the_gradient_and_of_what_the_step_added() -> None:
+    steps = recorded(Descent())
+    assert [step["iteration"] for step in steps] == list(range(1, FIRST_STEPS + 1))
+    for number, step in enumerate(steps):
+        length = 3 * (1 - 2 * RATE) ** number
+        assert step["losses"] == {"squares": pytest.approx(length**2)}
+        assert step["gradients"] == {"place": pytest.approx(2 * length)}
+        assert step["updates"] == {"place": pytest.approx(2 * RATE * length), "held": 0.0}
+
+
+def test_a_stage_whose_optimiser_names_no_tensors_has_losses_alone() -> None:
+    stage = Descent()
+    stage.optimiser = torch.optim.SGD([stage.tensors["place"]], RATE)  # type: ignore[assignment]
+    steps = recorded(stage)
+    assert len(steps) == FIRST_STEPS
+    assert all(step["losses"] and step["gradients"] == step["updates"] == {} for step in steps)
+
+
+def geometry() -> FitGeometry:
+    variant, budget = SurfelVariant(), GEOMETRY_PRESETS["smoke"]
+    run = Run(sphere_scene(views=2, size=16), variant, budget, 0, CPU, Path())
+    return FitGeometry(run, variant.geometry, budget, 1.0, NoShading())
+
+
+def test_watching_a_stage_on_surfels_changes_no_bit() -> None:
+    watched, alone = geometry(), geometry()
+    first = FirstSteps()
+    for _ in range(FIRST_STEPS + 2):
+        with first.watching(watched) as lengths:
+            losses = watched.step()
+        first.add(watched.iteration, losses, lengths)
+        assert alone.step() == losses
+    assert len(first.steps) == FIRST_STEPS
+    assert all(step["gradients"]["sh"] > 0 for step in first.steps)
+    for name, value in watched.optimiser.tensors.items():
+        assert torch.equal(value, alone.optimiser.tensors[name]), name
+
+
+def stored(sweep: FakeSweep) -> Result:
+    result = sweep.store.result(fake_cell().key)
+    assert result is not None
+    return result
+
+
+def test_an_interrupted_stage_has_the_same_first_steps(tmp_path: Path) -> None:
+    whole, stopped = FakeSweep(tmp_path / "whole"), FakeSweep(tmp_path / "stopped")
+    whole.run([fake_cell()])
+    stops = 0
+    while stopped.store.result(fake_cell().key) is None:
+        interruption = Interruption()
+        interruption.requested = stops < 4
+        bench = Bench(stopped.store, CPU, LogProgress(), interruption, method, checksum_now)
+        try:
+            train_and_score(bench, fake_cell(), whole.scenes["fake"], score=evaluate)  # type: ignore[arg-type]
+        except Interrupted:
+            stops += 1
+    assert stops == 4
+    assert stored(stopped)["first_steps"] == stored(whole)["first_steps"]
+    assert [len(steps) for steps in stored(whole)["first_steps"].values()] == [3, 3]
+
+
+def test_every_training_stage_says_how_fast_the_machine_was(tmp_path: Path) -> None:
+    sweep = FakeSweep(tmp_path)
+    sweep.run([fake_cell()])
+    for stage in ("initialise", "invert"):
+        assert 0 < stored(sweep)["sessions"][stage][-1]["yardstick"] < 1
