@@ -3,6 +3,7 @@
 import json
 import pickle
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,65 @@ def test_the_iteration_with_the_largest_number_is_read(scene: Scene, tmp_path: P
         png(tmp_path / f"test/ours_7000/render/{index:05d}.png", 0 * maps["image"])
     found = read_predictions(tmp_path, scene).maps[scene.test[0].name]["image"]
     assert "ours_20000" in str(found.path)
+
+
+@pytest.mark.parametrize(
+    ("place", "first"),
+    [
+        ("render/{name}", "render/test_000.png"),
+        ("renders/{index:05d}", "renders/00000.png"),
+        ("image/{index:03d}", "image/000.png"),
+        ("{name}", "test_000.png"),
+        ("{index}", "0.png"),
+    ],
+)
+def test_images_of_anybody_are_read_by_name_or_number_and_that_is_said(
+    place: str, first: str, folders: dict[str, Path], scene: Scene, tmp_path: Path
+) -> None:
+    """Numbers are places in the order of the test views; ``relit`` may be numbered likewise."""
+    for index, view in enumerate(scene.test):
+        for kind, lies in (("image", place), ("relit/sunset", "relit/sunset/{index:05d}")):
+            file = tmp_path / f"{lies.format(name=view.name, index=index)}.png"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(folders["plain"] / kind / f"{view.name}.png", file)
+    predictions = read_predictions(tmp_path, scene)
+    assert (predictions.code, predictions.missing, predictions.ignored) == ("plain", (), ())
+    assert predictions.remarks == (
+        f"image: {first} is read as view 'test_000'",
+        "relit under sunset: relit/sunset/00000.png is read as view 'test_000'",
+    )
+    found, reference = figures(tmp_path, scene), figures(folders["plain"], scene)
+    for metric in ("nvs/psnr", "relight/sunset/psnr"):
+        assert found[metric] == reference[metric] is not None
+
+
+def test_views_whose_names_are_numbers_are_read_by_their_place_where_only_that_is_complete(
+    folders: dict[str, Path], scene: Scene, tmp_path: Path
+) -> None:
+    """Every second photo of a capture was held out: 00000, 00002, ...; its renders are numbered 00000, 00001, ..."""
+    renamed = replace(scene, test=tuple(replace(view, name=f"{2 * k:05d}") for k, view in enumerate(scene.test)))
+    for index, view in enumerate(scene.test):
+        shutil.copy(folders["plain"] / "image" / f"{view.name}.png", tmp_path / f"{index:05d}.png")
+    predictions = read_predictions(tmp_path, renamed)
+    assert predictions.remarks == ("image: 00000.png is read as view '00000'",)
+    assert [predictions.maps[view.name]["image"].path.name for view in renamed.test] == [
+        f"{index:05d}.png" for index in range(len(scene.test))
+    ]
+    last = len(scene.test)
+    shutil.copy(tmp_path / "00000.png", tmp_path / f"{last:05d}.png")
+    with pytest.raises(DataError, match=f"counts views up to {last}"):
+        read_predictions(tmp_path, renamed)
+
+
+def test_images_that_are_no_views_are_listed_with_what_they_would_have_to_be_called(
+    folders: dict[str, Path], scene: Scene, tmp_path: Path
+) -> None:
+    for view in scene.test:
+        shutil.copy(folders["plain"] / "image" / f"{view.name}.png", tmp_path / f"frame-of-{view.name}.png")
+    with pytest.raises(DataError) as refused:
+        read_predictions(tmp_path, scene)
+    assert f"frame-of-test_*.png ({len(scene.test)} files)" in refused.value.why
+    assert f"'test_000.png', ...) or number them from 0 to {len(scene.test) - 1}" in refused.value.remedy
 
 
 @pytest.mark.parametrize("damage", ["truncated", "size", "text"])

@@ -33,8 +33,6 @@ TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--li
 SMALL = "24"
 """Pixels of the long side of the scenes that the walks read."""
 
-MOST_ROWS = 9
-
 NAMED_SCENES = ("corner", "convex", "bowl", "red_white")
 DATA_SETS = {"lego": "corner", "hotdog": "bowl", "armadillo": "red_white", "ficus": "niche"}
 """The miniature that stands for each scene of TensoIR."""
@@ -113,7 +111,7 @@ def abridged(command: str) -> str:
     if not WHOLE_SUITES.search(command):
         return command
     suite = SUITES.get(command.split()[2])
-    if suite is not None and len(suite.rows) > MOST_ROWS:
+    if suite is not None and len(suite.rows) > 2:
         command = f"{command} --rows {suite.rows[0].key},{suite.rows[-1].key}"
     command = re.sub(r"--seeds \d+", "", command)
     if "--data" in command:

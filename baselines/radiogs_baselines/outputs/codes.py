@@ -166,10 +166,25 @@ PLAIN_MAPS: Mapping[str, Encoding] = {
     "incident": "radiance",
 }
 
+IMAGE_FOLDERS = ("image/", "render/", "renders/", "")
+"""Folders that are tried for images of the plain layout; the last one is the folder itself."""
+
+
+def _plain(kind: str, folder: str, encoding: Encoding) -> tuple[Rule, Rule]:
+    """Files that are called as the views are, or numbered in the order of the test views."""
+    return (
+        Rule(kind, f"{folder}{{name}}", encoding, "own coverage"),
+        Rule(kind, f"{folder}{{number}}", encoding, "own coverage"),
+    )
+
+
 PLAIN = Code(
     title="the plain layout for everyone else",
-    rules=tuple(Rule(name, f"{name}/{{name}}", held, "own coverage") for name, held in PLAIN_MAPS.items()),
-    relit=(Rule("relit", "relit/{light}/{name}", "display", "own coverage"),),
+    rules=(
+        *(rule for folder in IMAGE_FOLDERS for rule in _plain("image", folder, "display")),
+        *(rule for name, held in PLAIN_MAPS.items() if name != "image" for rule in _plain(name, f"{name}/", held)),
+    ),
+    relit=_plain("relit", "relit/{light}/", "display"),
     marks=("image", "relit"),
     environment=("environment.exr", "environment.hdr", "environment.npy"),
 )

@@ -12,6 +12,9 @@ from .rules import Rule
 SUFFIXES = (".exr", ".npy", ".png")
 """Suffixes that are tried, in this order, for a rule without a suffix: the most precise format first."""
 
+DIGITS = (5, 4, 3, 2, 1, 6, 8)
+"""Digits of ``{number}`` that are tried, in this order: public codes of splatting write five."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -52,17 +55,24 @@ def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
     """Paths that the rule's file may have, relative to the folder of results."""
     last = name.rsplit("/", 1)[-1]
     names = (name, name.replace("/", "_"), last, f"{last}_rgba") if "{name}" in rule.path else (name,)
-    written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in _lights(rule, light)]
+    numbers = [f"{index:0{digits}d}" for digits in DIGITS] if rule.numbered else [""]
+    written = [
+        rule.path.format(index=index, number=number, name=spelt, light=lit)
+        for spelt in names
+        for number in numbers
+        for lit in _lights(rule, light)
+    ]
     return list(dict.fromkeys(written))
 
 
 def last_index(folder: Path, rule: Rule, light: str = "") -> int:
-    """The largest ``{index}`` of the rule's files; -1 if there is none, or if the rule has no index."""
+    """The largest ``{index}`` or ``{number}`` of the rule's files; -1 if there is none, or if the rule has neither."""
     largest = -1
-    for lit in _lights(rule, light) if "{index" in rule.path else ():
-        written = rule.path.format(index=_AnyIndex(), name="", light=lit)
-        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)"))
-        for file in folder.glob(glob.escape(written).replace(_AnyIndex.MARK, "*")):
+    for lit in _lights(rule, light) if rule.numbered or "{index" in rule.path else ():
+        written = rule.path.format(index=_AnyIndex(), number=_AnyIndex(), name="", light=lit)
+        ending = f"({'|'.join(map(re.escape, SUFFIXES))})" if rule.numbered else ""
+        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)") + ending)
+        for file in folder.glob(glob.escape(written).replace(_AnyIndex.MARK, "*") + (".*" if ending else "")):
             if match := pattern.fullmatch(file.relative_to(folder).as_posix()):
                 largest = max(largest, int(match[1]))
     return largest

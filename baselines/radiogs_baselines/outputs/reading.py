@@ -9,11 +9,14 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
-from .codes import CODES
+from .codes import CODES, PLAIN
 from .files import Found, find, last_index, resolved, spellings
 from .predictions import Predictions, relightable
 from .rules import Rule
 from .unread import unread_files
+
+KINDS_SHOWN = 3
+"""Kinds of files that an error lists of a folder that is not recognised."""
 
 
 def likely_codes(folder: Path) -> list[str]:
@@ -33,15 +36,14 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
     """
     if not folder.is_dir():
         raise DataError(f"there is no folder {folder}", "", "Give the folder that the code wrote its results into.")
-    name = code if code is not None else _recognised(folder)
+    name = code if code is not None else _recognised(folder, scene)
     if name not in CODES:
         raise unknown("reader", name, CODES)
     layout = CODES[name]
     search = _Search(folder, scene)
     maps: dict[str, dict[str, Found]] = {view.name: {} for view in scene.test}
     for kind in dict.fromkeys(rule.map for rule in layout.rules):
-        rules = [rule for rule in layout.rules if rule.map == kind]
-        for view, found in search.first(kind, rules, scene.test).items():
+        for view, found in search.first(kind, layout.rules_of(kind), scene.test).items():
             maps[view][kind] = found
     lit = {
         light: search.first(f"relit under {light}", layout.relit, views, light)
@@ -70,7 +72,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
         missing=tuple(search.missing),
         absent=tuple(search.absent),
         ignored=(*search.left_out, *unread_files(folder, read | search.wrong_size, layout.unread)),
-        remarks=layout.remarks,
+        remarks=(*layout.remarks, *search.said),
     )
 
 
@@ -82,6 +84,7 @@ class _Search:
         self.missing: list[str] = []
         self.absent: list[str] = []
         self.left_out: list[str] = []
+        self.said: list[str] = []
         self.wrong_size: set[Path] = set()
         self._index = {view.name: index for index, view in enumerate(scene.test)}
 
@@ -90,17 +93,29 @@ class _Search:
 
         Views without a file are added to ``missing``; if no rule has any file, their paths are added to ``absent``.
         """
-        examples = []
-        for rule in (replace(rule, path=resolved(self.folder, rule.path)) for rule in rules):
+        chosen: tuple[Rule, dict[str, Found]] | None = None
+        rules = [replace(rule, path=resolved(self.folder, rule.path)) for rule in rules]
+        for rule in rules:
+            if chosen is not None and not (rule.numbered and len(chosen[1]) < len(views)):
+                continue
+            if not rule.numbered:
+                self._require_no_more_views(rule, light)
+            there = {view.name: file for view in views if (file := self._find(rule, view, light)) is not None}
+            complete = chosen is None or len(there) == len(views)
+            if there and complete and self._has_the_views_size(what, rule, there, views):
+                chosen = rule, there
+        if chosen is None:
+            named = [self._example(rule, views[0], light) for rule in rules if not rule.numbered]
+            self.absent.append(f"{what} ({', '.join(named)})")
+            return {}
+        rule, there = chosen
+        if rule.numbered:
             self._require_no_more_views(rule, light)
-            found = {view.name: self._find(rule, view, light) for view in views}
-            there = {name: file for name, file in found.items() if file is not None}
-            if there and self._has_the_views_size(what, rule, there, views):
-                self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if found[v.name] is None]
-                return there
-            examples.append(self._example(rule, views[0], light))
-        self.absent.append(f"{what} ({', '.join(examples)})")
-        return {}
+        if rule.numbered or (rules[-1].numbered and rule is not rules[0]):
+            name, first = next(iter(there.items()))
+            self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
+        self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
+        return there
 
     def _find(self, rule: Rule, view: View, light: str) -> Found | None:
         return find(self.folder, rule, self._index[view.name], view.name, light)
@@ -134,16 +149,31 @@ class _Search:
         return False
 
 
-def _recognised(folder: Path) -> str:
+def _recognised(folder: Path, scene: Scene) -> str:
+    """The code whose marks the folder has; ``plain`` for images without marks that are called or numbered as views.
+
+    Raises DataError, with what lies in the folder and what the images would have to be called.
+    """
     candidates = likely_codes(folder)
-    if len(candidates) != 1:
-        seen = f"It has files of {', '.join(candidates)}." if candidates else "It has the files of no known code."
-        raise DataError(
-            f"cannot tell which code wrote {folder}",
-            seen,
-            f"Name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
+    if len(candidates) == 1:
+        return candidates[0]
+    last, view = len(scene.test) - 1, scene.test[0].name
+    if candidates:
+        seen = f"It has files of {', '.join(candidates)}."
+    elif any(_Search(folder, scene).first("image", PLAIN.rules_of("image"), scene.test)):
+        return "plain"
+    else:
+        kinds = unread_files(folder, set(), ())
+        lies = "; ".join(kinds[:KINDS_SHOWN]) + (
+            f"; and {more} more kinds" if (more := len(kinds) - KINDS_SHOWN) > 0 else ""
         )
-    return candidates[0]
+        seen = f"It has the files of no known code. Its images: {lies or 'none'}."
+    raise DataError(
+        f"cannot tell which code wrote {folder}",
+        seen,
+        f"Call the images as the test views are ('{view}.png', ...) or number them from 0 to {last} in their order; or"
+        f" name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
+    )
 
 
 def _exists(folder: Path, mark: str) -> bool:

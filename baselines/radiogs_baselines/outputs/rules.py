@@ -21,14 +21,16 @@ Ground = Literal["black", "white", "own coverage"]
 
 @dataclass(frozen=True)
 class Rule:
-    """The files of one map. If a map has several rules, the first one with any file is used."""
+    """The files of one map. If a map has several rules, the first one with any file is used; but files by ``{number}``
+    are used where they are complete and files by ``{name}`` are not: names of views may be numbers, too."""
 
     map: str
     """Name of the map."""
     path: str
     """Path relative to the folder, with ``{index}`` (index among the scene's test views; ``{index:05d}`` with leading
-    zeros), ``{name}`` (the view's name, its last part, or that with ``_rgba``) and ``{light}``. A part may contain
-    ``*``, such as an iteration: the last entry in numerical order is read."""
+    zeros), ``{number}`` (the same index with any number of leading zeros), ``{name}`` (the view's name, its last part,
+    or that with ``_rgba``) and ``{light}``. A part may contain ``*``, such as an iteration: the last entry in numerical
+    order is read."""
     encoding: Encoding
     """Encoding of the values."""
     ground: Ground = "black"
@@ -38,6 +40,11 @@ class Rule:
     other_size: str = ""
     """Reason why the code may have written this map at another size than the scene's. Such files are ignored, with this
     reason; without a reason, a wrong size is an error."""
+
+    @property
+    def numbered(self) -> bool:
+        """Whether its files are numbered with any number of leading zeros."""
+        return "{number}" in self.path
 
 
 @dataclass(frozen=True)
@@ -71,3 +78,7 @@ class Code:
     their pictures of the light are clipped, and their checkpoints are not opened."""
     over: tuple[str, ...] = ()
     """Names of the codes whose ``marks`` also occur in folders of this code; such a folder is not taken for theirs."""
+
+    def rules_of(self, kind: str) -> tuple[Rule, ...]:
+        """The rules of one map, in the order in which they are tried."""
+        return tuple(rule for rule in self.rules if rule.map == kind)

@@ -86,7 +86,7 @@ SIGNED = {"freest"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 1, 3])
+@pytest.mark.parametrize("number", [0, 3])
 @pytest.mark.parametrize("name", numbers())
 def test_every_number_of_every_setting_trains_or_is_refused_by_its_name(name: str, number: float) -> None:
     assert_trains_or_is_refused(name, number)
