@@ -66,6 +66,11 @@ def add_to(commands: "Commands") -> None:
 
     rendering = declare(commands, "render", "Render the views of a trained model.", "render out/corner --views test")
     rendering.set_defaults(command=render)
+    rendering.add_argument(
+        "--relight", action="store_true",
+        help="Render the test views under the scene's other lights, too, as `score` compares them; their albedo is"
+        " scaled as by protocol default.",
+    )  # fmt: skip
     relighting = declare(
         commands, "relight", "Render the views of a trained model under another light.",
         "relight out/corner --envmap sunset.hdr",
@@ -189,7 +194,40 @@ def render(options: argparse.Namespace) -> int:
         if light is not None:
             folder.mkdir(parents=True, exist_ok=True)
             write_exr(folder / "environment.exr", light.radiance.cpu().numpy())
-        return write_views(name, prepared(name, model), run, options.views, folder)
+        write_views(name, prepared(name, model), run, options.views, folder)
+        if options.relight:
+            _write_relit(name, model, run, folder)
+        return 0
+
+
+def _write_relit(method: str, model: "Trained", run: "Run", folder: Path) -> None:
+    """Write ``relit/LIGHT/VIEW.png`` of each relit test view that the scene has."""
+    from radiogs_datasets.image_files import write_png
+
+    from ..export.published_layout import albedo_scale, relit_views
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.metrics.protocols import protocol
+    from ..scoring.score_maps import lit_views
+    from .reporter import say
+
+    expected = 0 if run.scene.surrounded else sum(map(len, lit_views(run.scene, run.scene.test).values()))
+    written = []
+    with progress_for_stderr() as progress:
+        scale = albedo_scale(
+            model, run, method, protocol("default"), lambda done, total: progress.advance("scoring", done, total)
+        )
+        for light, view, maps in relit_views(model, run, method, scale):
+            path = folder / "relit" / light / f"{view.name.replace('/', '_')}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_png(path, maps["image"].numpy())
+            written.append(light)
+            progress.advance("relighting", len(written), expected)
+    if written:
+        say(f"{len(written)} relit views in {folder / 'relit'}, under {', '.join(dict.fromkeys(written))}")
+    elif expected:
+        say(f"no relit views: {method} does not relight")
+    else:
+        say(f"no relit views: scene '{run.scene.name}' has no true image under another distant light")
 
 
 def prepared(method: str, model: "Trained", *lit: Any) -> "Prepared":

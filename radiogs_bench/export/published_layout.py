@@ -1,6 +1,6 @@
 """A trained model's test views, written as a public code writes its own results."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import torch
 from jaxtyping import Float
@@ -35,19 +35,32 @@ def write_as_published(
     Relit views have their albedo multiplied by the factor that ``rules`` find, so that the folder scores under them as
     the model does. Raises errors of the method as ``evaluate``.
     """
-    found = evaluate(model, run.scene, rules, run.device, advance, scope=SCORES_ALONE, method=method)
+    scale = albedo_scale(model, run, method, rules, advance)
     with calling(method, "prepare()"):
         shown = model.prepare()
     further = ("incident",) if "incident" in shown.offers else ()
     for view in run.scene.test:
         writer.write(view, _maps(shown, view, run, method, *further), coverage(view))
-    scale = torch.ones(3) if found.albedo_scale is None else torch.tensor(found.albedo_scale)
-    _write_relit(writer, model, run, method, rules.relighting_scale(scale))
+    for light, view, maps in relit_views(model, run, method, scale):
+        writer.write_relit(light, view, maps, coverage(view))
     return len(writer.written)
 
 
-def _write_relit(writer: LayoutWriter, model: Trained, run: Run, method: str, scale: Float[Tensor, "3"]) -> None:
-    """The views that the scene has under other lights; none where lights are near, or the method cannot relight."""
+def albedo_scale(
+    model: Trained, run: Run, method: str, rules: Protocol, advance: Callable[[int, int], None]
+) -> Float[Tensor, "3"]:
+    """The factors by which ``rules`` multiply the recovered albedo [linear RGB] before they relight it."""
+    found = evaluate(model, run.scene, rules, run.device, advance, scope=SCORES_ALONE, method=method)
+    return rules.relighting_scale(torch.ones(3) if found.albedo_scale is None else torch.tensor(found.albedo_scale))
+
+
+def relit_views(
+    model: Trained, run: Run, method: str, scale: Float[Tensor, "3"]
+) -> Iterator[tuple[str, View, dict[str, Tensor]]]:
+    """Light, test view and maps of each relit view that the scene has a true image of; ``scale`` multiplies the albedo.
+
+    None where lights are near, or the method cannot relight. Raises errors of the method as ``evaluate``.
+    """
     scene = run.scene
     for light, views in {} if scene.surrounded else lit_views(scene, scene.test).items():
         try:
@@ -58,7 +71,7 @@ def _write_relit(writer: LayoutWriter, model: Trained, run: Run, method: str, sc
         for view in views:
             maps = _maps(relit, view, run, method)
             if "image" in maps:
-                writer.write_relit(light, view, maps, coverage(view))
+                yield light, view, maps
 
 
 def _maps(shown: Prepared, view: View, run: Run, method: str, *further: str) -> dict[str, Tensor]:

@@ -198,9 +198,11 @@ def test_a_model_of_another_method_is_trained_rendered_and_exported(
     assert main(["train", "convex", "--method", "chain", "--preset", "smoke", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "value.txt").exists()
     assert not (tmp_path / "environment.exr").exists()
-    assert main(["render", str(tmp_path)]) == 0
+    assert main(["render", str(tmp_path), "--relight"]) == 0
     assert list((tmp_path / "render" / "image").glob("*.png"))
-    assert "ms a frame" not in capsys.readouterr().out  # its seconds mean nothing
+    said = capsys.readouterr().out
+    assert "ms a frame" not in said  # its seconds mean nothing
+    assert "no relit views: chain does not relight" in said
     write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["relight", str(tmp_path), "--envmap", str(tmp_path / "dim.hdr")]) == 1
     assert "error: Chain keeps light and surface in one" in capsys.readouterr().err
