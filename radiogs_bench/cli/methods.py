@@ -3,38 +3,59 @@
 import argparse
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import ExplainedError
+from radiogs_core.errors import ExplainedError, UsageError
 
-from .options import add_verbose, declare
+from .device import chosen_device
+from .options import add_device, add_verbose, declare
 
 if TYPE_CHECKING:
     from .options import Commands
 
 
+CHECK = "check"
+"""The word before the name of a method that is to be checked."""
+
+SCENE = "convex"
+"""The scene that it is checked on by default: the smallest one."""
+
+
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
     parser = declare(
-        commands, "methods", "List the installed methods, or the presets and fields of one.", "methods radiogs"
-    )
+        commands, "methods",
+        "List the installed methods, or the presets and fields of one, or check that one keeps its contract.",
+        "methods check my-method --scene corner",
+    )  # fmt: skip
     parser.set_defaults(command=methods)
     parser.add_argument(
-        "name", nargs="?", metavar="NAME", help="Show every preset and field of this method, or TOML file."
-    )
+        "name", nargs="*", metavar="[check] NAME",
+        help="Show every preset and field of this method, or TOML file; after `check`, train it and say whether it does"
+        " all that a method has to (exit code 1 if not).",
+    )  # fmt: skip
     parser.add_argument(
         "--recipes", action="store_true",
         help="With a name, print every value of the method's recipes with its source, as Markdown.",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="Print one JSON object a line.")
+    group = parser.add_argument_group("check")
+    group.add_argument("--scene", metavar="PATH", help=f"Train on this scene, by name or folder (default: {SCENE}).")
+    group.add_argument("--preset", help="Train at this preset (default: smoke).")
+    add_device(group)
     add_verbose(parser)
 
 
 def methods(options: argparse.Namespace) -> int:
-    """List the names of all methods, or print everything about one, or about all of them as JSON."""
+    """List the names of all methods, or print everything about one, or about all of them as JSON; or check one."""
+    checks, name = named(options)
+    if checks:
+        return check(name, options)
     if options.recipes:
-        return _show_recipes(options.name)
-    if not (options.name or options.json):
+        return _show_recipes(name)
+    if not (name or options.json):
         return _list_all()
     from ..errors import explain, worst_exit_code
     from ..installed_methods import method_names
@@ -43,16 +64,16 @@ def methods(options: argparse.Namespace) -> int:
 
     described: list[dict[str, Any]] = []
     broken: list[ExplainedError] = []
-    for name in [options.name] if options.name else method_names():
+    for each in [name] if name else method_names():
         try:
-            described.append(describe(method(name)))
+            described.append(describe(method(each)))
         except ExplainedError as error:  # one broken package must not hide the others
-            if options.name:
+            if name:
                 raise
             broken.append(error)
     if options.json:
-        for each in described:
-            say_whole(json.dumps(each, allow_nan=False))
+        for about in described:
+            say_whole(json.dumps(about, allow_nan=False))
     else:
         _show_one(described[0])
     for failure in broken:
@@ -60,14 +81,58 @@ def methods(options: argparse.Namespace) -> int:
     return worst_exit_code(broken)
 
 
-def _show_recipes(name: str | None) -> int:
+def named(options: argparse.Namespace) -> tuple[bool, str]:
+    """Whether to check a method, and its name, empty for all. Raises UsageError for what does not go together."""
+    checks, names = options.name[:1] == [CHECK], [*options.name]
+    if checks:
+        names = names[1:]
+        if not names:
+            raise UsageError("check which method?", "", f"Name one:  radiogs-bench methods {CHECK} radiogs")
+        if options.recipes:
+            raise UsageError("--recipes does not go with check", "", "Leave one of them out.")
+    elif options.scene or options.preset:
+        raise UsageError(
+            "--scene and --preset go with check alone", "", f"radiogs-bench methods {CHECK} NAME --scene PATH"
+        )
+    if len(names) > 1:
+        raise UsageError(f"{len(names)} methods are named: {', '.join(names)}", "", "Name one, or none for a list.")
+    return checks, "".join(names)
+
+
+def check(name: str, options: argparse.Namespace) -> int:
+    """Check that a method keeps its contract; prints a line for each rule. Returns 1 if one is broken."""
+    from tempfile import TemporaryDirectory
+
+    from radiogs_core.errors import unknown
+    from radiogs_datasets import load_scene
+
+    from ..methods import method
+    from ..runs.method_check import check_method
+    from .reporter import complain, say
+
+    used, device, preset = method(name), chosen_device(options), options.preset or "smoke"
+    if preset not in used.presets:
+        raise unknown("preset", preset, used.presets, of=used.name)
+    scene = load_scene(options.scene or SCENE)
+    broken = 0
+    with TemporaryDirectory() as folder:
+        for found in check_method(used, scene, preset, device, Path(folder), complain):
+            say(json.dumps(asdict(found)) if options.json else f"{found.verdict:5}  {found.what}")
+            if found.remedy and not options.json:
+                say(f"{'':5}  {found.remedy}")
+            broken += found.verdict == "fails"
+    if not options.json:
+        say(f"{used.name}: {'nothing is broken' if not broken else f'{broken} of its rules are broken'}")
+    return int(broken > 0)
+
+
+def _show_recipes(name: str) -> int:
     from radiogs_core.capabilities import OffersRecipes
-    from radiogs_core.errors import UsageError
 
     from ..methods import method
     from .reporter import say_whole
 
-    if name is None:
+    if not name:
         raise UsageError("recipes of which method?", "", "Name one:  radiogs-bench methods radiogs --recipes")
     used = method(name)
     if not isinstance(used, OffersRecipes):

@@ -36,6 +36,11 @@ ONLY_MODE = "default"
 
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
+    _add_train(commands)
+    _add_render_and_relight(commands)
+
+
+def _add_train(commands: "Commands") -> None:
     training = declare(
         commands, "train", "Train a model on one scene, or continue, and score it.",
         "train corner --out out/corner --preset smoke",
@@ -63,7 +68,11 @@ def add_to(commands: "Commands") -> None:
     add_effects(training)
     add_set(training)
     add_scene_options(training)
+    add_device(training)
+    add_verbose(training)
 
+
+def _add_render_and_relight(commands: "Commands") -> None:
     rendering = declare(commands, "render", "Render the views of a trained model.", "render out/corner --views test")
     rendering.set_defaults(command=render)
     rendering.add_argument(
@@ -96,7 +105,6 @@ def add_to(commands: "Commands") -> None:
             "--views", choices=["test", "train"], default="test", help="Render the views of this split (default: test)."
         )
         add_data(command)
-    for command in (training, rendering, relighting):
         add_device(command)
         add_verbose(command)
 

@@ -278,6 +278,30 @@ AT_ONCE = 0.01
 
 
 @dataclass
+class Idleness:
+    """Counts calls of a stage's ``step`` in a row that came back at once and took no step."""
+
+    method: str
+    stage: str
+    calls: int = 0
+
+    def moved(self, before: int, after: int, seconds: float) -> bool:
+        """Whether a call took a step. Raises MethodFailed where many took none, and none of them waited."""
+        if after != before:
+            self.calls = 0
+            return True
+        self.calls = self.calls + 1 if seconds < AT_ONCE else 0
+        if self.calls >= MOST_IDLE:
+            raise refused(
+                self.method,
+                f"step() of stage '{self.stage}' came back {MOST_IDLE} times in a row with iteration"
+                f" {after}, each time within {AT_ONCE * 1000:g} ms",
+                "A step adds one to iteration; a stage that waits for something else sleeps before it comes back.",
+            )
+        return False
+
+
+@dataclass
 class _StageLoop:
     """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
 
@@ -291,8 +315,9 @@ class _StageLoop:
     score: StageScore | None
     losses: dict[str, float] = field(default_factory=dict)
     earlier: list[Session] = field(default_factory=list)
-    idle: int = 0
-    """Calls of ``step`` in a row that came back at once and took no step."""
+
+    def __post_init__(self) -> None:
+        self.idleness = Idleness(self.method, self.key.name)
 
     def to_the_end(self) -> Ledger:
         """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
@@ -352,10 +377,8 @@ class _StageLoop:
                 ),
                 "The state after that step",
             )
-        if stage.iteration == before:  # a stage that waits for something else has taken no step
-            self._wait(time.perf_counter() - begun)
+        if not self.idleness.moved(before, stage.iteration, time.perf_counter() - begun):
             return
-        self.idle = 0
         self.losses = losses
         trail.add(losses)
         self.first.add(stage.iteration, losses, lengths)
@@ -367,17 +390,6 @@ class _StageLoop:
                     metrics = self.score(stage)
             trail.close(stage.iteration, reached - self.started, metrics)
             self.started += time.perf_counter() - reached
-
-    def _wait(self, seconds: float) -> None:
-        """Count a call of ``step`` that took no step. Raises MethodFailed where many came back at once."""
-        self.idle = self.idle + 1 if seconds < AT_ONCE else 0
-        if self.idle >= MOST_IDLE:
-            raise refused(
-                self.method,
-                f"step() of stage '{self.key.name}' came back {MOST_IDLE} times in a row with iteration"
-                f" {self.stage.iteration}, each time within {AT_ONCE * 1000:g} ms",
-                "A step adds one to iteration; a stage that waits for something else sleeps before it comes back.",
-            )
 
     def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
         """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""

@@ -1,0 +1,415 @@
+"""Whether a method keeps its contract, found out by training it: what ``radiogs-bench methods check NAME`` prints."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from radiogs_core.contract import Method, NotOffered, Prepared, Run, Stage, StageSpec, Trained
+from radiogs_core.errors import ExplainedError
+from radiogs_core.plain_values import leaf_names, value_at, with_values
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
+
+from ..method_calls import calling, losses_of, require, require_storable
+from ..own_values import own_camera, own_light, own_scene
+from ..scoring.maps import on_black
+from ..store.folder import Store
+from .stages import Idleness, begun, close_stage, facts_of
+
+UNIT = 1e-2
+"""Largest error of the length of a normal."""
+
+CLEARLY = 3.0
+"""Decibels by which another colour space has to fit better before it is named."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    verdict: Literal["holds", "fails", "note"]
+    what: str
+    """The observation, in one sentence."""
+    remedy: str = ""
+    """The next thing to do; empty where nothing is wrong."""
+
+
+@dataclass
+class _Training:
+    """The stages of a training: what each ended with, and the losses of every step."""
+
+    products: list[Mapping[str, Any]]
+    losses: list[tuple[str, int, Mapping[str, float]]]
+
+
+def check_method(
+    method: Method, scene: Scene, preset: str, device: torch.device, folder: Path, say: Callable[[str], None]
+) -> Iterator[Finding]:
+    """Train a method three times at a preset and render it; yields a finding for each rule of the contract.
+
+    ``folder`` keeps files meanwhile. ``say`` is told what is being done. A call that raises is a finding, and ends the
+    checks that need its outcome.
+    """
+    store, read = Store(folder), set[str]()
+    run = Run(_watched(scene, read), method.variant(), method.presets[preset], 0, device)
+    yield from _reads(method, run)
+    try:
+        say("training")
+        first = _trained(method, replace(run, workspace=folder / "first"), store)
+        yield from _counted(method, run, first)
+        yield _unread(read)
+        say("training again, with the same seed")
+        second = _trained(method, replace(run, workspace=folder / "second"), store)
+        yield _same(first, second, "two trainings with the same seed", _SEED)
+        say("training again, interrupted in the middle of each stage")
+        resumed = _trained(method, replace(run, workspace=folder / "resumed"), store, interrupted=True)
+        yield _same(first, resumed, "a training that is interrupted and one that is not", _STATE)
+        say("rendering")
+        yield from _shown(method, run, first.products[-1], resumed.products[-1], folder)
+    except ExplainedError as error:
+        yield Finding("fails", error.what, " ".join(filter(None, (error.why, error.remedy))))
+
+
+_SEED = (
+    "Seed every generator with run.seed, and use no operation whose result depends on the order of threads"
+    " (torch.use_deterministic_algorithms names them)."
+)
+_STATE = (
+    "state() has to hold all that step() changes: parameters, moments of the optimiser, schedules, generators; and"
+    " restore() has to put all of it back."
+)
+
+
+def _watched(scene: Scene, read: set[str]) -> Scene:
+    """The scene with test views that add to ``read`` what is read of them."""
+
+    def watched(view: View) -> View:
+        def reading(name: str) -> Callable[[], Tensor]:
+            def source() -> Tensor:
+                read.add(f"'{name}' of '{view.name}'")
+                return view.sources[name]()
+
+            return source
+
+        return replace(view, sources={name: reading(name) for name in view.sources})
+
+    return replace(scene, test=tuple(map(watched, scene.test)))
+
+
+def _trained(method: Method, run: Run, store: Store, *, interrupted: bool = False) -> _Training:
+    """Train; if ``interrupted``, stages begin from files of their shared starts, and are begun anew in the middle."""
+    run = replace(run, scene=own_scene(run.scene))
+    with calling(method.name, "stages()"):
+        specs = method.stages(run.variant, run.budget)
+    done, before = _Training([], []), dict[str, Any]()
+    for spec in specs:
+        before = _Stage(method, spec, run, store, before).trained(done, interrupted=interrupted)
+        done.products.append(before)
+    return done
+
+
+@dataclass
+class _Stage:
+    """A stage of a training, and the product of the one before it."""
+
+    method: Method
+    spec: StageSpec
+    run: Run
+    store: Store
+    before: Mapping[str, Any]
+
+    def trained(self, done: _Training, *, interrupted: bool) -> dict[str, Any]:
+        """Take all steps; returns the product as read from a file, and adds the losses to ``done``."""
+        name, method = self.spec.name, self.method.name
+        stage = self._begun(shared=interrupted)
+        half, idle = stage.iterations // 2 if interrupted else -1, Idleness(method, name)
+        try:
+            while stage.iteration < stage.iterations:
+                if stage.iteration == half:
+                    stage, half = self._anew(stage), -1
+                at, since = stage.iteration, time.perf_counter()
+                with calling(method, f"step() of stage '{name}', iteration {at}"):
+                    given = stage.step()
+                if idle.moved(at, stage.iteration, time.perf_counter() - since):
+                    done.losses.append((name, at, losses_of(method, given, name)))
+            with calling(method, f"product() of stage '{name}'"):
+                product = dict(stage.product())
+            return self._through_a_file(product, "product()")
+        finally:
+            close_stage(method, stage)
+
+    def _begun(self, *, shared: bool) -> Stage:
+        before, spec = deepcopy(dict(self.before)), self.spec
+        if shared and spec.start is not None:
+            with calling(self.method.name, f"start.make() of stage '{spec.name}'"):
+                made = dict(spec.start.make(self.run, before))
+            before, spec = self._through_a_file(made, "start.make()"), replace(spec, begin=spec.start.begin)
+        return begun(self.method.name, spec, self.run, before)
+
+    def _anew(self, stage: Stage) -> Stage:
+        """The same stage, begun anew and restored from a file."""
+        with calling(self.method.name, f"state() of stage '{self.spec.name}'"):
+            state = dict(stage.state())
+        close_stage(self.method.name, stage)
+        again, state = self._begun(shared=True), self._through_a_file(state, "state()")
+        with calling(self.method.name, f"restore() of stage '{self.spec.name}'"):
+            again.restore(state)
+        return again
+
+    def _through_a_file(self, content: Mapping[str, Any], source: str) -> dict[str, Any]:
+        """The content as it is after it was stored. Raises MethodFailed for what cannot be stored."""
+        require_storable(self.method.name, content, source, self.spec.name)
+        self.store.put_tensors("check", content)
+        return self.store.tensors("check", self.run.device) or {}
+
+
+def _reads(method: Method, run: Run) -> Iterator[Finding]:
+    """The fields of variant and budget that no stage names in ``reads``."""
+    with calling(method.name, "stages()"):
+        kept = [spec.reads for spec in method.stages(run.variant, run.budget)]
+    unread = []
+    for what, values in (("variant", run.variant), ("budget", run.budget)):
+        for name in leaf_names(values):
+            other = _other(values, name)
+            if other is None or (what, name) == ("budget", "name"):
+                continue
+            changed = replace(run, **{what: other})
+            with calling(method.name, "stages()"):
+                if [spec.reads for spec in method.stages(changed.variant, changed.budget)] == kept:
+                    unread.append(f"{what} {name}")
+    if unread:
+        yield Finding(
+            "note",
+            f"no stage has in `reads`: {', '.join(unread)}",
+            "Trainings that differ in these alone share one result: right for what restore() and prepare() alone read.",
+        )
+    else:
+        yield Finding("holds", "every field of variant and budget is in the `reads` of a stage")
+
+
+def _other(values: Any, name: str) -> Any:
+    """Settings with another value of one field; None where there is none that they take."""
+    value = value_at(values, name)
+    tried: tuple[Any, ...]
+    if isinstance(value, bool):
+        tried = (not value,)
+    elif isinstance(value, int | float):
+        tried = (value + 1, value / 2, 2 * value)
+    else:
+        return None
+    for each in tried:
+        try:
+            return with_values(values, {name: type(value)(each)})
+        except ExplainedError:
+            continue
+    return None
+
+
+def _counted(method: Method, run: Run, training: _Training) -> Iterator[Finding]:
+    """Whether the steps are as many as announced: the time left is estimated by them."""
+    with calling(method.name, "stages()"):
+        announced = {spec.name: spec.steps for spec in method.stages(run.variant, run.budget)}
+    last: dict[str, int] = {}
+    for stage, at, _ in training.losses:
+        last[stage] = at + 1
+    wrong = [
+        f"'{name}' announces {steps}, takes {last.get(name, 0)}"
+        for name, steps in announced.items()
+        if last.get(name, 0) != steps
+    ]
+    if wrong:
+        yield Finding(
+            "fails", f"steps of stages: {'; '.join(wrong)}", "StageSpec.steps and Stage.iterations have to be the same."
+        )
+    else:
+        yield Finding("holds", f"the steps of {len(announced)} stages are as many as announced")
+
+
+def _unread(read: set[str]) -> Finding:
+    if read:
+        return Finding(
+            "fails",
+            f"training read the test views: {', '.join(sorted(read)[:3])}{', ...' if len(read) > 3 else ''}",
+            "Train on run.scene.train alone; cameras of scene.test may be used.",
+        )
+    return Finding("holds", "training reads no image of a test view")
+
+
+def _same(first: _Training, second: _Training, what: str, remedy: str) -> Finding:
+    """Whether two trainings are the same to the last bit; if not, where they part."""
+    for (stage, at, one), (_, _, other) in zip(first.losses, second.losses, strict=False):
+        if one != other:
+            return Finding("fails", f"{what} part at iteration {at} of stage '{stage}'", remedy)
+    for number, (one, other) in enumerate(zip(first.products, second.products, strict=True)):
+        if where := difference(one, other):
+            return Finding("fails", f"{what} end with different product(){where} of stage {number + 1}", remedy)
+    return Finding("holds", f"{what} are the same to the last bit")
+
+
+def difference(one: Any, other: Any) -> str:
+    """The place of the first difference of two structures of tensors and plain values; empty if there is none."""
+    if isinstance(one, Tensor) and isinstance(other, Tensor):
+        alike = one.shape == other.shape and one.dtype == other.dtype
+        return "" if alike and bool(((one == other) | ((one != one) & (other != other))).all()) else " "
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        if one.keys() != other.keys():
+            return " "
+        return next(
+            (f"[{name!r}]{found}".rstrip() for name in one if (found := difference(one[name], other[name]))), ""
+        )
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
+        pairs = enumerate(zip(one, other, strict=True))
+        return next((f"[{number}]{found}".rstrip() for number, pair in pairs if (found := difference(*pair))), "")
+    return "" if one == other or (one != one and other != other) else " "
+
+
+def _shown(
+    method: Method, run: Run, product: Mapping[str, Any], stored: Mapping[str, Any], folder: Path
+) -> Iterator[Finding]:
+    """Findings about the views of a trained model, under its own light and another one."""
+    model, view = _restored(method, run, product), run.scene.test[0]
+    facts_of(method.name, model)
+    yield Finding("holds", "facts() are plain values")
+    shown = _prepared(method, model)
+    maps = _maps(method, shown, view)
+    yield Finding("holds", f"maps have the declared names, the camera's size and numbers: {', '.join(maps)}")
+    yield from _ranges(method, shown, run.scene.test[0])
+    if "image" not in maps:
+        yield Finding("fails", "there is no map 'image'", "It is what every metric of new views compares.")
+        return
+    yield _colour_space(maps["image"], shown, view)
+    for other in run.scene.test[1:2]:
+        _maps(method, shown, other)
+    yield _repeated(difference(maps, _maps(method, shown, view)), "a view rendered again, after another view")
+    again = _maps(method, _prepared(method, _restored(method, run, stored)), view)
+    yield _repeated(difference(maps, again), "the model that restore() makes a second time")
+    yield from _relit(method, run, model, maps)
+    yield _repeated(difference(maps, _maps(method, _prepared(method, model), view)), "a view after relighting")
+    yield _exported(method, model, folder)
+
+
+def _restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
+    with calling(method.name, "restore()"):
+        model = method.restore(run, product)
+    require(method.name, model, Trained, "restore()")
+    return model
+
+
+def _prepared(method: Method, model: Trained, *lit: Any) -> Prepared:
+    with calling(method.name, "prepare()"):
+        shown = model.prepare(*lit)
+    require(method.name, shown, Prepared, "prepare()")
+    return shown
+
+
+def _maps(method: Method, shown: Prepared, view: View) -> dict[str, Tensor]:
+    return on_black(shown, view.camera, method=method.name, view=view.name)
+
+
+def _ranges(method: Method, shown: Prepared, view: View) -> Iterator[Finding]:
+    """Whether values, as rendered, lie where the contract has them."""
+    with calling(method.name, "render()"):
+        maps = {name: image.detach().cpu() for name, image in shown.render(own_camera(view.camera)).items()}
+    wrong = []
+    for name, image in maps.items():
+        finite = image[image.isfinite()]
+        low, high = (float(finite.min()), float(finite.max())) if finite.numel() else (0.0, 0.0)
+        top = 1.0 if name in ("image", "alpha", "roughness") else float("inf")
+        if name != "normal" and (low < -1e-6 or high > top + 1e-6) and not _is_linear_image(name, shown):
+            wrong.append(f"{name} from {low:.3g} to {high:.3g}")
+    if "normal" in maps:
+        covered = maps["alpha"][..., 0] > 0.5 if "alpha" in maps else maps["normal"].abs().sum(-1) > 0
+        error = (maps["normal"].norm(dim=-1) - 1).abs()[covered]
+        if error.numel() and float(error.max()) > UNIT:
+            wrong.append(f"normals of length {float(maps['normal'].norm(dim=-1)[covered].min()):.3g} and more")
+    if wrong:
+        yield Finding(
+            "fails",
+            f"values outside of their range: {'; '.join(wrong)}",
+            "image, alpha and roughness lie in [0, 1], albedo, depth and radiance are not negative, normals are unit.",
+        )
+    else:
+        yield Finding("holds", "values lie in their ranges")
+
+
+def _is_linear_image(name: str, shown: Prepared) -> bool:
+    return name == "image" and shown.offers[name].colour == "linear"
+
+
+def _colour_space(image: Tensor, shown: Prepared, view: View) -> Finding:
+    """Whether the image fits the true one better if its declared colour space is exchanged."""
+    truth = view.read("image")
+    if view.has("alpha"):
+        truth = truth * view.read("alpha")
+    other, name = (
+        (srgb_encode(image), "linear") if shown.offers["image"].colour == "display" else (srgb_decode(image), "display")
+    )
+    declared, exchanged = (
+        -10 * float((each.double() - truth).square().mean().clamp(min=1e-12).log10()) for each in (image, other)
+    )
+    if exchanged > declared + CLEARLY:
+        return Finding(
+            "fails",
+            f"the image fits the true one by {exchanged - declared:.1f} dB better if its colours are taken for {name}",
+            f'Declare it MapKind("{name}") in `offers`, or render what is declared.',
+        )
+    return Finding(
+        "holds", f"the image's colour space is the declared one ({declared:.1f} dB; the other: {exchanged:.1f})"
+    )
+
+
+def _repeated(where: str, what: str) -> Finding:
+    if where:
+        return Finding(
+            "fails",
+            f"{what} differs: map{where}",
+            "render() and prepare() may not change the model, nor draw unseeded numbers.",
+        )
+    return Finding("holds", f"{what} has the same bits")
+
+
+def _relit(method: Method, run: Run, model: Trained, maps: Mapping[str, Tensor]) -> Iterator[Finding]:
+    """Relighting: refused in words, or another image, whose brightness follows ``albedo_scale``."""
+    view = run.scene.test[0]
+    light = EnvironmentMap(torch.rand(16, 32, 3, generator=torch.Generator().manual_seed(0)))
+    images = []
+    for factor in (1.0, 0.5):
+        try:
+            lit = _prepared(method, model, own_light(light), torch.full((3,), factor))
+        except NotOffered as refusal:
+            yield Finding("note", f"relighting is not offered: {refusal.what}")
+            return
+        images.append(_maps(method, lit, view)["image"])
+    if torch.equal(images[0], maps["image"]):
+        yield Finding(
+            "fails", "a view under another light is the view under its own", "prepare(light) has to use its light."
+        )
+    elif torch.equal(*images):
+        yield Finding(
+            "fails",
+            "relit views do not depend on albedo_scale",
+            "Multiply the recovered albedo by albedo_scale before it is lit.",
+        )
+    else:
+        yield Finding("holds", "another light and a factor of the albedo change the image")
+
+
+def _exported(method: Method, model: Trained, folder: Path) -> Finding:
+    place = folder / "export"
+    place.mkdir(parents=True, exist_ok=True)
+    with calling(method.name, "export()"):
+        files = list(model.export(place))
+    if absent := [str(file) for file in files if not Path(file).is_file()]:
+        return Finding(
+            "fails",
+            f"export() names files that are not there: {', '.join(absent)}",
+            "Return the paths of the files that it wrote.",
+        )
+    return Finding("holds", f"export() writes the {len(files)} files that it names")
