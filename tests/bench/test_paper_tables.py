@@ -90,6 +90,12 @@ def run_on(folder: Path, scenes: Sequence[Scene], suite: Suite = PRINTED, **sett
     return run(FakeSweep(folder, *scenes), asked)
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, PaperTable]:
+    """Tables after a run under all of the paper's conditions."""
+    return run_on(tmp_path_factory.mktemp("whole"), tensoir())
+
+
 @pytest.mark.parametrize(
     ("scenes", "settings"),
     [
@@ -102,9 +108,9 @@ def run_on(folder: Path, scenes: Sequence[Scene], suite: Suite = PRINTED, **sett
     ids=["a scene is missing", "another scene", "smaller images", "another layout", "a smaller budget"],
 )
 def test_a_row_has_the_papers_label_only_under_all_of_its_conditions(
-    tmp_path: Path, scenes: list[Scene], settings: dict[str, Any]
+    whole: Mapping[str, PaperTable], tmp_path: Path, scenes: list[Scene], settings: dict[str, Any]
 ) -> None:
-    whole, other = run_on(tmp_path / "a", tensoir()), run_on(tmp_path / "b", scenes, **settings)
+    other = run_on(tmp_path, scenes, **settings)
     assert {row["ran"] for row in whole["ablation"]["rows"]} == {""}
     assert all(row["ran"] for row in other["ablation"]["rows"])
     assert whole.keys() > other.keys() == {"ablation"}
@@ -146,21 +152,20 @@ def test_a_row_that_another_method_ran_says_so_and_needs_no_such_method_here(swe
     assert ran([result], published("ablation"), no_rad).startswith("λ_rad = 0: method elsewhere; preset smoke, N_g")
 
 
-def test_values_by_other_conventions_are_marked(tmp_path: Path) -> None:
-    mine = run_on(tmp_path / "a", tensoir())["ablation"]["columns"]
-    others = run_on(tmp_path / "b", tensoir(), protocol="default")["ablation"]["columns"]
+def test_values_by_other_conventions_are_marked(whole: Mapping[str, PaperTable], tmp_path: Path) -> None:
+    mine = whole["ablation"]["columns"]
+    others = run_on(tmp_path, tensoir(), protocol="default")["ablation"]["columns"]
     assert not any("published_by" in column for column in mine)
     assert {column.get("published_by") for column in others} == {"radiogs"}
 
 
-def test_cpu_times_do_not_fill_a_table_of_the_paper(tmp_path: Path) -> None:
-    assert "ng" not in run_on(tmp_path, tensoir()), "table ng has a column of milliseconds"
+def test_cpu_times_do_not_fill_a_table_of_the_paper(whole: Mapping[str, PaperTable]) -> None:
+    assert "ng" not in whole, "table ng has a column of milliseconds"
 
 
-def test_other_tables_reuse_shared_rows_and_say_how_to_measure_missing_ones(tmp_path: Path) -> None:
-    tables = run_on(tmp_path, tensoir())
-    assert tables.keys() == {"ablation", "init", "indirect", "views", "strategies"}
-    init, own = tables["init"]["cells"], tables["ablation"]["cells"]
+def test_other_tables_reuse_shared_rows_and_say_how_to_measure_missing_ones(whole: Mapping[str, PaperTable]) -> None:
+    assert whole.keys() == {"ablation", "init", "indirect", "views", "strategies"}
+    init, own = whole["init"]["cells"], whole["ablation"]["cells"]
     assert init["nvs-init"]["nvs/psnr"]["mean"] == own["nvs-init"]["nvs/psnr"]["mean"]
     lacking = init["nvs-init-no-rad"]["nvs/psnr"]
     assert lacking["mean"] is None

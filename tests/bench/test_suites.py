@@ -23,6 +23,7 @@ from radiogs_bench.suites.suite import NUMBER, PAPER_BUDGET, Metric, Row, Suite,
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
 from radiogs_datasets import known_names, load_scene
 
 OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
@@ -132,12 +133,18 @@ def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
         assert not [run for run in runs if runs.count(run) > 1], each.name
 
 
+@pytest.fixture(scope="module")
+def truth() -> Scene:
+    """A scene whose light and surfaces are known, which some rows are given."""
+    light = EnvironmentMap(torch.ones(2, 4, 3))
+    return replace(SCENE, training_light=light, surfaces=load_scene("convex").surfaces)
+
+
 @pytest.mark.parametrize("each", SUITES.values(), ids=SUITES)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str) -> None:
+def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str, truth: Scene) -> None:
     """Rounding must not make two rows one cell."""
-    light, samples = EnvironmentMap(torch.ones(2, 4, 3)), load_scene("convex").surfaces
-    scene = replace(SCENE, name=each.scenes[0], training_light=light, surfaces=samples)
+    scene = replace(truth, name=each.scenes[0])
     request = Request(each, {scene.name: scene}, 1, preset, each.protocol, "cpu")
     assert len({cell.key for _, cell in request.cells()}) == len(each.rows)
 
