@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError, unknown
 
 from ..errors import exit_code
 from .options import add_verbose, declare, names, positive
@@ -36,6 +36,14 @@ def add_to(commands: "Commands") -> None:
     reporting.add_argument(
         "--no-pictures", dest="pictures", action="store_false",
         help="Leave out figures, images and surfels: tables and page are there within seconds.",
+    )  # fmt: skip
+    reporting.add_argument(
+        "--style", choices=["paper"],
+        help="Write OUT/paper.tex alone: the table as a paper prints it, without differences and remarks.",
+    )  # fmt: skip
+    reporting.add_argument(
+        "--columns", type=names, default=[], metavar="A,B",
+        help="With --style, print these metrics, such as nvs/psnr, in this order (default: all that have a value).",
     )  # fmt: skip
     reporting.add_argument("--width", type=positive, help=argparse.SUPPRESS)
 
@@ -83,8 +91,41 @@ def report(options: argparse.Namespace) -> int:
     from ..store.folder import Store
     from .showing import Shown, write_and_show
 
+    if options.style is not None:
+        return report_for_paper(options)
+    if options.columns:
+        raise UsageError("--columns goes with --style paper", "", "Leave it out; tables of a run have all columns.")
     shown = Shown(options.self_contained, options.scenes, options.pictures, options.width)
     write_and_show(Store(options.out), read_sweep(options.out), shown)
+    return 0
+
+
+def report_for_paper(options: argparse.Namespace) -> int:
+    """Write the suite's table as a paper prints it, from the summary of the last report."""
+    from radiogs_reports.summary import read_summary
+    from radiogs_reports.tables.suite import suite_table
+    from radiogs_reports.write.camera_ready import camera_ready_document
+
+    from ..runs.sweep import read_sweep
+    from ..store.atomic import explained, write_atomically
+    from .aside import damage_explained
+    from .reporter import say
+
+    if options.scenes:
+        raise UsageError(
+            "--scenes does not go with --style", "", f"First:  radiogs-bench report {options.out} --scenes A,B"
+        )
+    read_sweep(options.out)  # says what to do where there is no run
+    with damage_explained():
+        summary = read_summary(options.out)
+    known = [column.key for column in suite_table(summary).columns]
+    for key in options.columns:
+        if key not in known:
+            raise unknown("column", key, known, of=f"suite '{summary['suite']}'")
+    path: Path = options.out / "paper.tex"
+    with explained(options.out):
+        write_atomically(path, camera_ready_document(summary, options.columns).encode())
+    say(f"{path}: its table environment needs booktabs and graphicx; pdflatex compiles the whole")
     return 0
 
 

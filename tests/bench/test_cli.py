@@ -247,6 +247,14 @@ def test_a_second_run_begins_no_cell_and_shows_the_same_table(
     assert fake_method.begun == []
     assert main(["report", str(tmp_path)]) == 0
     assert capsys.readouterr().out == first
+    paper = ["report", str(tmp_path), "--style", "paper", "--columns"]
+    assert main([*paper, "nvs/psnr,seconds"]) == 0
+    table = (tmp_path / "paper.tex").read_text()
+    assert r"PSNR $\uparrow$ & Training (s) $\downarrow$" in table
+    assert "SSIM" not in table
+    assert main([*paper, "nvs/pnsr"]) == 2
+    assert "Did you mean 'nvs/psnr'?" in capsys.readouterr().err
+    assert main(["report", str(tmp_path), "--columns", "nvs/psnr"]) == 2
 
 
 def keys_planned(capsys: pytest.CaptureFixture[str], *how: str) -> set[str]:

@@ -17,6 +17,7 @@ from radiogs_reports.figures.contact_sheet import write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.suite import suite_table
+from radiogs_reports.write.camera_ready import camera_ready, camera_ready_document
 from radiogs_reports.write.latex import escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
@@ -171,6 +172,41 @@ def pdflatex(name: str, folder: Path) -> str:
 @pytest.mark.parametrize("name", ["ablations.tex", "report.tex"])
 def test_the_document_compiles(run: Path, name: str) -> None:
     assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex(name, run))
+
+
+def test_the_table_of_a_paper_has_means_alone_and_what_is_resolved_in_bold() -> None:
+    made = summary()
+    made["rows"][1]["text"] = "λ_rad = 0"
+    text = camera_ready(made)
+    assert r"\multicolumn{1}{c}{NVS} & \multicolumn{1}{c}{Normal} & \multicolumn{1}{c}{}" in text
+    assert r"PSNR $\uparrow$ & MAE (degrees) $\downarrow$ & Training (s) $\downarrow$" in text
+    assert r"Ours & \textbf{31.23} & \underline{7.50} & 61.2 \\" in text
+    assert r"$\lambda_\mathrm{rad}$ = 0 & \underline{30.00} & \textbf{7.00} & 40.0 \\" in text
+    for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
+        assert absent not in text
+    both = camera_ready(made, ["nvs/lpips", "nvs/psnr"])
+    assert r"\multicolumn{2}{c}{NVS} \\" in both
+    assert r"Ours & -- & \textbf{31.23} \\" in both
+
+
+def test_the_table_of_a_paper_compiles(tmp_path: Path) -> None:
+    (tmp_path / "paper.tex").write_text(camera_ready_document(summary()))
+    assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex("paper.tex", tmp_path))
+
+
+def test_a_column_in_which_nothing_is_resolved_has_no_value_in_bold() -> None:
+    made = summary()
+    for row in made["cells"].values():
+        row["nvs/psnr"]["rank"] = 1
+    assert "Ours & 31.23 &" in camera_ready(made)
+
+
+def test_a_value_that_a_footnote_concerns_keeps_it_in_the_table_of_a_paper() -> None:
+    made = summary()
+    made["doubts"] = [{"column": "nvs/psnr", "rows": ["ours"], "text": "no better than a constant"}]
+    (note,) = suite_table(made).footnotes
+    assert escape(note) in camera_ready(made)
+    assert escape(note) not in camera_ready(made, ["normal/mae"])
 
 
 def test_the_document_compiles_whatever_rows_are_called(tmp_path: Path) -> None:
