@@ -57,11 +57,15 @@ def below_root() -> str:
     return f", here or in {root}," if root else f" (here; {DATA_VARIABLE} names no folder to look in)"
 
 
+def in_data_sets(root: Path, name: str) -> list[Path]:
+    """Folders of this name that lie in a folder of ``root``."""
+    return [each / name for each in sorted(root.iterdir()) if (each / name).is_dir()] if root.is_dir() else []
+
+
 def below(root: Path, name: Path) -> Iterator[Path]:
     """Folders called like the last part of ``name``, within the folder that its other parts name.
 
-    Links are not followed. Only where ``name`` has several parts: a scene's name alone would be looked for in all data
-    sets.
+    Links are not followed. None where ``name`` has one part.
     """
     if len(name.parts) < 2 or name.is_absolute() or ".." in name.parts:
         return

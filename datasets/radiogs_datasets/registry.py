@@ -8,7 +8,7 @@ from radiogs_core.errors import DataError, UsageError, did_you_mean, unknown
 from radiogs_core.scene.scene import Scene
 
 from .bounded_reading import printable
-from .data_root import TINY, below, below_root, data_root, scene_names
+from .data_root import TINY, below, below_root, data_root, in_data_sets, scene_names
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
@@ -100,15 +100,16 @@ def scene_folder(name_or_path: str) -> Path:
 def located(name_or_path: str) -> Path | None:
     """The folder of that path; else the one below the root of data (``data_root``); None where there is neither.
 
-    ``<data set>/<scene>`` is also found in folders between, such as ``stanford-orb/blender_LDR/<scene>``. Raises
-    DataError where several are found.
+    A scene's name alone is looked for in each data set, ``<data set>/<scene>`` in folders between, too, such as
+    ``stanford-orb/blender_LDR/<scene>``. Raises DataError where several are found.
     """
     folder, root = Path(name_or_path), data_root()
     if folder.is_dir() or root is None:
         return folder if folder.is_dir() else None
     if (root / folder).is_dir() and _is_scene(root / folder):
         return root / folder
-    found = [each for each in below(root, folder) if _is_scene(each)]
+    sought = below(root, folder) if len(folder.parts) > 1 else in_data_sets(root, folder.name)
+    found = [each for each in sought if _is_scene(each)]
     if len(found) > 1:
         raise DataError(
             f"there are {len(found)} scenes '{name_or_path}' in {root}",

@@ -10,15 +10,20 @@ if TYPE_CHECKING:
     import torch
 
 
-def chosen_device(options: argparse.Namespace) -> "torch.device":
-    """The device that the options name; sets the number of threads. Raises UsageError where there is no such device."""
+def chosen_device(options: argparse.Namespace, *, planned: bool = False) -> "torch.device":
+    """The device that the options name; sets the number of threads.
+
+    Raises UsageError where there is no such device, unless it is only ``planned`` for.
+    """
     import torch
 
     from radiogs_core.kernels.runtime import use_threads
 
-    if options.device == "cuda" and not torch.cuda.is_available():
+    if options.device == "cuda" and not planned and not torch.cuda.is_available():
         raise UsageError(
-            "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
+            "no CUDA device was found",
+            "torch sees no GPU, or is a build without CUDA.",
+            "Leave --device cuda out (`run --dry-run` plans without one).",
         )
     use_threads(options.threads or usable_cores())
     return torch.device(options.device)

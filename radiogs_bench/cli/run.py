@@ -130,6 +130,9 @@ def _run(options: argparse.Namespace) -> int:
     chosen = suite_of(options.suite)
     chosen, remarks = with_overrides(chosen, options)
     engine = choose(options.engine, options.workers, options.ray_address, options.threads)
+    if options.dry_run and not options.scenes and (lines := plan_without_data(chosen, options.seeds)):
+        say_remarks(lines, options.json)
+        return 0
     folder = options.out or Path("out") / chosen.name
 
     from ..store.folder import Store
@@ -142,6 +145,22 @@ def _run(options: argparse.Namespace) -> int:
     if options.dry_run:
         return show_request(request, store, engine, options.json, options.difference)
     return run_and_report(request, store, device, engine, options)
+
+
+def plan_without_data(suite: "Suite", seeds: int) -> list[str]:
+    """Sentences on a run whose scenes have to be downloaded first; none where they are here."""
+    from ..suites.scenes import absent_scenes
+
+    absent = absent_scenes(suite)
+    if not absent:
+        return []
+    scenes, rows = len(suite.scenes), len(suite.rows)
+    return [
+        f"{suite.name}: {scenes} scenes x {rows} rows x {seeds} seeds: {scenes * rows * seeds} cells",
+        f"not here: {', '.join(absent)}. {suite.download}",
+        f"Fetch them:  radiogs-bench datasets fetch {suite.data_set} --data ROOT",
+        "Time and memory are known once a scene is here: `rehearse` measures them in minutes, on any of its scenes.",
+    ]
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -204,7 +223,7 @@ def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[
     from ..scoring.metrics.protocols import protocol
     from ..suites.scenes import load_scenes, own_scenes, place_of
 
-    device = chosen_device(options)
+    device = chosen_device(options, planned=options.dry_run)
     rules = protocol(options.protocol or suite.protocol).name
     given = options.scenes or own_scenes(suite)
     opened = scene_options(options)

@@ -20,10 +20,7 @@ def own_scenes(suite: Suite) -> Sequence[str]:
     """
     if not suite.download:
         return suite.scenes
-    places = {
-        name: next((each for each in (name, f"{suite.data_set}/{name}") if located(each) is not None), None)
-        for name in suite.scenes
-    }
+    places = {name: _place(suite, name) for name in suite.scenes}
     absent = [name for name, place in places.items() if place is None]
     if absent:
         fetch = f"radiogs-bench datasets fetch {suite.data_set} --data ROOT"
@@ -34,6 +31,18 @@ def own_scenes(suite: Suite) -> Sequence[str]:
             f" {suite.name} --scenes PATH/{suite.scenes[0]},PATH/{suite.scenes[-1]}",
         )
     return tuple(place for place in places.values() if place is not None)
+
+
+def absent_scenes(suite: Suite) -> list[str]:
+    """The scenes of a suite that have to be downloaded first."""
+    return [name for name in suite.scenes if _place(suite, name) is None] if suite.download else []
+
+
+def _place(suite: Suite, name: str) -> str | None:
+    """A folder here, else the scene of the suite's data set, else one of that name; None where there is none."""
+    in_set = f"{suite.data_set}/{name}"
+    tried = (name, in_set) if Path(name).is_dir() else (in_set, name)
+    return next((each for each in tried if located(each) is not None), None)
 
 
 def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 import radiogs_datasets
 from bench import fake_method
@@ -83,8 +84,25 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
     cells = 4 * len(SUITES["tensoir"].rows)
     assert f"{cells} of {cells} cells to run" in capsys.readouterr().out
     (tmp_path / "ficus").unlink()
-    assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 3
+    assert main(["run", "tensoir", "--preset", "smoke"]) == 3
     assert "scenes that are not here: ficus\n" in capsys.readouterr().err
+    assert main(["run", "tensoir", "--preset", "smoke", "--dry-run", "--seeds", "2"]) == 0
+    said = capsys.readouterr().out
+    assert f": {2 * cells} cells\n" in said
+    assert "not here: ficus." in said
+    assert "datasets fetch tensoir --data ROOT" in said
+
+
+def test_a_run_on_a_device_that_is_not_here_is_planned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    asked = ["run", "ablations", "--scenes", "convex", "--preset", "smoke", "--rows", "ours,no-rad", "--device", "cuda"]
+    assert main(asked) == 2
+    assert "no CUDA device was found" in capsys.readouterr().err
+    assert main([*asked, "--dry-run"]) == 0
+    assert "2 of 2 cells to run" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("further", "used"), [((), "radiogs"), (("--protocol", "tensoir"), "tensoir")])

@@ -55,10 +55,16 @@ def test_folders_between_a_data_set_and_its_scenes_are_looked_into(root: Path) -
     assert located("stanford-orb/blender_LDR/cup_scene003") == deep
 
 
-def test_a_name_alone_is_not_looked_for_in_all_data_sets(root: Path) -> None:
-    assert located("lego") is None
-    with pytest.raises(DataError, match="there is no scene 'lego'") as raised:
+def test_a_name_alone_is_looked_for_in_each_data_set(root: Path) -> None:
+    assert located("lego") == root / "tensoir" / "lego"
+    assert located("cup") is None
+    put(root / "blender" / "lego", "occluder")
+    with pytest.raises(DataError, match="there are 2 scenes 'lego'") as raised:
         load_scene("lego")
+    assert "blender/lego, tensoir/lego" in raised.value.why
+    assert own_scenes(SUITES["tensoir"])[3] == "tensoir/lego", "the suite's own data set decides"
+    with pytest.raises(DataError, match="there is no scene 'cup'") as raised:
+        load_scene("cup")
     assert str(root) in raised.value.why
 
 
