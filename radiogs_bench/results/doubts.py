@@ -1,9 +1,10 @@
 """Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
-Four kinds of doubt: the images do not determine the quantity, or, with everything else as it was recovered, the views
-do not agree on what was recovered (both by ``scoring.determined``); a map scores no better than the
-best one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart. Methods state
-their differences as labels among a model's facts. A remark says what error resolution alone costs recovered light.
+Five kinds of doubt: a row from files lacks some of the run's scenes; the images do not determine the quantity, or, with
+everything else as it was recovered, the views do not agree on what was recovered (both by ``scoring.determined``); a
+map scores no better than the best one that is the same everywhere (``scoring.constant_maps``); seeds find values
+far apart. Methods state their differences as labels among a model's facts. A remark says what error resolution alone
+costs recovered light.
 """
 
 import math
@@ -55,6 +56,7 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
     found = earlier_version(finished[0][1])
     for column in sweep["columns"]:
         quantities = depends_on(column, conventions)
+        found += over_fewer(finished, column, sweep)
         found += undetermined(finished, column, quantities)
         found += elsewhere(finished, column, quantities)
         found += no_better_than_constant(finished, column)
@@ -65,6 +67,24 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
         for doubt in (*undetermined(finished, "", BRIGHTNESS), *elsewhere(finished, "", BRIGHTNESS)):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
     return found
+
+
+def over_fewer(finished: Finished, column: str, sweep: Sweep) -> list[Doubt]:
+    """A doubt for each row that was scored from files of some scenes or seeds of the run alone."""
+    every = [(scene, seed) for scene in sweep["scenes"] for seed in sweep["seeds"]]
+    found = []
+    for row in (line for line in sweep["rows"] if "files" in line):
+        own = [(ref, result) for ref, result in finished if ref["row"] == row["key"]]
+        there = [(ref["scene"], ref["seed"]) for ref, result in own if _value(result, column) is not None]
+        if there and len(there) < len(every):
+            cells = ", ".join(scene if len(sweep["seeds"]) == 1 else f"{scene} seed {seed}" for scene, seed in there)
+            text = f"{row['text']}: over {cells} alone, {len(there)} of {len(every)} scenes and seeds."
+            found.append(Doubt(column=column, rows=[row["key"]], text=text))
+    return found
+
+
+def _value(result: Result, column: str) -> float | None:
+    return result["metrics"].get(column, {"value": None})["value"]
 
 
 def title_of(result: Result) -> str:
@@ -208,7 +228,7 @@ def _by_row(finished: Finished) -> dict[str, list[Result]]:
 
 def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[tuple[float, float]]:
     for result in results:
-        own, constant = (result["metrics"].get(name, {"value": None})["value"] for name in (column, reference))
+        own, constant = _value(result, column), _value(result, reference)
         if own is not None and constant is not None:
             yield own, constant
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.experiment import TRAINING
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_datasets import load_scene
+from radiogs_reports.summary import read_summary
+from radiogs_reports.tables.suite import suite_table
 
 SUITE = Suite(
     "mine", "Mine", None, "ours",
@@ -100,6 +103,23 @@ def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, 
     with (run / "mine.csv").open() as file:
         lines = [line for line in csv.DictReader(file) if row_key("GS-IR, 30k") in line.values()]
     assert len(lines) == len(SUITE.columns)
+
+
+def test_a_row_of_one_scene_beside_means_of_two_is_marked_in_its_cells(files: Path, tmp_path: Path) -> None:
+    request = replace(REQUEST, scenes={"corner": SCENE, "convex": load_scene("convex")})
+    store, cells = Store(tmp_path / "two"), request.cells()
+    for number, (_, cell) in enumerate(cells):
+        finish(store, cell, 20.0 + number)
+    write_sweep(store, request.manifest([place for place, _ in cells]))
+    assert into(store.folder, files) == 0
+    summary = read_summary(store.folder)
+    said = "GS-IR, 30k: over corner alone, 1 of 2 scenes and seeds."
+    assert {doubt["column"] for doubt in summary["doubts"] if doubt["text"] == said} == {
+        "nvs/psnr", "albedo/psnr", "roughness/mse"
+    }  # fmt: skip
+    *measured_rows, from_files = suite_table(summary).rows
+    assert from_files.cells[0].marks
+    assert not any(row.cells[0].marks for row in measured_rows)
 
 
 def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Path) -> None:
