@@ -53,7 +53,7 @@ def records(found: Findings) -> dict[str, Evidence]:
     return {record.effect: record for record in found.evidence}
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -151,7 +151,6 @@ LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
 any additional directions, also from those of an even light."""
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(
     ("name", "light", "verdict"),
     [
@@ -162,11 +161,11 @@ any additional directions, also from those of an even light."""
     ],
 )
 def test_directions_are_drawn_from_a_sun_but_not_from_an_even_light(
-    name: str, light: Callable[[], torch.Tensor], verdict: str, seed: int
+    name: str, light: Callable[[], torch.Tensor], verdict: str
 ) -> None:
-    scene, found, _ = found_on(name, seed)
+    scene, found, _ = found_on(name, 0)
     lit = replace(load_scene(name), training_light=EnvironmentMap(light()))
-    assert decide_own_light_sampling(replace(run(name, seed), scene=lit), scene, found).verdict == verdict
+    assert decide_own_light_sampling(replace(run(name, 0), scene=lit), scene, found).verdict == verdict
 
 
 @pytest.mark.parametrize(("name", "verdict"), [("convex", "on"), ("occluder", "off")])
