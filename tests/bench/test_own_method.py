@@ -15,6 +15,8 @@ from radiogs_bench.store.seal import sealed, strict_json
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "own_method"
 
+SMALL = ("--long-side", "32")
+
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 SUITE = """
@@ -76,7 +78,9 @@ def out(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of both methods from a suite in a file, with preset smoke."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "suite.toml").write_text(SUITE)
-    done = run("run", f"{folder / 'suite.toml'}", "--preset", "smoke", "--seeds", "2", "--out", f"{folder / 'out'}")
+    done = run(
+        "run", f"{folder / 'suite.toml'}", "--preset", "smoke", "--seeds", "2", *SMALL, "--out", f"{folder / 'out'}"
+    )
     assert done.returncode == 0, done.stderr
     return folder / "out"
 
@@ -133,7 +137,7 @@ def test_status_report_and_gate_know_it(run: Run, out: Path, tmp_path: Path) -> 
 
 def test_one_model_is_trained_rendered_and_relit(run: Run, tmp_path: Path) -> None:
     folder = f"{tmp_path / 'model'}"
-    trained = run("train", "corner", "--method", "mean-image", "--preset", "smoke", "--out", folder)
+    trained = run("train", "corner", "--method", "mean-image", "--preset", "smoke", *SMALL, "--out", folder)
     assert trained.returncode == 0, trained.stderr
     assert Path(folder, "mean_image.pt").exists()
     assert run("render", folder).returncode == 0

@@ -240,8 +240,11 @@ class TrainedCommand:
 
     def _relit(self, light: str) -> dict[str, Found]:
         found: dict[str, Found] = {}
+        own = self.workspace.run.scene
         for scene in self._lit_views()[light]:
-            found |= self._read(scene).relit.get(light, {})
+            files = self._read(scene).relit.get(light, {})
+            # Numbers are places among the scene's own test views.
+            found |= {view: each for view, each in files.items() if scene is own or not each.rule.numbered}
         return found
 
     def _lit_views(self) -> dict[str, list[Scene]]:
@@ -252,7 +255,7 @@ class TrainedCommand:
         """
         scene = self.workspace.run.scene
         lit: dict[str, list[Scene]] = {light: [scene] for light in relightable(scene)}
-        by_name = all("{name}" in rule.path for rule in CODES[self.workspace.file.reader].relit)
+        by_name = any("{name}" in rule.path for rule in CODES[self.workspace.file.reader].relit)
         for light in scene.lights if by_name else ():
             elsewhere = tuple(view for view in scene.relight if view.has(f"relit/{light}"))
             if elsewhere:
