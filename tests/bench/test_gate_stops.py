@@ -101,7 +101,9 @@ def gate(sources: Path, folder: Path, *further: str) -> "subprocess.CompletedPro
     """Run the suite with a copy of the sources, from the beginning, and compare it with the baseline."""
     out = f"results_of_{sources.name}"
     (folder / "suite.toml").write_text(SUITE)
-    done = run(sources, folder, "run", "suite.toml", "--preset", "smoke", "--threads", "1", "--out", out)
+    done = run(
+        sources, folder, "run", "suite.toml", "--preset", "smoke", "--threads", "1", "--long-side", "48", "--out", out
+    )
     assert done.returncode == 0, done.stderr
     return run(sources, folder, "gate", out, "--baseline", "baseline.json", *further)
 

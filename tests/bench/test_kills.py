@@ -37,8 +37,8 @@ def killed_at_random(folder: Path, kills: int, processes: int) -> dict[str, Any]
     [
         (8, 1),
         (8, 2),
-        pytest.param(200, 1, marks=pytest.mark.slow),
-        pytest.param(200, 2, marks=pytest.mark.slow),
+        pytest.param(100, 1, marks=pytest.mark.slow),
+        pytest.param(100, 2, marks=pytest.mark.slow),
     ],
 )
 def test_no_finished_cell_is_lost_or_run_again_by_random_kills(kills: int, processes: int, tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ CASES = (
         "1e-6 drawn, 2e-6 traced", (OPACITY,),
     ),
     Case(
-        13, "poison", "primitives", "22 values in every slot of surfels, camera and light, 10 120 draws",
+        13, "poison", "primitives", "22 values in every slot of surfels, camera and light, 5 060 draws",
         "named, left out, never read, or the float64 image", "bit for bit; 1e-4 where the value is one", (POISON,),
     ),
     Case(

@@ -42,8 +42,8 @@ LOGITS = ("opacity_logit", "albedo_logit", "roughness_logit")
 
 SURFEL_SLOTS = ("centre", "rotation", "log_scale", "sh", *LOGITS)
 SLOTS = (*SURFEL_SLOTS, "pose", "lens", "light")
-SEEDS = 46
-"""10 slots x 22 values x 46 draws: 10 120 poisoned inputs."""
+SEEDS = 23
+"""10 slots x 22 values x 23 draws: 5,060 poisoned inputs."""
 
 Maps = dict[str, Tensor]
 
@@ -66,7 +66,7 @@ def same_bits(first: Maps, second: Maps) -> bool:
 def same_numbers(found: Maps, exact: Maps) -> bool:
     """Within 2e-4, relative to the map's largest value; normals only where there is something to have one.
 
-    The largest error of the 10,120 inputs, 1.1e-4, is that of a coefficient of 1e38 where its harmonic is almost zero.
+    The largest error of 10,120 inputs, 1.1e-4, is that of a coefficient of 1e38 where its harmonic is almost zero.
     """
     covered = exact["alpha"] > 1e-2
     return all(
@@ -134,9 +134,9 @@ def test_poison_is_named_left_out_or_right(slot: str) -> None:
 @pytest.mark.slow
 @pytest.mark.case(13)
 @pytest.mark.parametrize("slot", SLOTS)
-def test_a_thousand_poisoned_inputs_a_slot(slot: str) -> None:
+def test_five_hundred_poisoned_inputs_a_slot(slot: str) -> None:
     endings = [ending(slot, value, seed) for seed in range(SEEDS) for value in POISONS]
-    assert len(endings) * len(SLOTS) == 10_120
+    assert len(endings) * len(SLOTS) == 5_060
 
 
 @pytest.mark.case(13)

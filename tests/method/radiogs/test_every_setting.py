@@ -17,7 +17,7 @@ CPU = torch.device("cpu")
 SCENE = sphere_scene(views=4, size=16)
 BUDGET = with_values(
     PRESETS["smoke"],
-    {"geometry.steps": 8, "geometry.densify_interval": 2, "geometry.initial_surfels": 60, "inverse_iterations": 4},
+    {"geometry.steps": 4, "geometry.densify_interval": 2, "geometry.initial_surfels": 60, "inverse_iterations": 2},
 )
 FULL = Variant()
 
