@@ -109,7 +109,7 @@ def run(command: str, folder: Path, environment: dict[str, str]) -> None:
 def abridged(command: str) -> str:
     """A command of the README on one small scene with one seed, where it would train many.
 
-    Of its rows the first is run, and of `ablations`, whose run later commands read, the last, too.
+    The first of its rows is run, and of `ablations`, whose run later commands read, the last, too.
     """
     if not WHOLE_SUITES.search(command):
         return command
