@@ -387,7 +387,9 @@ def _relit(method: Method, run: Run, model: Trained, maps: Mapping[str, Tensor])
             yield Finding("note", f"relighting is not offered: {refusal.what}")
             return
         images.append(_maps(method, lit, view)["image"])
-    if torch.equal(images[0], maps["image"]):
+    if not images[0].any():
+        yield Finding("note", "the relit view is black: relighting cannot be told", "Check at a larger --preset.")
+    elif torch.equal(images[0], maps["image"]):
         yield Finding(
             "fails", "a view under another light is the view under its own", "prepare(light) has to use its light."
         )

@@ -147,6 +147,15 @@ def test_a_light_that_is_not_used_and_files_that_are_not_there_are_named(
     assert any("surfels.ply" in each for each in found)
 
 
+def test_relighting_by_a_model_that_shows_nothing_yet_is_not_called_broken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ChainTrained, "prepare", lambda model, *lit: ChainPrepared(0.0))
+    found = list(check_method(Chain(("one",)), SCENE, "smoke", CPU, tmp_path, lambda line: None))
+    assert [each.what for each in found if each.verdict == "fails"] == []
+    assert any("the relit view is black" in each.what for each in found)
+
+
 def test_a_model_that_depends_on_more_than_its_product_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
