@@ -60,7 +60,7 @@ def prepared(command: str) -> str | None:
     command = re.sub(r"\bFOLDER\b", "out/corner/render", command)
     command = re.sub(r"\bNAME\b", "'a row'", command)
     command = re.sub(r"\bROOT\b", "data", command)
-    command = command.replace("path/to/suite.toml", str(ROOT / "docs/examples/rays_or_surfels.toml"))
+    command = command.replace("path/to/suite.toml", f"{ROOT / 'docs/examples/rays_or_surfels.toml'} --rows ours")
     command = command.replace("pip install", "pip install --target site --quiet").replace(" -e docs/", f" {ROOT}/docs/")
     if TAKES_PRESET.search(command):
         command = re.sub(r"--preset \w+", "", command) + " --preset smoke"
