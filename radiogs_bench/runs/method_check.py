@@ -17,7 +17,7 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..method_calls import calling, losses_of, require, require_storable
+from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
 from ..own_values import own_camera, own_light, own_scene
 from ..scoring.maps import on_black
 from ..store.folder import Store
@@ -28,6 +28,9 @@ UNIT = 1e-2
 
 CLEARLY = 3.0
 """Decibels by which another colour space has to fit better before it is named."""
+
+
+FINITE = "Training cannot go on from there; every loss that step() returns has to be finite."
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,8 @@ def check_method(
     """
     store, read = Store(folder), set[str]()
     run = Run(_watched(scene, read), method.variant(), method.presets[preset], 0, device)
-    yield from _reads(method, run)
     try:
+        yield from _reads(method, run)
         say("training")
         first = _trained(method, replace(run, workspace=folder / "first"), store)
         yield from _counted(method, run, first)
@@ -137,8 +140,11 @@ class _Stage:
                 at, since = stage.iteration, time.perf_counter()
                 with calling(method, f"step() of stage '{name}', iteration {at}"):
                     given = stage.step()
+                losses = losses_of(method, given, name)
+                if wrong := not_finite(losses):
+                    raise refused(method, f"loss {', '.join(wrong)} in stage '{name}' at iteration {at}", FINITE)
                 if idle.moved(at, stage.iteration, time.perf_counter() - since):
-                    done.losses.append((name, at, losses_of(method, given, name)))
+                    done.losses.append((name, at, losses))
             with calling(method, f"product() of stage '{name}'"):
                 product = dict(stage.product())
             return self._through_a_file(product, "product()")
@@ -386,9 +392,15 @@ def _relit(method: Method, run: Run, model: Trained, maps: Mapping[str, Tensor])
         except NotOffered as refusal:
             yield Finding("note", f"relighting is not offered: {refusal.what}")
             return
-        images.append(_maps(method, lit, view)["image"])
-    if not images[0].any():
-        yield Finding("note", "the relit view is black: relighting cannot be told", "Check at a larger --preset.")
+        relit = _maps(method, lit, view)
+        if "image" not in relit:
+            yield Finding("fails", "a relit view has no map 'image'", "It is what every metric of relighting compares.")
+            return
+        images.append(relit["image"])
+    if not _shows_something(maps):
+        yield Finding("note", "the model shows nothing yet: relighting cannot be told", "Check at a larger --preset.")
+    elif not images[0].any():
+        yield Finding("fails", "a view under another light is black", "prepare(light) has to use its light.")
     elif torch.equal(images[0], maps["image"]):
         yield Finding(
             "fails", "a view under another light is the view under its own", "prepare(light) has to use its light."
@@ -401,6 +413,11 @@ def _relit(method: Method, run: Run, model: Trained, maps: Mapping[str, Tensor])
         )
     else:
         yield Finding("holds", "another light and a factor of the albedo change the image")
+
+
+def _shows_something(maps: Mapping[str, Tensor]) -> bool:
+    covered = "alpha" not in maps or float(maps["alpha"].max()) > 0.5
+    return covered and bool(maps["image"].any())
 
 
 def _exported(method: Method, model: Trained, folder: Path) -> Finding:

@@ -58,6 +58,10 @@ def peeking(stage: ChainStage) -> Mapping[str, float]:
     return STEP(stage)
 
 
+def nan(stage: ChainStage) -> Mapping[str, float]:
+    return {**STEP(stage), "image": float("nan")}
+
+
 def arrays(stage: ChainStage) -> dict[str, Any]:
     return {"value": stage.value.numpy()}
 
@@ -73,6 +77,7 @@ STEP = ChainStage.step
         ("step", too_many, "steps of stages: 'one' announces 3, takes 7"),
         ("step", peeking, f"training read the test views: 'image' of '{SCENE.test[0].name}'"),
         ("step", lambda stage: {}, "came back 1000 times in a row"),
+        ("step", nan, "loss 'image' is nan in stage 'one' at iteration 0"),
         ("state", arrays, "state()['value'] of stage 'one' is a numpy.ndarray"),
         ("product", arrays, "product()['value'] of stage 'one' is a numpy.ndarray"),
     ],
@@ -147,13 +152,37 @@ def test_a_light_that_is_not_used_and_files_that_are_not_there_are_named(
     assert any("surfels.ply" in each for each in found)
 
 
+@pytest.mark.parametrize(
+    ("lit", "said"),
+    [
+        (shows(image=(MapKind("display"), torch.zeros(3))), "a view under another light is black"),
+        (shows(albedo=(MapKind("linear"), torch.ones(3))), "a relit view has no map 'image'"),
+        (shows(image=GREY), "a view under another light is the view under its own"),
+        (shows(image=(MapKind("display"), torch.full((3,), 0.25))), "relit views do not depend on albedo_scale"),
+    ],
+)
+def test_wrong_relighting_is_named(
+    lit: type[ChainPrepared], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        ChainTrained, "prepare", lambda model, light=None, *rest: (lit if light else shows(image=GREY))(0.5)
+    )
+    assert said in failures(Chain(("one",)), tmp_path)
+
+
+def test_a_method_whose_stages_cannot_be_listed_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Chain, "stages", lambda method, variant, budget: 1 / 0)
+    (found,) = failures(Chain(("one",)), tmp_path)
+    assert "failed in stages(): ZeroDivisionError" in found
+
+
 def test_relighting_by_a_model_that_shows_nothing_yet_is_not_called_broken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ChainTrained, "prepare", lambda model, *lit: ChainPrepared(0.0))
     found = list(check_method(Chain(("one",)), SCENE, "smoke", CPU, tmp_path, lambda line: None))
     assert [each.what for each in found if each.verdict == "fails"] == []
-    assert any("the relit view is black" in each.what for each in found)
+    assert any("the model shows nothing yet" in each.what for each in found)
 
 
 def test_a_model_that_depends_on_more_than_its_product_is_named(
