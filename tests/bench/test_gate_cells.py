@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import FAKE, finished_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import cell as cell_module
@@ -23,11 +23,7 @@ def _fake_in_the_place_of_radiogs() -> Iterator[None]:
 
 @pytest.fixture
 def finished(tmp_path: Path) -> Path:
-    sweep, request = FakeSweep(tmp_path / "run"), asked(1)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
-    sweep.run([cell for _, cell in cells])
-    return tmp_path / "run"
+    return finished_sweep(tmp_path / "run")
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import FAKE, finished_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.gate import Change, compare
@@ -30,12 +30,7 @@ def _fake_in_the_place_of_radiogs() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    sweep, request = FakeSweep(folder), asked(3)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
-    sweep.run([cell for _, cell in cells])
-    return folder
+    return finished_sweep(tmp_path_factory.mktemp("run"), seeds=3)
 
 
 @pytest.fixture(scope="module")
