@@ -240,11 +240,8 @@ class TrainedCommand:
 
     def _relit(self, light: str) -> dict[str, Found]:
         found: dict[str, Found] = {}
-        own = self.workspace.run.scene
         for scene in self._lit_views()[light]:
-            files = self._read(scene).relit.get(light, {})
-            # Numbers are places among the scene's own test views.
-            found |= {view: each for view, each in files.items() if scene is own or not each.rule.numbered}
+            found |= self._read(scene).relit.get(light, {})
         return found
 
     def _lit_views(self) -> dict[str, list[Scene]]:
@@ -263,7 +260,11 @@ class TrainedCommand:
         return lit
 
     def _read(self, scene: Scene | None = None) -> Predictions:
-        return read_predictions(self.workspace.results, scene or self.workspace.run.scene, self.workspace.file.reader)
+        """The predictions of a scene's test views; of one with other views than the run's, by their names alone."""
+        own = self.workspace.run.scene
+        return read_predictions(
+            self.workspace.results, scene or own, self.workspace.file.reader, numbered=scene is None or scene is own
+        )
 
     def _found(self) -> Predictions | None:
         """The predictions that can be read; None before the test views are rendered."""

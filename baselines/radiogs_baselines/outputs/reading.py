@@ -27,12 +27,13 @@ def likely_codes(folder: Path) -> list[str]:
     return [name for name in marked if name not in explained]
 
 
-def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Predictions:
+def read_predictions(folder: Path, scene: Scene, code: str | None = None, *, numbered: bool = True) -> Predictions:
     """The predictions of a scene's test views in a folder.
 
-    ``code``: name of the layout; None recognises it by its marks. Raises UsageError for an unknown code. Raises
-    DataError if the layout is not recognised, if the folder has no prediction of this scene, or if it has files for
-    more views than the scene.
+    ``code``: name of the layout; None recognises it by its marks. Without ``numbered``, files of the layout ``plain``
+    are found by name alone, where the order of ``scene.test`` is not that of the numbers. Raises UsageError for an
+    unknown code. Raises DataError if the layout is not recognised, if the folder has no prediction of this scene, or if
+    it has files for more views than the scene.
     """
     if not folder.is_dir():
         raise DataError(f"there is no folder {folder}", "", "Give the folder that the code wrote its results into.")
@@ -40,7 +41,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
     if name not in CODES:
         raise unknown("reader", name, CODES)
     layout = CODES[name]
-    search = _Search(folder, scene)
+    search = _Search(folder, scene, numbered=numbered)
     maps: dict[str, dict[str, Found]] = {view.name: {} for view in scene.test}
     for kind in dict.fromkeys(rule.map for rule in layout.rules):
         for view, found in search.first(kind, layout.rules_of(kind), scene.test).items():
@@ -79,8 +80,8 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
 class _Search:
     """Searches for the files of a scene's views, and records those that are missing."""
 
-    def __init__(self, folder: Path, scene: Scene) -> None:
-        self.folder, self.scene = folder, scene
+    def __init__(self, folder: Path, scene: Scene, *, numbered: bool = True) -> None:
+        self.folder, self.scene, self.numbered = folder, scene, numbered
         self.missing: list[str] = []
         self.absent: list[str] = []
         self.left_out: list[str] = []
@@ -94,7 +95,9 @@ class _Search:
         Views without a file are added to ``missing``; if no rule has any file, their paths are added to ``absent``.
         """
         chosen: tuple[Rule, dict[str, Found]] | None = None
-        rules = [replace(rule, path=resolved(self.folder, rule.path)) for rule in rules]
+        rules = [
+            replace(rule, path=resolved(self.folder, rule.path)) for rule in rules if self.numbered or not rule.numbered
+        ]
         for rule in rules:
             if chosen is not None and not (rule.numbered and len(chosen[1]) < len(views)):
                 continue

@@ -1,5 +1,6 @@
 """A stand-in code is trained, rendered and relit through the contract, in the layout of every published code."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from baselines.commands.bench import Bench, method_of, toml
 from public_outputs import Maps
 from radiogs_baselines.commands.method import CommandBudget, CommandVariant
 from radiogs_core import contract
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets.image_files import read_image
 
@@ -151,6 +152,30 @@ def test_views_elsewhere_are_relit_by_their_names(convex: Scene, pantry: Callabl
     trained = Bench(method_of(tmp_path, text), scene, tmp_path / "work").train()
     name, light = next(iter(scene.lights.items()))
     relit = trained.prepare(light)
+    for view in (*scene.test, *scene.relight):
+        truth = view.read(f"relit/{name}") * (view.read("alpha") == 1)
+        assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
+
+
+def test_numbered_files_are_of_test_views_and_of_no_view_elsewhere(
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    scene = replace(convex, test=convex.test[:4], relight=convex.test[4:6])
+    name, light = next(iter(scene.lights.items()))
+    shelf = Path(shutil.copytree(pantry("plain"), tmp_path / "numbered"))
+    for number, view in enumerate(convex.test):
+        file = shelf / "relit" / name / f"{view.name}.png"
+        if number < 4:
+            file.rename(file.with_name(f"{number:05d}.png"))
+        else:
+            file.unlink()
+    text = toml(["--name|model-1"], f"--pantry|{shelf}", f"--pantry|{shelf}|--light|{{light}}")
+    trained = Bench(method_of(tmp_path, text), scene, tmp_path / "work").train()
+    with pytest.raises(ExplainedError, match="holds no prediction of scene 'convex'"):
+        trained.prepare(light)
+    for view in scene.relight:
+        shutil.copy(pantry("plain") / "relit" / name / f"{view.name}.png", shelf / "relit" / name)
+    relit = Bench(method_of(tmp_path, text), scene, tmp_path / "again").train().prepare(light)
     for view in (*scene.test, *scene.relight):
         truth = view.read(f"relit/{name}") * (view.read("alpha") == 1)
         assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
