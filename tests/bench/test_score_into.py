@@ -108,7 +108,7 @@ def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, 
 def test_a_row_of_one_scene_beside_means_of_two_is_marked_in_its_cells(files: Path, tmp_path: Path) -> None:
     request = replace(REQUEST, scenes={"corner": SCENE, "convex": load_scene("convex")})
     store, cells = Store(tmp_path / "two"), request.cells()
-    for number, (_, cell) in enumerate(cells):
+    for number, (_, cell) in enumerate(cells[:-1]):  # a row that is not finished is not marked
         finish(store, cell, 20.0 + number)
     write_sweep(store, request.manifest([place for place, _ in cells]))
     assert into(store.folder, files) == 0
