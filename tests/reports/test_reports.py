@@ -182,6 +182,7 @@ def test_the_table_of_a_paper_has_means_alone_and_what_is_resolved_in_bold() -> 
     assert r"PSNR $\uparrow$ & MAE (degrees) $\downarrow$ & Training (s) $\downarrow$" in text
     assert r"Ours & \textbf{31.23} & \underline{7.50} & 61.2 \\" in text
     assert r"$\lambda_\mathrm{rad}$ = 0 & \underline{30.00} & \textbf{7.00} & 40.0 \\" in text
+    assert text.count(r"\cmidrule") == 2, "none over the seconds, which are of no quantity"
     for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
         assert absent not in text
     both = camera_ready(made, ["nvs/lpips", "nvs/psnr"])
@@ -199,6 +200,8 @@ def test_a_column_in_which_nothing_is_resolved_has_no_value_in_bold() -> None:
     for row in made["cells"].values():
         row["nvs/psnr"]["rank"] = 1
     assert "Ours & 31.23 &" in camera_ready(made)
+    assert "Bold:" in camera_ready(made, ["normal/mae"])
+    assert "Bold:" not in camera_ready(made, ["nvs/psnr"])
 
 
 def test_a_value_that_a_footnote_concerns_keeps_it_in_the_table_of_a_paper() -> None:

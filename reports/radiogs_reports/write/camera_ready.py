@@ -46,7 +46,7 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
         [
             r"\begin{table}[t]",
             r"\centering",
-            rf"\caption{{{_caption(summary)}}}",
+            rf"\caption{{{_caption(summary, highlighted=any(ranks.values()))}}}",
             rf"\label{{tab:{table.name}-paper}}",
             BOX_BEGIN,
             rf"\begin{{tabular}}{{l{'c' * len(columns)}}}",
@@ -83,7 +83,7 @@ def _headings(columns: Sequence[Column]) -> list[str]:
     for quantity, neighbours in groupby(columns, lambda column: _parts(column)[0]):
         count = len(list(neighbours))
         quantities.append(rf"\multicolumn{{{count}}}{{c}}{{{as_formula(quantity)}}}")
-        rules.append(rf"\cmidrule(lr){{{at}-{at + count - 1}}}")
+        rules += [rf"\cmidrule(lr){{{at}-{at + count - 1}}}"] if quantity else []
         at += count
     for column in columns:
         unit = f" ({column.unit})" if column.unit not in ("", "dB") else ""
@@ -97,11 +97,12 @@ def _parts(column: Column) -> tuple[str, str]:
     return quantity, metric
 
 
-def _caption(summary: Summary) -> str:
+def _caption(summary: Summary, *, highlighted: bool) -> str:
     scenes, seeds = summary["scenes"], len(summary["seeds"])
     over = f"{count_of(len(scenes), 'scene')} ({', '.join(scenes)})" if len(scenes) > 1 else f"scene {scenes[0]}"
     setup = f"Mean over {over} and {count_of(seeds, 'seed')}; {preset_and_recipe(summary)}"
+    bold = " Bold: no other row is better beyond its 95\\,\\% interval; underlined: one is." if highlighted else ""
     return (
         f"{escape(summary['title'])}. {escape(setup)}; metrics by protocol {escape(protocol_title(summary))}."
-        f"{escape(unfinished(summary))} Bold: no other row is better beyond its 95\\,\\% interval; underlined: one is."
+        f"{escape(unfinished(summary))}{bold}"
     )
