@@ -43,7 +43,12 @@ def cell(row: str, seed: int = 0, scene: str = "corner", **content: Any) -> tupl
 
 
 def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
-    return {"rows": [{"key": row, "text": row.title()} for row in rows], "columns": list(columns)}
+    return {
+        "rows": [{"key": row, "text": row.title()} for row in rows],
+        "scenes": ["corner"],
+        "seeds": [0],
+        "columns": list(columns),
+    }
 
 
 def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from captured import write_capture
+from radiogs_bench.suites.experiment import FORWARD_PARITY
 from radiogs_bench.suites.registry import SUITES
 
 ROOT = Path(__file__).parents[2]
@@ -25,7 +26,7 @@ BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |path/to/method\.toml")
 """A network, a cluster, what `make test` itself is, and a code of somebody's (tests/baselines/commands have one)."""
 
-WHOLE_SUITES = re.compile(r"^radiogs-bench run (?!forward-parity|stability)(?!.*--(list|dry-run))")
+WHOLE_SUITES = re.compile(r"^radiogs-bench run (?!stability)(?!.*--(list|dry-run))")
 """Commands of the README train for hours: one scene of few pixels, and one seed, have the same path."""
 
 TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--list)")
@@ -118,6 +119,8 @@ def abridged(command: str) -> str:
         rows = [row.key for row in suite.rows]
         command = f"{command} --rows {','.join((rows[0], rows[-1]) if suite.name == 'ablations' else rows[:1])}"
     command = re.sub(r"--seeds \d+", "", command)
+    if suite is not None and suite.experiment == FORWARD_PARITY:
+        return f"{command} --scenes furnace-0.5"
     if "--data" in command:
         return f"{command} --scenes tensoir/lego"
     scored_into = "ablations" in command  # by `score FOLDER --scene corner`, which is the whole miniature
