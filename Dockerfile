@@ -14,6 +14,6 @@ RUN apt-get update \
 WORKDIR /opt/radiogs-bench
 COPY . .
 RUN if [ -n "$TORCH_INDEX" ]; then pip install --no-cache-dir --index-url "$TORCH_INDEX" torch==2.13.0; fi \
-    && pip install --no-cache-dir --constraint constraints.txt '.[meshes]'
+    && pip install --no-cache-dir --constraint constraints.txt .
 WORKDIR /out
 ENTRYPOINT ["radiogs-bench"]

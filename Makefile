@@ -3,23 +3,27 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
+APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv browser ablations test test-slow gate gate-smoke gate-baselines mutants lint site gpu offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines mutants lint site gpu offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 
-venv: $(READY) ## a virtual environment with the locked dependencies
+venv: $(READY) ## a virtual environment with the locked dependencies and what developers need
 
-$(READY): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
+$(INSTALLED): pyproject.toml constraints.txt .ci/install
+	@.ci/install $(PYTHON) $(VENV)
+	@touch $@
+
+$(READY): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-ablations: $(READY) ## the paper's ablation table on eight scenes of the package, and a longer run beside it
+ablations: $(INSTALLED) ## the paper's ablation table on eight scenes of the package, and a longer run beside it
 	$(BIN)/radiogs-bench run ablations --workers 2
 
 lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code, plain words
@@ -34,10 +38,12 @@ lint: $(READY) ## style, types, which room may import which, how large functions
 test: lint ## lint, then every test that is fast, in two processes (those for a GPU skip themselves)
 	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile
 
-browser: ## Chromium for the tests of report.html (Debian, as root); without it they skip themselves
-	@{ command -v chromium || command -v google-chrome; } >/dev/null \
-	|| { apt-get -qq -o Acquire::http::Timeout=20 update && DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes chromium; } >/dev/null 2>&1 \
-	|| echo "make browser: no Chromium here, and it could not be installed; tests of report.html in a browser will skip themselves"
+extras: $(READY) ## Chromium and LaTeX (Debian, as root) and Ray, for the tests that skip themselves without
+	@{ command -v chromium || command -v google-chrome; } >/dev/null && kpsewhich siunitx.sty >/dev/null \
+	|| { $(APT) update && $(APT) install --yes chromium && $(APT) install --yes --no-install-recommends lmodern texlive-latex-recommended texlive-science; } >/dev/null 2>&1 \
+	|| echo "make extras: Chromium or LaTeX is not here and could not be installed; tests of report.html in a browser, or of compiled documents, will skip themselves"
+	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[cluster]' \
+	|| echo "make extras: Ray could not be installed; its tests will skip themselves"
 
 test-slow: $(READY) ## the tests that take minutes; then those that compare speeds, with the machine to themselves
 	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal

@@ -33,7 +33,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")" && pwd)
 "${PYTHON:-python3}" -m venv --system-site-packages .venv
 .venv/bin/python -m pip install --no-index --no-deps "$here"/wheels/*.whl
 .venv/bin/python -m pip install --no-index --no-deps --no-build-isolation --editable .
-touch .venv/.ready
+touch .venv/.installed .venv/.ready
 """
 
 

@@ -11,7 +11,7 @@ from radiogs_reports.summary import Summary
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra dev)")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-needed = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (make browser)")
+needed = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (make extras)")
 
 DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 OF_SCREENSHOTS = "GPU stall due to ReadPixels"

@@ -32,6 +32,7 @@ def _checked_modules() -> list[str]:
     ]
 
 
+os.environ["RADIOGS_BENCH_OFFLINE"] = "1"  # no test depends on what a network would give it
 install_import_hook(_checked_modules(), "beartype.beartype")
 registered()  # autograd counts the devices once, in a process's first backward pass
 

@@ -293,6 +293,7 @@ def run_and_report(
     from .growing import growing
 
     store.remove_leavings()
+    fetch_weights_of(request, options.json)
     manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
@@ -316,6 +317,18 @@ def run_and_report(
         write_and_show(store, manifest)
         say_other_run(store, manifest)
     return code
+
+
+def fetch_weights_of(request: "Request", as_json: bool) -> None:
+    """Download what LPIPS lacks, if the suite has a column of it; results name the networks that had no weights."""
+    from ..fetching.lpips_weights import fetch_missing
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.metrics.protocols import protocol
+
+    if any(column.measure.startswith("lpips") for column in request.suite.columns):
+        with progress_for_stderr() as progress:
+            nets = [rules.net for rules in protocol(request.protocol).lpips]
+            fetch_missing(nets, lambda line: say_remarks([line], as_json), progress.advance)
 
 
 def write_manifest(request: "Request", store: "Store") -> "Sweep":

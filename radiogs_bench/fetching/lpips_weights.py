@@ -1,12 +1,16 @@
 """Downloads the published LPIPS weights and checks their SHA-256 before they get their file name."""
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from radiogs_core.errors import DataError, unknown
 
+from ..errors import StoreError
 from ..scoring.metrics.conventions import Net
+from ..scoring.metrics.weights import missing_weights, weights_folder
 from ..store.atomic import explained
 from .download import TIMEOUT, download, forget, sha256_of
 
@@ -15,6 +19,15 @@ HEADS = (
     "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
     "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1"
 )
+
+OFFLINE_VARIABLE = "RADIOGS_BENCH_OFFLINE"
+"""Environment variable: where it is set to anything, no command downloads what it was not asked to."""
+
+PATIENCE = 10.0
+"""Seconds without an answer after which weights that nobody asked for are done without."""
+
+MEGABYTES: Mapping[Net, int] = {"alex": 233, "vgg": 528, "squeeze": 5}
+"""What a network's files take, rounded."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +99,24 @@ def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], tim
     finally:
         forget(partial)
     return True
+
+
+def fetch_missing(nets: Iterable[Net], say: Callable[[str], None], advance: Callable[[str, int, int], None]) -> None:
+    """Download the weights that given networks lack, once for this user, if there is a network.
+
+    ``say`` is called with what is fetched and why it could not be; ``advance`` with (name, done, total) bytes. After a
+    failure nothing more is tried.
+    """
+    if os.environ.get(OFFLINE_VARIABLE):
+        return
+    for net in filter(missing_weights, nets):
+        say(f"fetching the weights of LPIPS ({net}), {MEGABYTES[net]} MB, into {weights_folder()}")
+        try:
+            for source in sources([net]):
+                fetch(source, weights_folder(), partial(advance, source.name), PATIENCE)
+        except (DataError, StoreError) as error:
+            say(f"they could not be fetched: {error.what}")
+            return
 
 
 def _by_hand(source: Source, folder: Path) -> str:

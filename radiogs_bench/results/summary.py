@@ -14,6 +14,7 @@ from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
     ColumnSummary,
+    Doubt,
     Interval,
     ModesSummary,
     PlanSummary,
@@ -31,6 +32,7 @@ from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, relighting_of
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
+from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.suite import Metric
@@ -79,6 +81,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     )
     for column in made["columns"]:
         fill_column(made, column, cells, sweep)
+    leave_out_without_weights(made)
     if relighting := relighting_modes(sweep, [result for _, result in finished]):
         made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
@@ -164,6 +167,18 @@ def fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sw
         cell["rank"] = places.get(row)
         made["cells"][row][key] = cell
     column["smallest"] = smallest_difference(compared)
+
+
+def leave_out_without_weights(made: Summary) -> None:
+    """Take out the columns that no row has a value of because LPIPS lacks its weights, and say so in a remark."""
+    for column in list(made["columns"]):
+        cells = [made["cells"][row["key"]][column["key"]] for row in made["rows"]]
+        reasons = [cell["reason"] or "" for cell in cells]
+        reason = next((each for each in reasons if each.startswith(NO_WEIGHTS)), None)
+        if reason is not None and all(cell["mean"] is None for cell in cells):
+            made["columns"].remove(column)
+            text = f"{column['label']} is left out: {reason}."
+            made["doubts"].append(Doubt(column="", rows=[], text=text))
 
 
 def cell_summary(values: Sample, reason: str | None, difference: Interval | None) -> CellSummary:

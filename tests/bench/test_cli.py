@@ -123,7 +123,7 @@ def test_help_and_names_come_without_importing_what_is_slow(command: list[str]) 
         f"    main({command})\n"
         "except SystemExit as left:\n"
         "    assert left.code == 0\n"
-        "slow = {'torch', 'warp', 'scipy', 'rich', 'numpy', 'matplotlib', 'cv2'} & sys.modules.keys()\n"
+        "slow = {'torch', 'warp', 'scipy', 'rich', 'numpy', 'matplotlib', 'cv2', 'pyvista'} & sys.modules.keys()\n"
         "sys.exit(str(slow) if slow else 0)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -33,9 +33,7 @@ CELLS = [cell for _, cell in asked(3).cells()]
 CELL_SECONDS = 0.5
 """Long enough for a machine to be lost while it works on one."""
 
-needs_ray = pytest.mark.skipif(
-    importlib.util.find_spec("ray") is None, reason="Ray is not installed (pip install 'radiogs-bench[cluster]')"
-)
+needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed (make extras)")
 
 
 def slow(bench: Bench, cell: Cell, scene: Scene) -> None:

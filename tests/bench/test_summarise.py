@@ -1,14 +1,18 @@
 """The summary's figures are the stored ones: means, paired differences, and reasons for what is not there."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.results.summary import plan_summary, summarise
-from radiogs_bench.store.schema import values_of
+from radiogs_bench.runs.sweep import CellRef
+from radiogs_bench.scoring.metrics.weights import NO_WEIGHTS, missing_weights
+from radiogs_bench.store.schema import MetricValue, values_of
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
+from radiogs_reports.summary import Summary
 
 REQUEST = asked(3)
 PLACES = [place for place, _ in REQUEST.cells()]
@@ -50,6 +54,28 @@ def test_values_by_two_versions_of_a_protocol_are_not_put_into_one_table(sweep: 
     sweep.store.put_result(stored, {})
     with pytest.raises(DataError, match="are by fake and fake@2"):
         summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+
+
+def test_lpips_that_no_row_has_for_lack_of_weights_is_left_out_with_the_reason(sweep: FakeSweep) -> None:
+    manifest = REQUEST.manifest(PLACES)
+    reason = missing_weights("alex") or f"{NO_WEIGHTS} of alex were not found"
+
+    def stored(value: float | None, places: Sequence[CellRef]) -> Summary:
+        for place in places:
+            result = sweep.store.result(place["key"])
+            if result is not None:
+                result["metrics"]["nvs/lpips"] = MetricValue(value=value, reason=None if value else reason, views=[])
+                sweep.store.put_result(result, {})
+        return summarise(sweep.store, manifest, PUBLISHED, "four scenes")
+
+    without = stored(None, PLACES)
+    assert [column["key"] for column in without["columns"]] == [
+        key for key in manifest["columns"] if "lpips" not in key
+    ]
+    assert f"NVS LPIPS is left out: {reason}." in [doubt["text"] for doubt in without["doubts"]]
+    one_row_has_it = stored(0.1, PLACES[:1])
+    assert [column["key"] for column in one_row_has_it["columns"]] == manifest["columns"]
+    assert not any("left out" in doubt["text"] for doubt in one_row_has_it["doubts"])
 
 
 def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:

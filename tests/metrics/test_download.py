@@ -11,7 +11,7 @@ import pytest
 
 from radiogs_bench.cli import main
 from radiogs_bench.fetching import lpips_weights
-from radiogs_bench.fetching.lpips_weights import SOURCES, Source, fetch
+from radiogs_bench.fetching.lpips_weights import OFFLINE_VARIABLE, SOURCES, Source, fetch, fetch_missing
 from radiogs_bench.scoring.metrics.weights import FILES
 from radiogs_core.errors import DataError
 
@@ -119,6 +119,33 @@ def test_what_is_fetched_is_what_is_looked_for() -> None:
         assert len(features.sha256) == 8
         assert len(head.sha256) == 64
         assert all(source.url.startswith("https://") and source.url.endswith(source.name) for source in sources)
+
+
+@pytest.mark.parametrize(
+    ("path", "offline", "said"),
+    [
+        ("/good", "", ["fetching the weights of LPIPS (alex), 233 MB", "fetching the weights of LPIPS (vgg), 528 MB"]),
+        ("/gone", "", ["fetching the weights of LPIPS (alex)", "they could not be fetched"]),
+        ("/good", "1", []),
+    ],
+)
+def test_a_run_fetches_what_its_networks_lack_until_a_failure_unless_told_not_to(
+    path: str, offline: str, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A failure is said once, and ends it; SqueezeNet is there."""
+    monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv(OFFLINE_VARIABLE, offline)
+    for name in (FILES["squeeze"].features[0], FILES["squeeze"].head[-1]):
+        (tmp_path / name).write_bytes(CONTENT)
+    lines: list[str] = []
+    with serving() as server:
+        files = {net: tuple(Source(f"{server}{path}", each.name, DIGEST) for each in SOURCES[net]) for net in SOURCES}
+        monkeypatch.setattr(lpips_weights, "SOURCES", files)
+        fetch_missing(["squeeze", "alex", "vgg"], lines.append, lambda name, done, total: None)
+    assert [line[: len(begin)] for line, begin in zip(lines, said, strict=True)] == said
+    wanted = [] if offline or path == "/gone" else [each.name for net in ("alex", "vgg") for each in SOURCES[net]]
+    assert sorted(each.name for each in tmp_path.iterdir() if "squeeze" not in each.name) == sorted(wanted)
+    assert len(Answers.asked) == (0 if offline else 1 if path == "/gone" else 4)
 
 
 def test_the_command_fetches_what_is_asked_for_and_says_where(

@@ -22,6 +22,9 @@ UNREADABLE = (
 )  # fmt: skip
 """Errors that torch's restricted unpickler and numpy raise for files that are not archives."""
 
+NO_WEIGHTS = "the published LPIPS weights"
+"""Beginning of the reason why LPIPS has no value."""
+
 DOWNLOAD = "Fetch them:  radiogs-bench datasets weights"
 
 
@@ -53,7 +56,7 @@ def missing_weights(net: Net = "alex") -> str:
     """Why LPIPS with this network cannot be computed; empty if it can. Stored in results, so it names no path."""
     if not lacking(net):
         return ""
-    return f"the published LPIPS weights of {net} were not found; radiogs-bench datasets weights fetches them"
+    return f"{NO_WEIGHTS} of {net} were not found; radiogs-bench datasets weights fetches them"
 
 
 def lacking(net: Net) -> str:
