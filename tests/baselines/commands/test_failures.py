@@ -329,7 +329,7 @@ def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
 
 def test_memory_is_that_of_all_processes(convex: Scene, tmp_path: Path) -> None:
     trained = cell(tmp_path, convex, f"{SECOND}|--habit|take memory").train()
-    peaks = {name: record["peak_bytes"] for name, record in trained.product.items()}
+    peaks = {name: record["peak_bytes"] or 0 for name, record in trained.product.items()}  # None: ended before a sample
     assert peaks["stage-2"] > 200 * 2**20 > peaks["stage-1"]
 
 
