@@ -161,7 +161,7 @@ def run(row: str, scene: str, seed: int, key: str, metrics: dict[str, float | No
         },
         "stages": [{"name": "initialise", "title": "stage 1"}, {"name": "invert", "title": "stage 2"}],
         "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
-        "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},
+        "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 50 * len(row)}},
         "guards": {"invert": {"faint_surfels": 3}},
         "losses": {"invert": {"radiance": 0.125}},
         "trail": trail(),

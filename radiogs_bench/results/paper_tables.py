@@ -39,7 +39,7 @@ MEASURED_APART = {"hours": "", "samples": "N", "change": "change"}
 
 RELIGHT_RAYS = ("relight_hemisphere_samples", "relight_light_samples")
 
-GROUPS = {**TASKS, "training": "Training"}
+GROUPS = {name: task.label for name, task in TASKS.items()}
 
 WHOLE_VIEWS = "100"
 """Ending of the rows of table ``views`` that changes are relative to (percent of the views)."""

@@ -137,7 +137,12 @@ def column_summary(metric: Metric) -> ColumnSummary:
     """A column's heading."""
     measure = MEASURES[metric.measure]
     return ColumnSummary(
-        key=metric.key, label=metric.label, unit=measure.unit, direction=measure.better, decimals=measure.decimals
+        key=metric.key,
+        label=metric.label,
+        unit=measure.unit,
+        direction=measure.better,
+        decimals=measure.decimals,
+        meaning=metric.meaning,
     )
 
 

@@ -24,27 +24,38 @@ from ..methods import (
 from ..scoring.metrics.measures import MEASURES
 from .experiment import TRAINING
 
-TASKS: Mapping[str, str] = {
-    "nvs": "NVS",
-    "normal": "Normal",
-    "albedo": "Albedo",
-    "roughness": "Roughness",
-    "relight": "Relight",
-    "indirect": "Indirect",
-    "render": "Rendering",
-    "prepare": "Preparing a light",
-    "total": "Total",
-    "surfels": "Surfels' own",
-    "direct": "Direct",
-    "depth": "Depth",
-    "environment": "Light",
-    "shape": "Shape",
-    "forward": "Forward",
-    "gradient": "Gradient",
-    "guards": "Guards",
-    "training": "Training",
-    "stage2": "Stage 2",
-    "plan": "Plan",
+
+@dataclass(frozen=True)
+class Task:
+    """What a metric is of."""
+
+    label: str
+    """Beginning of a column's heading."""
+    meaning: str
+    """In words that continue ``Measure.meaning``."""
+
+
+TASKS: Mapping[str, Task] = {
+    "nvs": Task("NVS", "of test views under the training light"),
+    "normal": Task("Normal", "of the normal maps of test views"),
+    "albedo": Task("Albedo", "of the albedo maps of test views"),
+    "roughness": Task("Roughness", "of the roughness maps of test views"),
+    "relight": Task("Relight", "of test views under lights that training did not show"),
+    "indirect": Task("Indirect", "of the light that reaches pixels by way of other surfaces"),
+    "render": Task("Rendering", "of rendering a frame"),
+    "prepare": Task("Preparing a light", "of adapting a model to a new light"),
+    "total": Task("Total", "of the whole image"),
+    "surfels": Task("Surfels' own", "of the surfels' own radiance"),
+    "direct": Task("Direct", "of the light that arrives without a bounce"),
+    "depth": Task("Depth", "of the depth maps of test views"),
+    "environment": Task("Light", "of the recovered environment map"),
+    "shape": Task("Shape", "of the extracted surface"),
+    "forward": Task("Forward", "of values"),
+    "gradient": Task("Gradient", "of gradients"),
+    "guards": Task("Guards", "of the numerical guards"),
+    "training": Task("Training", "of training"),
+    "stage2": Task("Stage 2", "of a step of stage 2"),
+    "plan": Task("Plan", "of the plan of effects"),
 }
 
 
@@ -63,7 +74,12 @@ class Metric:
     @property
     def label(self) -> str:
         """The heading, such as ``NVS PSNR``."""
-        return f"{TASKS[self.task]} {MEASURES[self.measure].label}"
+        return f"{TASKS[self.task].label} {MEASURES[self.measure].label}"
+
+    @property
+    def meaning(self) -> str:
+        """What it is, such as ``peak signal-to-noise ratio of test views under the training light``."""
+        return f"{MEASURES[self.measure].meaning} {TASKS[self.task].meaning}"
 
     @classmethod
     def of(cls, key: str) -> "Metric":

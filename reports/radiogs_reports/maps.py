@@ -78,14 +78,20 @@ class Kind:
     label: str
     shown: Callable[[Image], Image]
     """Its display transform."""
-    error_unit: str = f"mean absolute difference as displayed, 0 to {ERROR_RANGE:g}"
-    """Unit and range of its error map."""
+    error_to: str = "mean absolute difference as displayed, 0 to {}"
+    """Unit of its error map, with the place of the range's end."""
+    error_range: float = ERROR_RANGE
+
+    @property
+    def error_unit(self) -> str:
+        """Unit and range of its error map."""
+        return self.error_to.format(f"{self.error_range:g}")
 
 
 KINDS: Mapping[str, Kind] = {
     "image": Kind("image", as_is),
     "albedo": Kind("albedo (as sRGB)", display),
-    "normal": Kind("normal", normal_colour, f"angle, 0 to {ANGLE_RANGE:g} degrees"),
+    "normal": Kind("normal", normal_colour, "angle, 0 to {} degrees", ANGLE_RANGE),
     "roughness": Kind("roughness", as_is),
     "depth": Kind("depth, near is bright", as_is),
     "indirect": Kind(f"indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),

@@ -69,6 +69,8 @@ class ColumnSummary(TypedDict):
     """Which values are better."""
     decimals: int
     """Printed decimals."""
+    meaning: NotRequired[str]
+    """What the metric is, in words."""
     published_by: NotRequired[str]
     """The protocol of its published values, where it computes this metric by other conventions than the run's."""
     smallest: NotRequired[float | None]

@@ -38,7 +38,7 @@ def test_every_metric_that_evaluation_stores_can_be_a_column(rules: str, scene: 
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight", "environment"}
     for key in stored:
         column = column_summary(Metric.of(key))
-        assert column["label"].startswith(TASKS[Metric.of(key).task])
+        assert column["label"].startswith(TASKS[Metric.of(key).task].label)
         assert column["direction"] in {"up", "down", "zero"}
         assert column["decimals"] >= 0
 

@@ -1,14 +1,16 @@
 """The page's browser of images in headless Chromium: what is chosen is drawn, from inside the page or beside it."""
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from chromium import DESK, Watched, browser, made_up, needed, playwright
 from made_up_run import arrays, run, summary, write_run
-from radiogs_reports.maps import levels
+from radiogs_reports.maps import false_colour, levels
 from radiogs_reports.page import assemble
 from radiogs_reports.page.assemble import write_page
 
@@ -71,6 +73,22 @@ def test_the_canvas_shows_the_chosen_view_map_light_and_rows(opened: Watched) ->
     assert opened.page.locator("#compare-right option").all_text_contents() == ["Ours"]
     assert opened.page.locator("#browse-map").input_value() == "depth"
     assert np.array_equal(pixels(opened, "compare-right-image")[..., :1], arrays(3)["views/2/render/depth"])
+
+
+@pytest.mark.parametrize(("gain", "factor", "until"), [("1", 1, "0.25"), ("4", 4, "0.063"), ("auto", None, None)])
+def test_errors_are_shown_in_false_colours_times_a_gain(
+    gain: str, factor: float | None, until: str | None, opened: Watched
+) -> None:
+    """The screen has the colours of ``maps``; under ``auto`` 99 % of the errors lie within them."""
+    choose(opened, browse_view="2", browse_map="image", compare_right="row ours", error_gain=gain)
+    grey = pixels(opened, "error-image")[..., :1] / 255
+    factor = 1 / np.quantile(grey, 0.99) if factor is None else factor
+    expected = levels(false_colour(np.minimum(factor * grey, 1)))
+    shot = np.array(Image.open(io.BytesIO(opened.page.locator("#error-stage").screenshot())).convert("RGB"))
+    centres = [((np.arange(16) + 0.5) * side / 16).astype(int) for side in shot.shape[:2]]
+    difference = np.abs(shot[np.ix_(*centres)].astype(int) - expected)
+    assert np.quantile(difference, 0.95) <= 8
+    assert said(opened, "error-unit").endswith(f"0 to {until or f'{0.25 / factor:.2g}'}")
 
 
 def test_a_map_without_truth_says_so_and_has_no_error(opened: Watched) -> None:

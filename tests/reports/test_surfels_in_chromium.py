@@ -69,7 +69,9 @@ def test_surfels_are_sorted_and_blended_in_linear_light(with_surfels: Watched) -
     page, canvas = with_surfels.page, with_surfels.page.locator(".turnable").first
     page.locator("#theme").click()  # light
     page.locator("#surfels-head").scroll_into_view_if_needed()
-    assert page.locator("#surfels-said").text_content() == "Surfels: the 62 that cover most of 100."
+    assert (
+        page.locator("#surfels-said").text_content() == "Ours, my_scene, seed 0: the 62 that cover most of 100 surfels."
+    )
     # 0.8 of red (0.5), 0.6 of green in the rest of 0.2, and white paper behind: 0.48, 0.2, 0.08 in sRGB
     assert middle_of(canvas) == pytest.approx([184, 124, 80], abs=2)
     page.locator("#surfels-shown").select_option("normal")  # X is (1, 0.5, 0.5) in display colour

@@ -19,17 +19,21 @@ MOST_COLUMNS = 5
 LEGEND_LINE = 0.17
 """Inches that a line of the legend takes."""
 
+ALIKE = 0.05
+"""Costs that differ by at most this share are alike: a figure against them would show nothing but noise."""
+
 LOGARITHMIC_FROM = 8.0
 """Ratio of the largest to the smallest cost from which the axis is logarithmic."""
 
 
 def cost_figures(summary: Summary) -> list[Sketch]:
-    """A figure for each kind of cost that differs between rows."""
+    """A figure for each kind of cost that differs between rows by more than ``ALIKE``."""
     made = []
     for cost in COSTS:
         panels = [(column, points(summary, column, cost)) for column in summary["columns"]]
         panels = [(column, found) for column, found in panels if found]
-        if len({point.cost for _, found in panels for point in found}) > 1:
+        spent = [point.cost for _, found in panels for point in found]
+        if spent and max(spent) > (1 + ALIKE) * min(spent):
             made.append(_figure(summary, cost, panels))
     return made
 

@@ -27,7 +27,7 @@ from ..tables.longer_run import HEADING, longer_reports
 from ..tables.model import Table
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
-from .pictures import BUDGET, FOLDER, KIND, Album, album, scale_bar
+from .pictures import BUDGET, FOLDER, KIND, Album, album, filter_tables, scale_bar
 from .sheets import encoded
 from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, means_table, paper_tables
@@ -146,6 +146,7 @@ def page(
             selectable=selectable(summary),
             by_view=any(run.get("by_view") for run in summary["runs"]),
             costs=COSTS,
+            filter_tables=filter_tables(),
             scale_bar=data_address(encoded(maps.levels(scale_bar())), "webp"),
             pictures=pictures,
             surfels=surfels or {},
@@ -183,7 +184,12 @@ def data(summary: Summary, means: Table, pictures: Album) -> dict[str, Any]:
         "kinds": summary.get("kinds", {}),
         "runs": [{**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}} for run in summary["runs"]],
         "maps": {
-            name: {"label": kind.label, "unit": kind.error_unit, "metric": METRICS_OF.get(name.partition("/")[0])}
+            name: {
+                "label": kind.label,
+                "unit": kind.error_to,
+                "range": kind.error_range,
+                "metric": METRICS_OF.get(name.partition("/")[0]),
+            }
             for name in pictures.maps
             for kind in [maps.kind_of(name)]
         },

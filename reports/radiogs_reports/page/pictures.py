@@ -20,6 +20,9 @@ from .sheets import Binder, Levels, encoded, name_of
 BUDGET = 20 * 2**20
 """Bytes of the pictures within a page, as text."""
 
+SHOWN_BY_AUTO = 0.99
+"""Share of the pixels whose error lies within the range of colours under the gain ``auto``."""
+
 LEGIBLE = 32
 """Smallest width and height in pixels; if pictures of that size exceed the budget, some cells have none."""
 
@@ -169,13 +172,13 @@ def chosen(run: RunSummary, most: int | None) -> Callable[[int], bool]:
 
 
 def add(binders: dict[str, Binder], pair: Pair, factor: int) -> None:
-    """Add the pictures of a map of a view; the error only where there is a truth."""
+    """Add the pictures of a map of a view; the error only where there is a truth, in grey: the page colours it."""
     kind = maps.kind_of(pair.name)
     binders["mine"].add(pair.view, reduced_by(factor, kind.shown(pair.mine)))
     if pair.theirs is not None:
         binders["truth"].add(pair.view, reduced_by(factor, kind.shown(pair.theirs)))
-        error = maps.error(pair.name, pair.mine, pair.theirs)
-        binders["error"].add(pair.view, maps.false_colour(reduced_by(factor, error)))
+        error = reduced_by(factor, maps.error(pair.name, pair.mine, pair.theirs))
+        binders["error"].add(pair.view, error.repeat(3, -1), float(np.quantile(error, SHOWN_BY_AUTO)))
 
 
 def _smaller_side(run: RunSummary, out: Path) -> int:
@@ -194,6 +197,11 @@ def reduced_by(factor: int, image: maps.Image) -> maps.Image:
 def scale_bar() -> maps.Image:
     """The false colours, 0 on the left to 1 on the right."""
     return maps.false_colour(np.linspace(0, 1, 256)[None, :, None])
+
+
+def filter_tables() -> list[str]:
+    """Red, green and blue of the false colours, 0 to 1, as tables of an SVG filter."""
+    return [" ".join(f"{level / 255:.4g}" for level in channel) for channel in maps.levels(scale_bar())[0].T]
 
 
 def pairs(run: RunSummary, out: Path) -> Iterator[Pair]:

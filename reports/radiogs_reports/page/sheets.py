@@ -24,26 +24,27 @@ class Binder:
 
     def __init__(self, keep: Callable[[Levels], str]) -> None:
         self._keep = keep
-        self._waiting: list[tuple[int, Levels]] = []
+        self._waiting: list[tuple[int, Levels, float | None]] = []
         self._sheets: list[dict[str, Any]] = []
 
-    def add(self, view: int, picture: maps.Image) -> None:
-        """Add the picture of a view, in display colours."""
+    def add(self, view: int, picture: maps.Image, top: float | None = None) -> None:
+        """Add the picture of a view, in display colours. ``top``: of an error, below which nearly all pixels lie."""
         levels = maps.levels(picture)
         height, width = levels.shape[:2]
         room = max(1, LARGEST // width) * max(1, LARGEST // height)
         if self._waiting and (self._waiting[0][1].shape != levels.shape or len(self._waiting) >= room):
             self._bind()
-        self._waiting.append((view, levels))
+        self._waiting.append((view, levels, top))
 
     def bound(self) -> list[dict[str, Any]]:
-        """All sheets: their ``name``, their ``views`` row by row, how many ``columns``, and a picture's size."""
+        """All sheets: ``name``, ``views`` row by row, how many ``columns``, size of a picture, ``tops`` of errors."""
         if self._waiting:
             self._bind()
         return self._sheets
 
     def _bind(self) -> None:
-        views, pictures = [view for view, _ in self._waiting], [levels for _, levels in self._waiting]
+        views, pictures = [view for view, _, _ in self._waiting], [levels for _, levels, _ in self._waiting]
+        tops = [round(top, 4) for _, _, top in self._waiting if top is not None]
         height, width = pictures[0].shape[:2]
         columns = min(max(1, LARGEST // width), math.ceil(math.sqrt(len(pictures))))
         sheet = np.zeros((math.ceil(len(pictures) / columns) * height, columns * width, 3), np.uint8)
@@ -52,6 +53,7 @@ class Binder:
             sheet[down : down + height, across : across + width] = levels
         self._sheets.append(
             {"name": self._keep(sheet), "views": views, "columns": columns, "width": width, "height": height}
+            | ({"tops": tops} if tops else {})
         )
         self._waiting = []
 

@@ -29,6 +29,8 @@ class Column:
     """The protocol of its published values, where its conventions are others than the run's; else empty."""
     smallest: float | None = None
     """The smallest difference that it could have shown (``analysis.power``); None where none has an interval."""
+    meaning: str = ""
+    """What the metric is, in words."""
     numeric: bool = True
     """Whether it sorts by number and is aligned right."""
 

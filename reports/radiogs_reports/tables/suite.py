@@ -51,6 +51,7 @@ def metric_columns(columns: Sequence[ColumnSummary]) -> list[Column]:
             key=each["key"],
             published_by=each.get("published_by", ""),
             smallest=each.get("smallest"),
+            meaning=each.get("meaning", ""),
         )
         for each in columns
     ]

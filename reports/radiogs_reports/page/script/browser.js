@@ -4,7 +4,7 @@ const browser = (() => {
   const found = (name) => document.getElementById(name);
   if (!found("images")) return null; // no cell keeps pictures, or none is finished
   const [sceneSelect, seedSelect, viewSelect, mapSelect] = ["browse-scene", "browse-seed", "browse-view", "browse-map"].map(found);
-  const [leftSelect, rightSelect, slider] = ["compare-left", "compare-right", "compare-slider"].map(found);
+  const [leftSelect, rightSelect, slider, gainSelect] = ["compare-left", "compare-right", "compare-slider", "error-gain"].map(found);
   const [stage, errorStage] = ["compare-stage", "error-stage"].map(found);
   const [leftImage, rightImage, errorImage] = ["compare-left-image", "compare-right-image", "error-image"].map(found);
   const selects = { scene: sceneSelect, seed: seedSelect, map: mapSelect, view: viewSelect, left: leftSelect, right: rightSelect };
@@ -44,11 +44,17 @@ const browser = (() => {
     for (const select of [sceneSelect, seedSelect]) select.parentElement.hidden = select.options.length < 2;
   }
 
+  function gainOf(run) { // what the errors are multiplied by before they are coloured
+    if (gainSelect.value !== "auto") return Number(gainSelect.value);
+    const sheet = sheets.sizeOf(run.key, map(), "error", view());
+    return sheet ? 1 / Math.max(sheet.tops[sheet.views.indexOf(view())], 1 / 255) : 1;
+  }
+
   function show() {
     const [mine, left] = [right(), leftSelect.value];
     const other = left === TRUTH ? mine : ofRow(left);
     const side = left === TRUTH ? "truth" : "mine";
-    const { label, unit } = data.maps[map()];
+    const { label, unit, range } = data.maps[map()];
     const leftName = left === TRUTH ? "ground truth" : texts[other.row];
     const there = sheets.sizeOf(other.key, map(), side, view()) !== undefined;
     const known = sheets.sizeOf(mine.key, map(), "error", view()) !== undefined;
@@ -57,7 +63,9 @@ const browser = (() => {
     sheets.draw(leftImage, other.key, map(), side, view(), `${label}, ${leftName}, ${viewName(view())}`);
     sheets.draw(errorImage, mine.key, map(), "error", view(), `error of ${label}, ${texts[mine.row]}, ${viewName(view())}`);
     found("error-none").hidden = known;
-    found("error-unit").textContent = unit;
+    const gain = gainOf(mine);
+    for (const each of found("error-slope").children) each.setAttribute("slope", gain);
+    found("error-unit").textContent = unit.replace("{}", String(Number((range / gain).toPrecision(2))));
     found("compare-left-name").textContent = `◀ ${there ? leftName : `n/a: ${left === TRUTH ? "no ground truth for this map" : `${leftName} has no such map`}`}`;
     found("compare-right-name").textContent = `${size ? [texts[mine.row], value(mine)].filter(Boolean).join(", ") : `n/a: ${texts[mine.row]} has no such map`} ▶`;
     const seed = seedSelect.options.length > 1 ? `, seed ${mine.seed}` : "";
@@ -123,6 +131,7 @@ const browser = (() => {
   }
   addEventListener("hashchange", recall);
   slider.addEventListener("input", slide);
+  gainSelect.addEventListener("change", show);
   found("view-before").addEventListener("click", () => step(viewSelect, -1));
   found("view-after").addEventListener("click", () => step(viewSelect, 1));
   document.addEventListener("showcell", (event) => {

@@ -39,6 +39,7 @@
     made.setAttribute("aria-pressed", String(each.chosen));
     const canvas = element("canvas");
     canvas.setAttribute("role", "img");
+    canvas.classList.toggle("error", errors.checked);
     const side = errors.checked ? "error" : each.side;
     const size = sheets.sizeOf(each.run.key, each.map, side, each.view);
     if (size) [canvas.width, canvas.height] = [size.width, size.height];

@@ -248,9 +248,10 @@
     const sizes = [leftSelect, rightSelect].filter((select) => select.value).map((select) => {
       const model = unpack(select.value);
       const text = model.number.toLocaleString("en");
-      return model.number < model.count ? `the ${text} that cover most of ${model.count.toLocaleString("en")}` : text;
+      const count = model.number < model.count ? `the ${text} that cover most of ${model.count.toLocaleString("en")}` : text;
+      return `${select.selectedOptions[0].textContent}: ${count} surfels`;
     });
-    said.textContent = `Surfels: ${sizes.join("; ")}.`;
+    said.textContent = `${sizes.join("; ")}.`;
     repaint();
   }
 
