@@ -1,6 +1,5 @@
 """The results that a gate compares: of the installed sources, and with values of the types that were stored."""
 
-import math
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -140,4 +139,4 @@ def _loaders(layout: str, on_surfaces: bool) -> set[str]:
 
 def is_number(value: object) -> bool:
     """Whether a value read from JSON is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return not mismatch(value, float)

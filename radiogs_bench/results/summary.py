@@ -1,7 +1,7 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import cast
+from typing import Any, TypedDict, cast
 
 from radiogs_baselines.published import published as published_table
 from radiogs_core.contract import Method
@@ -35,6 +35,7 @@ from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
+from ..store.shapes import mismatch
 from ..suites.suite import Metric
 from .doubts import doubts, labels, title_of
 from .paper_tables import interval, paper_tables
@@ -353,10 +354,23 @@ def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -
     }
 
 
+class Evidence(TypedDict):
+    """What a plan's summary takes from the evidence of a probe."""
+
+    tolerance: float
+
+
+class Effects(TypedDict):
+    """What a plan's summary takes from the fact ``effects`` of a model."""
+
+    plan: dict[str, Any]
+    evidence: list[Evidence]
+
+
 def plan_summary(result: Result) -> PlanSummary | None:
     """Which effects were simulated, the predicted bound, and what probing cost; None without a plan."""
     effects = result["facts"].get("effects")
-    if effects is None or not result["stages"]:
+    if effects is None or mismatch(effects, Effects) or not result["stages"]:
         return None
     last = result["stages"][-1]["name"]
     bound = result["metrics"].get("plan/bound")

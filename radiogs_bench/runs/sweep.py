@@ -15,13 +15,14 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..methods import budget_of, default_recipe, mark, settings_of, variant_by_recipe, why_not_given, with_given
 from ..methods import method as find_method
+from ..scoring.metrics.measures import MEASURES
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
-from ..suites.suite import Row, Suite, recipe_of_row, with_numbers
+from ..suites.suite import TASKS, Row, Suite, recipe_of_row, with_numbers
 from .cell import Cell, Work, cell_of
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/3"
@@ -323,6 +324,8 @@ def read_sweep(folder: Path) -> Sweep:
     path = _path(folder)
     try:
         stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__, Sweep))
+        if wrong := next(_contradictions(stored), None):
+            raise Broken(wrong)
     except FileNotFoundError:
         raise DataError(
             f"no run in '{folder}'",
@@ -340,6 +343,21 @@ def read_sweep(folder: Path) -> Sweep:
         for key in (ref["key"], *ref["stages"]):
             plain_name(key, f"a key of {path}")
     return stored
+
+
+def _contradictions(stored: Sweep) -> Iterator[str]:
+    """Places where a manifest of right types does not agree with itself, or names what no table has."""
+    rows = {row["key"] for row in stored["rows"]}
+    if stored["reference"] is not None and stored["reference"] not in rows:
+        yield f"its reference row {stored['reference']!r:.80} is none of its rows"
+    for ref in stored["cells"]:
+        for place, name, known in (("row", ref["row"], rows), ("scene", ref["scene"], stored["scenes"])):
+            if name not in known:
+                yield f"a cell is of {place} {name!r:.80}, which it lacks"
+    for column in stored["columns"]:
+        task, _, measure = column.partition("/")
+        if task not in TASKS or measure not in MEASURES:
+            yield f"its column {column!r:.80} is no metric"
 
 
 def _path(folder: Path) -> Path:

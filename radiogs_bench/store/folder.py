@@ -31,7 +31,7 @@ from .claim import claim, is_held, patient_claim
 from .keys import content_key
 from .names import plain_name
 from .opening import opened
-from .schema import RESULT_SCHEMA, Failure, Result
+from .schema import RESULT_SCHEMA, Failure, Result, contradiction
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
 
@@ -99,7 +99,10 @@ class Store:
         stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")
-        return cast(Result, stored)
+        result = cast(Result, stored)
+        if wrong := contradiction(result):
+            raise Broken(wrong)
+        return result
 
     def check_arrays(self, result: Result) -> None:
         """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""

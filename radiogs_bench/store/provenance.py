@@ -14,14 +14,13 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import psutil
 import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory, workers
 
-from .schema import Machine, Session
+from .schema import GitState, Machine, Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")
@@ -44,7 +43,7 @@ def now() -> str:
 
 
 @cache
-def git_state(folder: Path = Path(__file__).parent) -> dict[str, Any] | None:
+def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
     """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git.
 
     A package installed inside another repository is not tracked by it; that commit would be meaningless.

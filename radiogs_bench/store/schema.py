@@ -7,6 +7,8 @@ describes every key, and what each version changed.
 import math
 from typing import Any, NotRequired, TypedDict
 
+from .shapes import mismatch
+
 RESULT_SCHEMA = "radiogs-bench/result/6"
 
 
@@ -60,13 +62,21 @@ class Machine(TypedDict):
     """Threads of the kernels."""
 
 
+class GitState(TypedDict):
+    """The state of a repository."""
+
+    commit: str
+    dirty: NotRequired[bool]
+    """Whether files differ from the commit."""
+
+
 class Session(TypedDict):
     """A process that contributed to a result; there are several if a run was interrupted and continued."""
 
     date: str
     """UTC, ISO 8601."""
-    git: dict[str, Any] | None
-    """``commit`` and ``dirty`` of the harness's own repository; None where it runs from an installed package."""
+    git: GitState | None
+    """State of the harness's own repository; None where it runs from an installed package."""
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
     machine: Machine
@@ -187,6 +197,25 @@ class Result(TypedDict):
     """SHA-256 of the array file's bytes. The store adds it, and the seal; every stored result has both."""
     seal: NotRequired[str]
     """See ``seal``."""
+
+
+class Conventions(TypedDict):
+    """The conventions of a protocol that reports read by name; there are more."""
+
+    name: str
+    title: NotRequired[str]
+    albedo: NotRequired[dict[str, Any]]
+
+
+def contradiction(result: Result) -> str:
+    """What a result of right types lacks of its protocol or of one of its stages; empty where it lacks nothing."""
+    if wrong := mismatch(result["protocol"], Conventions):
+        return f"protocol: {wrong}"
+    for stage in (each["name"] for each in result["stages"]):
+        for table in ("losses", "trail", "seconds", "parts", "work", "guards", "sessions"):
+            if stage not in result[table]:
+                return f"{table} lacks stage {stage!r:.80}"
+    return ""
 
 
 class Failure(TypedDict):

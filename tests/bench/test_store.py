@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import Claimed, claim
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.keys import content_key
+from radiogs_bench.store.provenance import session
 from radiogs_bench.store.schema import RESULT_SCHEMA, Result
 from radiogs_bench.store.seal import sealed, strict_json
 
@@ -30,8 +32,8 @@ A, B = CELLS
 
 def result(key: str, value: float = 1.0) -> Result:
     return Result(
-        schema=RESULT_SCHEMA, key=key, scene="s", cell=CELLS[key], protocol={}, views=["v"], shown_view="v",
-        shown_light=None,
+        schema=RESULT_SCHEMA, key=key, scene="s", cell=CELLS[key], protocol={"name": "default"}, views=["v"],
+        shown_view="v", shown_light=None,
         metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
         albedo_scale=None,
         facts={"surfels": 1}, maps=[], stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
@@ -68,6 +70,26 @@ def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     (tmp_path / "cells" / f"{A}.json").write_bytes(content)
     assert store.result(A) is None
     assert len(list((tmp_path / "aside").iterdir())) == 2  # the second does not overwrite the first
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"protocol": {}}, "protocol: it lacks 'name'"),
+        ({"protocol": {"name": "default", "albedo": "none"}}, "protocol: albedo is 'none'"),
+        ({"stages": [{"name": "fit", "title": "Fit"}]}, "losses lacks stage 'fit'"),
+        ({"sessions": {"fit": [{**session(CPU), "git": {"dirty": False}}]}}, "sessions.fit[0].git lacks 'commit'"),
+    ],
+)
+def test_a_result_that_lacks_what_it_speaks_of_counts_as_absent(
+    changes: dict[str, Any], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of right types and under a right seal, as a hand or another program leaves it."""
+    store = Store(tmp_path)
+    store.put_result({**result(A), **changes}, ARRAYS)  # type: ignore[typeddict-item]
+    with caplog.at_level(logging.WARNING):
+        assert store.result(A) is None
+    assert says in caplog.text
 
 
 def test_a_result_of_another_schema_is_not_touched(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -55,6 +56,23 @@ def test_the_command_line_is_kept_in_the_summary(tmp_path: Path) -> None:
 def test_a_manifest_that_cannot_be_read_is_explained(content: str, tmp_path: Path) -> None:
     (tmp_path / "sweep.json").write_text(content)
     with pytest.raises(DataError, match="Run the same command again"):
+        read_sweep(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"reference": "our"}, "its reference row 'our' is none of its rows"),
+        ({"rows": []}, "its reference row 'ours' is none of its rows"),
+        ({"rows": [], "reference": None}, "a cell is of row 'ours', which it lacks"),
+        ({"scenes": ["fakes"]}, "a cell is of scene 'fake', which it lacks"),
+        ({"columns": ["nvs/psnr", "nvs"]}, "its column 'nvs' is no metric"),
+    ],
+)
+def test_a_manifest_that_contradicts_itself_is_explained(changes: dict[str, Any], says: str, tmp_path: Path) -> None:
+    manifest = request().manifest([place for place, _ in request().cells()])
+    write_sweep(Store(tmp_path), {**manifest, **changes})  # type: ignore[typeddict-item]
+    with pytest.raises(DataError, match=says):
         read_sweep(tmp_path)
 
 
