@@ -208,13 +208,16 @@ class Conventions(TypedDict):
 
 
 def contradiction(result: Result) -> str:
-    """What a result of right types lacks of its protocol or of one of its stages; empty where it lacks nothing."""
+    """What a result of right types lacks of its protocol, a stage or a session; empty where it lacks nothing."""
     if wrong := mismatch(result["protocol"], Conventions):
         return f"protocol: {wrong}"
     for stage in (each["name"] for each in result["stages"]):
         for table in ("losses", "trail", "seconds", "parts", "work", "guards", "sessions"):
             if stage not in result[table]:
                 return f"{table} lacks stage {stage!r:.80}"
+    for stage, sessions in result["sessions"].items():
+        if not all("host" in session["peak_memory_bytes"] for session in sessions):
+            return f"a session of stage {stage!r:.80} lacks the peak of memory 'host'"
     return ""
 
 

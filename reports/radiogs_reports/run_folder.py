@@ -83,7 +83,7 @@ def write_reports(
     written = []
     for name, text in texts(summary, figures).items():
         written.append(fresh(out / name))
-        written[-1].write_text(text, encoding="utf-8")
+        written[-1].write_text(text, encoding="utf-8", errors="backslashreplace")
     advance(2, PARTS)
     if summary["sheet"] and pictures:
         written.append(write_contact_sheet(summary, out))

@@ -78,6 +78,7 @@ def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
         ({"protocol": {}}, "protocol: it lacks 'name'"),
         ({"protocol": {"name": "default", "albedo": "none"}}, "protocol: albedo is 'none'"),
         ({"stages": [{"name": "fit", "title": "Fit"}]}, "losses lacks stage 'fit'"),
+        ({"sessions": {"fit": [{**session(CPU), "peak_memory_bytes": {}}]}}, "lacks the peak of memory 'host'"),
         ({"sessions": {"fit": [{**session(CPU), "git": {"dirty": False}}]}}, "sessions.fit[0].git lacks 'commit'"),
     ],
 )

@@ -80,7 +80,8 @@ def write_page(
     runs = summary["runs"] if pictures else []
     made = album(runs, out, alone, BUDGET)
     note = run_note(summary) if pictures else f"{run_note(summary)} {WITHOUT_PICTURES}"
-    path.write_text(page(summary, made, embedded, packed_surfels(runs, out), note), encoding="utf-8")
+    text = page(summary, made, embedded, packed_surfels(runs, out), note)
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [path, *made.files.values()]
 
 

@@ -105,5 +105,5 @@ def write_viewer(arrays: dict[str, NDArray], title: str, path: Path) -> Path:
         )
     )
     path = fresh(path)
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")
     return path
