@@ -37,7 +37,7 @@ def killed_at_random(folder: Path, kills: int, processes: int) -> dict[str, Any]
     [
         (8, 1),
         (8, 2),
-        pytest.param(100, 1, marks=pytest.mark.slow),
+        pytest.param(50, 1, marks=pytest.mark.slow),
         pytest.param(100, 2, marks=pytest.mark.slow),
     ],
 )
