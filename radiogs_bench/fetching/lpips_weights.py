@@ -27,7 +27,7 @@ PATIENCE = 10.0
 """Seconds without an answer after which weights that nobody asked for are done without."""
 
 MEGABYTES: Mapping[Net, int] = {"alex": 233, "vgg": 528, "squeeze": 5}
-"""What a network's files take, rounded."""
+"""Size of the files of a network, rounded."""
 
 
 @dataclass(frozen=True)

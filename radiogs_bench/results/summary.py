@@ -355,13 +355,13 @@ def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -
 
 
 class Evidence(TypedDict):
-    """What a plan's summary takes from the evidence of a probe."""
+    """The part of a probe's evidence that the summary of a plan takes."""
 
     tolerance: float
 
 
 class Effects(TypedDict):
-    """What a plan's summary takes from the fact ``effects`` of a model."""
+    """The part of a model's fact ``effects`` that the summary of a plan takes."""
 
     plan: dict[str, Any]
     evidence: list[Evidence]

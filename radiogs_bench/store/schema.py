@@ -208,7 +208,7 @@ class Conventions(TypedDict):
 
 
 def contradiction(result: Result) -> str:
-    """What a result of right types lacks of its protocol, a stage or a session; empty where it lacks nothing."""
+    """The first thing that a result of right types lacks of its protocol, a stage or a session; empty for none."""
     if wrong := mismatch(result["protocol"], Conventions):
         return f"protocol: {wrong}"
     for stage in (each["name"] for each in result["stages"]):

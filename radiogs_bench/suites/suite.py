@@ -27,7 +27,7 @@ from .experiment import TRAINING
 
 @dataclass(frozen=True)
 class Task:
-    """What a metric is of."""
+    """The subject of a metric."""
 
     label: str
     """Beginning of a column's heading."""
@@ -78,7 +78,7 @@ class Metric:
 
     @property
     def meaning(self) -> str:
-        """What it is, such as ``peak signal-to-noise ratio of test views under the training light``."""
+        """Definition, such as ``peak signal-to-noise ratio of test views under the training light``."""
         return f"{MEASURES[self.measure].meaning} {TASKS[self.task].meaning}"
 
     @classmethod

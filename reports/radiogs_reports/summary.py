@@ -70,7 +70,7 @@ class ColumnSummary(TypedDict):
     decimals: int
     """Printed decimals."""
     meaning: NotRequired[str]
-    """What the metric is, in words."""
+    """Definition of the metric, in words."""
     published_by: NotRequired[str]
     """The protocol of its published values, where it computes this metric by other conventions than the run's."""
     smallest: NotRequired[float | None]

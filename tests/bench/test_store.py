@@ -85,7 +85,7 @@ def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
 def test_a_result_that_lacks_what_it_speaks_of_counts_as_absent(
     changes: dict[str, Any], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Of right types and under a right seal, as a hand or another program leaves it."""
+    """Its types and its seal are right, as where a hand or another program wrote it."""
     store = Store(tmp_path)
     store.put_result({**result(A), **changes}, ARRAYS)  # type: ignore[typeddict-item]
     with caplog.at_level(logging.WARNING):

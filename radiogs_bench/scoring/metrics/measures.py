@@ -20,7 +20,7 @@ class Measure:
     decimals: int
     """Decimals in tables."""
     meaning: str
-    """What it is, in words that ``Task.meaning`` continues."""
+    """Definition, in words that ``Task.meaning`` continues."""
     compare: Callable[[Image, Image], float] | None = None
     """Computes it from a prediction and its truth, both [height, width, 3], as the protocol lays them out.
 

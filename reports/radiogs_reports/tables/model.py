@@ -30,7 +30,7 @@ class Column:
     smallest: float | None = None
     """The smallest difference that it could have shown (``analysis.power``); None where none has an interval."""
     meaning: str = ""
-    """What the metric is, in words."""
+    """Definition of the metric, in words."""
     numeric: bool = True
     """Whether it sorts by number and is aligned right."""
 
