@@ -56,6 +56,6 @@ def test_a_point_is_the_mean_cost_and_quality_of_a_row() -> None:
 
 def test_rays_are_counted_over_both_stages_and_unknown_costs_are_no_points() -> None:
     made = summary()
-    assert cost_of(made["runs"][0], "rays") == 1040
+    assert cost_of(made["runs"][0], "rays") == 1200
     assert cost_of(made["runs"][2], "rays") is None
     assert points(made, made["columns"][2], "seconds") == []  # no row has a value
