@@ -323,12 +323,9 @@ def fetch_weights_of(request: "Request", as_json: bool) -> None:
     """Download what LPIPS lacks, if the suite has a column of it; results name the networks that had no weights."""
     from ..fetching.lpips_weights import fetch_missing
     from ..runs.progress import progress_for_stderr
-    from ..scoring.metrics.protocols import protocol
 
-    if any(column.measure.startswith("lpips") for column in request.suite.columns):
-        with progress_for_stderr() as progress:
-            nets = [rules.net for rules in protocol(request.protocol).lpips]
-            fetch_missing(nets, lambda line: say_remarks([line], as_json), progress.advance)
+    with progress_for_stderr() as progress:
+        fetch_missing(request.lpips_networks(), lambda line: say_remarks([line], as_json), progress.advance)
 
 
 def write_manifest(request: "Request", store: "Store") -> "Sweep":

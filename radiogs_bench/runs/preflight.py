@@ -16,7 +16,6 @@ from radiogs_datasets import load_scene
 from ..errors import MethodFailed
 from ..method_calls import calling
 from ..own_values import own_scene
-from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
 from .stages import Bench, begun, close_stage
@@ -61,10 +60,8 @@ def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> Non
     for scene in scenes:
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
     if scenes:
-        if any(column.measure.startswith("lpips") for column in request.suite.columns):
-            for rules in protocol(request.protocol).lpips:
-                if complaint(rules.net):
-                    progress.say(complaint(rules.net))
+        for net in filter(complaint, request.lpips_networks()):
+            progress.say(complaint(net))
         progress.say("compiling kernels (kept for the next run)")
         work = ((bench.method(cell.found_as), cell.variant) for cell in unfinished if cell.stages)
         compile_kernels(load_scene(COMPILED_ON), bench.device, work)

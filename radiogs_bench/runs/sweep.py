@@ -15,7 +15,9 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..methods import budget_of, default_recipe, mark, settings_of, variant_by_recipe, why_not_given, with_given
 from ..methods import method as find_method
+from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.measures import MEASURES
+from ..scoring.metrics.protocols import protocol
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
@@ -129,6 +131,12 @@ class Request:
         refused, seeds = self.refused(), range(self.seeds)
         rows = [row for row in self.suite.rows if row.key not in refused]
         return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in rows]
+
+    def lpips_networks(self) -> list[Net]:
+        """The networks whose LPIPS the suite's columns show under the protocol; none without such a column."""
+        if not any(column.measure.startswith("lpips") for column in self.suite.columns):
+            return []
+        return [rules.net for rules in protocol(self.protocol).lpips]
 
     def refused(self) -> dict[str, str]:
         """Why rows cannot be run, by key. Raises UsageError where nothing is left of a method's ladder."""

@@ -88,6 +88,7 @@ HOLES = {
     "no training": without("cells", OURS, "training"),
     "training in words": put({"invert/loss/distance": ["3"]}, "cells", OURS, "training"),
     "a pace in words": put("3", "cells", OURS, "pace"),
+    "seconds beyond float64": put(10**400, "cells", OURS, "seconds"),
     "no reruns": without("reruns"),
     "reruns without noise": put(1, "reruns"),
     "no sessions": put({"mixed": []}, "machine"),

@@ -143,6 +143,9 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
     assert probed is not None
     assert (probed["bound"], probed["tolerance"]) == (0.03, 0.1)
     assert probed["probing"] == {"seconds": 0.0, "rays": 7}
+    for unlike in ({"plan": {}}, {"plan": {}, "evidence": [{}]}, {"evidence": []}, ["plan"]):
+        result["facts"]["effects"] = unlike
+        assert plan_summary(result) is None, "a fact of that name which holds no plan"
     del result["facts"]["effects"]
     assert plan_summary(result) is None
 
