@@ -41,6 +41,8 @@ def test_every_metric_that_evaluation_stores_can_be_a_column(rules: str, scene: 
         assert column["label"].startswith(TASKS[Metric.of(key).task].label)
         assert column["direction"] in {"up", "down", "zero"}
         assert column["decimals"] >= 0
+        assert column["meaning"].endswith(f" {TASKS[Metric.of(key).task].meaning}")
+        assert column["meaning"].startswith(MEASURES[Metric.of(key).measure].meaning)
 
 
 def test_every_network_of_lpips_has_a_heading_of_its_own() -> None:

@@ -84,6 +84,12 @@ def test_where_zero_is_the_best_values_sort_by_magnitude(tmp_path: Path) -> None
     assert 'aria-label="closer to zero is better"' in text
 
 
+def test_a_heading_says_what_its_metric_is_in_both_tables(tmp_path: Path) -> None:
+    made = summary()
+    made["columns"][0]["meaning"] = "ratio of <peak> & noise"
+    assert page_of(tmp_path, made).count('class="sort" title="ratio of &lt;peak&gt; &amp; noise"') == 2
+
+
 def test_a_resolved_difference_has_a_colour_and_a_rank_in_words(text: str) -> None:
     assert re.search(r'<td class="number worse" title="1 row resolved to be better"[^>]*>30.00<', text)
     assert re.search(r'<td class="number better" title="no rows resolved to be better"[^>]*>7.00<', text)
