@@ -7,7 +7,7 @@ from radiogs_datasets.cameras.lens import PARAMETERS
 WIDTH, HEIGHT, FOCAL = 320, 240, 230.0
 
 
-TOLERANCE = 0.08
+TOLERANCE = 0.09
 """Pixels: OpenCV samples at multiples of 1/32, and the dots are bent by a little."""
 
 

@@ -87,7 +87,7 @@ def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
     along = -(rays @ origin)
     discriminant = along.square() - origin.square().sum() + 1
     inside = discriminant > 0.35
-    point = origin + rays[inside] * (along - discriminant.clamp(min=0).sqrt())[inside, None]
+    point = origin + rays[inside] * (along - discriminant.clamp(min=0).sqrt())[inside][:, None]
     return inside, point, -rays[inside]
 
 
