@@ -15,11 +15,12 @@ from rich.table import Table as RichTable
 
 from radiogs_baselines.published import values_beside
 from radiogs_core.errors import UsageError
+from radiogs_reports.analysis.beside import beside_report, other_run
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.run_folder import write_reports
 from radiogs_reports.statistics import Level
-from radiogs_reports.summary import Summary, protocol_title, read_summary
-from radiogs_reports.tables.caption import preset_and_recipe, published_note
+from radiogs_reports.summary import OtherRun, Summary, protocol_title, read_summary, row_texts
+from radiogs_reports.tables.caption import origin, preset_and_recipe, published_note
 from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
 from radiogs_reports.tables.suite import suite_table
@@ -30,7 +31,7 @@ from ..results.longer_run import records_of
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, state_of
+from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, read_sweep, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
@@ -53,6 +54,8 @@ class Shown:
     """Whether there are figures, images and surfels, which take nearly all of the time."""
     width: int | None = None
     """Characters of a line of the printed table; None: as many as the terminal has."""
+    beside: Path | None = None
+    """Folder of another run, to which this one is compared."""
 
 
 EVERYTHING = Shown()
@@ -69,6 +72,9 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> Non
     say_remarks(table)
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, shown.width)
+    if (compared := beside_report(summary)) is not None:
+        for sentence in compared.sentences:
+            say(sentence)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
 
@@ -110,12 +116,40 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
         summary["left_out"] = left
     if longer := records_of(summary["suite"]):
         summary["longer_runs"] = longer
+    if shown.beside is not None:
+        summary["beside"] = run_beside(summary, shown.beside)
     with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder), damage_explained():
             told = partial(progress.advance, "figures, tables, page")
             written = write_reports(store.folder, shown.alone, told, shown.pictures)
     return summary, [store.folder / "summary.json", *written]
+
+
+def run_beside(summary: Summary, folder: Path) -> OtherRun:
+    """The run in ``folder``, from its stored results, to be compared with another run.
+
+    Raises UsageError for results of another metric protocol, and where the two share no cell.
+    """
+    sweep = read_sweep(folder)
+    other = summarise(Store(folder), sweep, *values_beside(sweep["published"], sweep["columns"]))
+    here, there = protocol_title(summary), protocol_title(other)
+    if here != there:
+        raise UsageError(
+            f"{folder} was scored under metric protocol {there}, this run under {here}",
+            "Their values follow other conventions, so that a difference would not say which run is better.",
+            f"Run one of them again with --protocol {summary['protocol']}, or with the other's version of the harness.",
+        )
+    cells = [
+        {(run["row"], run["scene"], run["seed"]) for run in each["runs"] if run["metrics"]} for each in (summary, other)
+    ]
+    if not cells[0] & cells[1]:
+        raise UsageError(
+            f"{folder} has no finished cell of the same row, scene and seed",
+            f"Its rows are {', '.join(row_texts(other))}, on {', '.join(other['scenes'])}.",
+            "Name a run of the same suite.",
+        )
+    return other_run(other, folder.resolve().name, origin(other))
 
 
 def explanation(table: Table) -> str:

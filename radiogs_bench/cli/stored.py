@@ -38,6 +38,10 @@ def add_to(commands: "Commands") -> None:
         help="Leave out figures, images and surfels: tables and page are there within seconds.",
     )  # fmt: skip
     reporting.add_argument(
+        "--beside", type=Path, metavar="OTHER",
+        help="Compare the run with the one in this folder, cell by cell: on the page, in tables/beside.* and here.",
+    )  # fmt: skip
+    reporting.add_argument(
         "--style", choices=["paper"],
         help="Write OUT/paper.tex alone: the table as a paper prints it, without differences and remarks.",
     )  # fmt: skip
@@ -95,7 +99,7 @@ def report(options: argparse.Namespace) -> int:
         return report_for_paper(options)
     if options.columns:
         raise UsageError("--columns goes with --style paper", "", "Leave it out; tables of a run have all columns.")
-    shown = Shown(options.self_contained, options.scenes, options.pictures, options.width)
+    shown = Shown(options.self_contained, options.scenes, options.pictures, options.width, options.beside)
     write_and_show(Store(options.out), read_sweep(options.out), shown)
     return 0
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .analysis.audit import audit_report
+from .analysis.beside import beside_report
 from .analysis.chain import chain_report
 from .analysis.cost import cost_report
 from .analysis.ladder import ladder_report
@@ -33,6 +34,7 @@ from .tables.suite import suite_table
 from .write.analyses import (
     Findings,
     audit_csv,
+    beside_csv,
     chain_csv,
     cost_csv,
     cost_latex,
@@ -154,7 +156,7 @@ def _tables(summary: Summary) -> dict[str, str]:
 def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
     """Title, findings and CSV of every analysis that the run allows, by file name."""
     audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
-    chain, settling = chain_report(summary), settling_report(summary)
+    chain, settling, beside = chain_report(summary), settling_report(summary), beside_report(summary)
     found: dict[str, tuple[str, Findings, str]] = {}
     if audit is not None:
         found["audit"] = "the audit of plans", audit, audit_csv(audit)
@@ -164,6 +166,8 @@ def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
         found["chain"] = "what each step is worth", chain, chain_csv(chain)
     if order is not None:
         found["published_order"] = "measured and published order", order, order_csv(order)
+    if beside is not None:
+        found["beside"] = "this run beside another", beside, beside_csv(beside)
     if settling is not None:
         found["settling"] = "time to quality", settling, settling_csv(summary)
     return found

@@ -310,6 +310,31 @@ class LongerRun(RunTable):
     """By row, then column."""
 
 
+class OtherValues(TypedDict):
+    """The values of one cell of another run."""
+
+    row: str
+    scene: str
+    seed: int
+    checksum: str
+    """Digest of the scene as it was opened."""
+    metrics: dict[str, float | None]
+
+
+class OtherRun(TypedDict):
+    """Another run of the same rows, to be compared with a run value by value."""
+
+    name: str
+    """The name of its folder."""
+    origin: dict[str, str]
+    """As in ``LongerRun``."""
+    protocol: str
+    """Its ``protocol_title``."""
+    settings: dict[str, dict[str, Any]]
+    """Method, variant and budget by row, then dotted name."""
+    values: list[OtherValues]
+
+
 class Summary(RunTable):
     """The whole run."""
 
@@ -338,6 +363,8 @@ class Summary(RunTable):
     """The words of the command line after the program's name; absent where there was none."""
     longer_runs: NotRequired[list[LongerRun]]
     """Record of longer runs of the suite, to be shown beside this one; absent where the project has none."""
+    beside: NotRequired[OtherRun]
+    """The run that this one is compared with; absent unless one was named."""
     left_out: NotRequired[list[str]]
     """Scenes of the run that the summary leaves out, such as those whose cells are still to come; absent without any.
     """

@@ -275,6 +275,29 @@ def test_a_second_run_begins_no_cell_and_shows_the_same_table(
     assert main(["report", str(tmp_path), "--columns", "nvs/psnr"]) == 2
 
 
+def test_a_run_is_compared_with_another_of_the_same_protocol_and_rows(
+    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run()
+    report = ["report", str(tmp_path), "--no-pictures"]
+    before = shutil.copytree(tmp_path, tmp_path.with_name("before"))
+    assert main([*report, "--beside", str(before)]) == 0
+    said = capsys.readouterr().out
+    assert "Other run: before (" in said
+    assert "equal to the last bit: NVS PSNR" in said
+    assert "equal" in (tmp_path / "tables" / "beside.md").read_text()
+    assert main([*report, "--beside", str(tmp_path / "missing")]) == 3
+    other = tmp_path.with_name("other")
+    assert run("--rows", "no-rad", "--protocol", "radiogs", "--out", str(other)) == 0
+    assert main([*report, "--beside", str(other)]) == 2
+    assert "under metric protocol radiogs" in capsys.readouterr().err
+    shutil.rmtree(before / "cells")
+    assert main([*report, "--beside", str(before)]) == 2
+    assert "no finished cell of the same row" in capsys.readouterr().err
+    assert main(report) == 0
+    assert not (tmp_path / "tables" / "beside.md").exists()
+
+
 def keys_planned(capsys: pytest.CaptureFixture[str], *how: str) -> set[str]:
     capsys.readouterr()
     arguments = ["run", "ablations", "--scenes", "convex", "--preset", "smoke", "--dry-run", "--json"]

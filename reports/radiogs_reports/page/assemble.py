@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from .. import maps
 from ..analysis.audit import audit_report
+from ..analysis.beside import beside_report
 from ..analysis.chain import chain_report
 from ..analysis.cost import cost_report
 from ..analysis.ladder import ladder_report
@@ -103,6 +104,7 @@ class Analysis(NamedTuple):
 def _analyses(summary: Summary) -> Iterator[Analysis]:
     """The analyses that the run allows."""
     for name, link, heading, report in (
+        ("beside", "Other run", "This run beside another", beside_report(summary)),
         ("settling", "Time to quality", "Time to quality", settling_report(summary)),
         ("audit", "Audit", "What was left out, and what it cost", audit_report(summary)),
         ("chain", "Steps", "What each step is worth", chain_report(summary)),

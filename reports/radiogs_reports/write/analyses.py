@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import Protocol
 
 from ..analysis.audit import AuditReport
+from ..analysis.beside import BesideReport
 from ..analysis.chain import ChainReport
 from ..analysis.cost import CostReport
 from ..analysis.cost_knobs import doublings, steps
@@ -147,6 +148,18 @@ def chain_csv(report: ChainReport) -> str:
         for worth in report.worth
         for before, row in pairwise(report.rows)
     ]
+    return csv_of(records)
+
+
+def beside_csv(report: BesideReport) -> str:
+    """One record per row and metric: both means, the difference with the ends of its interval, and the verdict."""
+    records: list[dict[str, object]] = []
+    for each in report.values:
+        named: dict[str, object] = {"row": each.row, "metric": each.column["key"]}
+        estimates = {"there": each.there, "here": each.here, "difference": each.difference}
+        for name, estimate in estimates.items():
+            named |= estimate_fields(name, estimate)
+        records.append(named | {"verdict": each.verdict, "equal": each.equal})
     return csv_of(records)
 
 

@@ -1,0 +1,204 @@
+"""This run beside another one of the same rows: what differs in settings, and whether values differ.
+
+The other run is stored in the summary as ``OtherRun``, so that reports are made from the summary alone.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
+from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
+from ..wording import count_of, heading, plus_minus, signed
+from .comparisons import ERROR_RATE, holm, upwards
+from .grid import Grid, Item, estimate_item, name_item, plain_item
+from .samples import flat, made_from, runs_of, values_of
+
+MOST_CHANGES = 8
+"""Settings of a row that are named; more are counted."""
+
+ABSENT = "no setting"
+
+
+class Beside(NamedTuple):
+    """A value of a row in both runs."""
+
+    row: str
+    column: ColumnSummary
+    there: Estimate | None
+    """Mean over the scenes and seeds that both have, in the other run."""
+    here: Estimate | None
+    difference: Estimate
+    """This run minus the other, paired by scene and seed."""
+    verdict: Verdict | None
+    """Whether this run is resolved to be better: paired t tests with Holm's correction over the rows of the column."""
+    equal: bool
+    """Whether all pairs are equal to the last bit."""
+
+
+class BesideReport(NamedTuple):
+    """All values that both runs have, the sentences about them, and the grid that shows them."""
+
+    values: list[Beside]
+    sentences: list[str]
+    grid: Grid
+
+
+def other_run(other: Summary, name: str, origin: Mapping[str, str]) -> OtherRun:
+    """The part of another run's summary that a comparison needs.
+
+    ``name``: of its folder. ``origin``: its dates, commits and command by heading.
+    """
+    return OtherRun(
+        name=name,
+        origin=dict(origin),
+        protocol=protocol_title(other),
+        settings={row["key"]: _settings(other, row["key"]) for row in other["rows"]},
+        values=[
+            {
+                "row": run["row"],
+                "scene": run["scene"],
+                "seed": run["seed"],
+                "checksum": run["made_from"].get("checksum", ""),
+                "metrics": run["metrics"],
+            }
+            for run in other["runs"]
+            if run["metrics"]
+        ],
+    )
+
+
+def beside_report(summary: Summary) -> BesideReport | None:
+    """The comparison with the other run of the summary; None without one."""
+    other = summary.get("beside")
+    if other is None:
+        return None
+    values = [each for column in summary["columns"] for each in _column(summary, other, column)]
+    sentences = [_about(other), *_paired(summary, other), *_in_words(summary, values), *_changes(summary, other)]
+    return BesideReport(values, sentences, _grid(summary, other, values))
+
+
+def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
+    """The rows of a column that share a scene and seed with the other run."""
+    here, there, differences, gains = {}, {}, {}, {}
+    for row in row_texts(summary):
+        one, two = _shared(summary, other, row, column["key"])
+        difference = paired_difference(one, two)
+        if difference is not None:
+            here[row], there[row], differences[row] = one, two, difference
+            gains[row] = _gain(one, two, column)
+    p_values = {row: gain.p_value for row, gain in gains.items() if gain is not None and gain.p_value is not None}
+    adjusted = holm(p_values)
+    for row, difference in differences.items():
+        gain = gains[row]
+        verdict: Verdict | None = None
+        if gain is not None and adjusted.get(row, 1.0) <= ERROR_RATE:
+            verdict = "better" if gain.mean > 0 else "worse"
+        yield Beside(
+            row, column, mean_of(there[row]), mean_of(here[row]), difference, verdict, here[row] == there[row]
+        )  # fmt: skip
+
+
+def _gain(here: Sample, there: Sample, column: ColumnSummary) -> Estimate | None:
+    return paired_difference(upwards(here, column["direction"]), upwards(there, column["direction"]))
+
+
+def _shared(summary: Summary, other: OtherRun, row: str, column: str) -> tuple[Sample, Sample]:
+    """Values of a row in this run and in the other, at the scenes and seeds that both have with the same files."""
+    here, runs = values_of(summary, row, column), runs_of(summary, row)
+    places = {(at.scene, at.seed, runs[at]["made_from"].get("checksum", "")): at for at in here}
+    there: dict[Origin, float] = {}
+    for each in other["values"]:
+        place = places.get((each["scene"], each["seed"], each["checksum"])) if each["row"] == row else None
+        value = each["metrics"].get(column)
+        if place is not None and value is not None:
+            there[place] = value
+    return {place: here[place] for place in there}, there
+
+
+def _about(other: OtherRun) -> str:
+    known = ", ".join(f"{name.lower()} {text}" for name, text in other["origin"].items())
+    return f"Other run: {other['name']} ({known})."
+
+
+def _paired(summary: Summary, other: OtherRun) -> Iterator[str]:
+    """How many cells have a counterpart, and which scenes have other files there."""
+    here = {(run["row"], run["scene"], run["seed"]): run for run in summary["runs"] if run["metrics"]}
+    there = {(each["row"], each["scene"], each["seed"]): each for each in other["values"]}
+    both = here.keys() & there.keys()
+    yield (
+        f"{count_of(len(both), 'cell')} of both; {len(here) - len(both)} of this run alone, {len(there) - len(both)} of"
+        " the other alone."
+    )
+    odd = {at[1] for at in both if here[at]["made_from"].get("checksum", "") != there[at]["checksum"]}
+    if odd:
+        yield f"Not compared, because its files or how it was opened differ: {', '.join(sorted(odd))}."
+
+
+def _in_words(summary: Summary, values: list[Beside]) -> Iterator[str]:
+    """For each row the columns in which it is better, worse, equal, and not told apart."""
+    for row, text in row_texts(summary).items():
+        own = [each for each in values if each.row == row]
+        said = [
+            f"{verdict}: {', '.join(_measured(each) for each in own if each.verdict == verdict)}"
+            for verdict in ("better", "worse")
+            if any(each.verdict == verdict for each in own)
+        ]
+        equal = [each.column["label"] for each in own if each.equal]
+        unlike = [_measured(each) for each in own if not each.equal and each.verdict is None]
+        if equal:
+            said.append(f"equal to the last bit: {', '.join(equal)}")
+        if unlike:
+            said.append(f"not resolved: {', '.join(unlike)}")
+        if said:
+            yield f"{text}: {'; '.join(said)}."
+
+
+def _measured(each: Beside) -> str:
+    decimals = each.column["decimals"]
+    shown = plus_minus(signed(each.difference.mean, decimals), each.difference.half_width, decimals)
+    return f"{each.column['label']} {shown}"
+
+
+def _changes(summary: Summary, other: OtherRun) -> Iterator[str]:
+    """The settings that differ, row by row."""
+    for row, text in row_texts(summary).items():
+        if row in other["settings"]:
+            here, there = _settings(summary, row), other["settings"][row]
+            if here and there:
+                names = sorted(name for name in here.keys() | there.keys() if here.get(name) != there.get(name))
+                said = [f"{name} {there.get(name, ABSENT)} there, {here.get(name, ABSENT)} here" for name in names]
+                more = len(said) - MOST_CHANGES
+                tail = [f"and {count_of(more, 'other')}"] if more > 0 else []
+                if said:
+                    yield f"{text}, settings: {'; '.join([*said[:MOST_CHANGES], *tail])}."
+
+
+def _settings(summary: Summary, row: str) -> dict[str, Any]:
+    """Method, variant and budget of a row by dotted name; empty without a finished cell."""
+    content: Mapping[str, Any] = made_from(summary, row) or {}
+    return flat({name: content[name] for name in ("method", "variant", "budget") if name in content})
+
+
+def _grid(summary: Summary, other: OtherRun, values: list[Beside]) -> Grid:
+    texts = row_texts(summary)
+    rows: list[list[Item]] = []
+    for each in values:
+        decimals = each.column["decimals"]
+        found = "equal" if each.equal else each.verdict or "not resolved"
+        rows.append(
+            [
+                name_item(texts[each.row]),
+                name_item(heading(each.column)),
+                plain_item(each.there, decimals),
+                plain_item(each.here, decimals),
+                estimate_item(each.difference, decimals),
+                name_item(found),
+            ]
+        )
+    note = (
+        "Means over the scenes and seeds that both runs have. Difference: this run minus the other, paired by scene and"
+        " seed; ± is the half-width of the 95 % t interval, and without it there is only one unit to compare. Better,"
+        " or worse: paired t tests with Holm's correction over the rows of a metric."
+    )
+    heads = ["row", "metric", other["name"], "this run", "difference", "this run is"]
+    return Grid("beside", f"This run beside {other['name']}", note, heads, rows)
