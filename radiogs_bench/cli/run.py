@@ -59,7 +59,12 @@ def add_to(commands: "Commands") -> None:
         "--scenes", type=names, metavar="A,B", help="Run on these scenes, by name or folder (default: the suite's)."
     )
     parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="Run seeds 0 to N-1 (default: 1).")
-    parser.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
+    parser.add_argument(
+        "--as-published", action="store_true",
+        help="Run the published table that the suite reproduces: its scenes from --data, preset paper, its protocol"
+        " and recipe printed, unless other options say otherwise.",
+    )  # fmt: skip
+    parser.add_argument("--preset", help=PRESETS_HELP.format("tiny"))
     parser.add_argument("--protocol", help="Score under this metric protocol (default: the suite's).")
     parser.add_argument("--out", type=Path, metavar="DIR", help="Keep the results in this folder (default: out/SUITE).")
     parser.add_argument(
@@ -72,21 +77,7 @@ def add_to(commands: "Commands") -> None:
     add_set(parser)
     add_scene_options(parser)
     add_device(parser, "Use N CPU threads (default: as many as there are cores; with --engine ray, 1 for each cell).")
-    parser.add_argument(
-        "--engine", choices=ENGINES,
-        help="Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess).",
-    )  # fmt: skip
-    parser.add_argument(
-        "--workers", type=positive, metavar="N", help="Run N cells at a time in a pool that shares the threads."
-    )
-    parser.add_argument(
-        "--ray-address", metavar="HOST:PORT", help="Use this Ray cluster (default: start one on this machine)."
-    )
-    parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--shard", type=part_of, default=(0, 1), metavar="I/N",
-        help="Run part I of N, counted from 0. The parts' stores merge by copying their files together.",
-    )  # fmt: skip
+    add_engine(parser)
     parser.add_argument(
         "--keep-views",
         type=views_kept,
@@ -105,6 +96,25 @@ def add_to(commands: "Commands") -> None:
     )
     parser.add_argument("--json", action="store_true", help="Print events instead of tables, one JSON object a line.")
     add_verbose(parser)
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say where cells run, and which of them."""
+    parser.add_argument(
+        "--engine", choices=ENGINES,
+        help="Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--workers", type=positive, metavar="N", help="Run N cells at a time in a pool that shares the threads."
+    )
+    parser.add_argument(
+        "--ray-address", metavar="HOST:PORT", help="Use this Ray cluster (default: start one on this machine)."
+    )
+    parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--shard", type=part_of, default=(0, 1), metavar="I/N",
+        help="Run part I of N, counted from 0. The parts' stores merge by copying their files together.",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
@@ -128,6 +138,11 @@ def _run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
+    options.preset = options.preset or ("paper" if options.as_published else "tiny")
+    if options.as_published:
+        from ..suites.data_sets import as_published
+
+        chosen = as_published(chosen)
     chosen, remarks = with_overrides(chosen, options)
     engine = choose(options.engine, options.workers, options.ray_address, options.threads)
     if options.dry_run and not options.scenes and (lines := plan_without_data(chosen, options.seeds)):

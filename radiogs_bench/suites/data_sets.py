@@ -3,6 +3,12 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
+from collections.abc import Mapping
+from dataclasses import replace
+
+from radiogs_baselines.published import published
+from radiogs_core.errors import UsageError
+
 from .baselines import PUBLISHED_METHODS, RECOMMENDED
 from .suite import Metric, Row, Suite, knob_rows
 
@@ -91,6 +97,7 @@ MIPNERF360_NG = Suite(
     rows=knob_rows("ng", "N_g", "consistency_surfels", (1024, 2048, 4096, 8192, 16384)),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
+    recipe="printed",
     download=FROM_MIPNERF360,
 )  # fmt: skip
 
@@ -100,10 +107,42 @@ MIPNERF360_NS = Suite(
     title="Cost of a frame of whole rooms over N_s",
     published="mipnerf360-ns",
     reference="ns-64",
-    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64)),
+    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64), {"consistency_surfels": 2048}),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
+    recipe="printed",
     download=FROM_MIPNERF360,
 )
 
 DATA_SET_SUITES = (TENSOIR, SYNTHETIC4RELIGHT, STANFORD_ORB, MIPNERF360_NG, MIPNERF360_NS)
+
+DOWNLOADS: Mapping[str, str] = {
+    "tensoir-ind": (
+        "The README of qbhan/RadioGS-public links to TensoIR_Ind; `datasets blend` renders the like of it from the"
+        " scenes' .blend files (docs/blender.md)."
+    ),
+    **{suite.data_set: suite.download for suite in DATA_SET_SUITES},
+}
+"""Where the data sets come from that tables of the paper are of, by name."""
+
+
+def as_published(suite: Suite) -> Suite:
+    """The suite on the scenes, under the protocol and by the recipe of the table that it reproduces.
+
+    Its preset is ``paper``. Raises UsageError for a suite that reproduces no table.
+    """
+    if suite.published is None:
+        raise UsageError(
+            f"suite '{suite.name}' reproduces no published table",
+            "",
+            "Which suites do: docs/tutorials/paper_on_a_gpu.md",
+        )
+    conditions = published(suite.published).conditions
+    return replace(
+        suite,
+        scenes=conditions.scenes,
+        protocol=conditions.protocol,
+        recipe=suite.recipe or "printed",
+        data_set=conditions.data_set,
+        download=DOWNLOADS[conditions.data_set],
+    )

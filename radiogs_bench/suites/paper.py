@@ -117,9 +117,12 @@ NS = Suite(
     title="Incident rays a surfel, N_s",
     published="ns",
     reference="ns-64",
-    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64, 128)),
-    columns=QUALITY,
+    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64, 128), {"consistency_surfels": 2048}),
+    recipe="printed",
+    columns=(*QUALITY, Metric("nvs", "ms")),
 )
+"""By recipe ``printed`` new views are shaded along the N_s directions that the rows name, as in the paper, and so are
+their milliseconds; ``recommended`` takes four times as many."""
 
 STRATEGIES = Suite(
     name="strategies",
@@ -135,6 +138,16 @@ STRATEGIES = Suite(
     columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
 )
 
+RELIGHT_RAYS = 384
+"""Rays per surfel in preset ``paper`` when a model is relit: 256 over the hemisphere and 128 from the light."""
+TRACED = "<relight_hemisphere_samples+relight_light_samples>"
+
+
+def _relit_along(rays: int) -> dict[str, float]:
+    """The row's factors by which relit frames are shaded along ``rays`` rays a surfel in preset ``paper``."""
+    return dict.fromkeys(("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS)
+
+
 RELIGHT_COST = Suite(
     name="relight-cost",
     title="Relighting: quality and milliseconds a frame",
@@ -144,11 +157,20 @@ RELIGHT_COST = Suite(
         IRGS,
         R3DG,
         SVG_IR,
-        Row("split-sum", "PBR split-sum", "PBR split-sum", {"relighting": "pbr"}),
-        Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),
+        *(
+            Row(
+                key, f"{text}, $N={TRACED}$", f"{text}, N = {TRACED} (paper: 64)", {"relighting": mode},
+                _relit_along(64),
+            )
+            for key, text, mode in (
+                ("split-sum", "PBR split-sum", "pbr"), ("pbr-finetuned", "PBR finetuned", "finetuned")
+            )
+        ),
         Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", {"relighting": "surfels"}),
         *(
-            Row(f"recommended-{key}", f"{text} (recommended)", f"{text} (recommended)", variant, recipe="recommended")
+            Row(
+                f"recommended-{key}", f"{text} (recommended)", f"{text} (recommended)", variant, recipe="recommended"
+            )
             for key, text, variant in (
                 ("split-sum", "PBR split-sum", {"relighting": "pbr"}),
                 ("pbr-finetuned", "PBR finetuned", {"relighting": "finetuned"}),
@@ -166,10 +188,6 @@ RELIGHT_COST = Suite(
     experiment=RELIGHTING,
 )  # fmt: skip
 
-RELIGHT_RAYS = 384
-"""Rays per surfel in preset ``paper`` when a model is relit: 256 over the hemisphere and 128 from the light."""
-TRACED = "<relight_hemisphere_samples+relight_light_samples>"
-
 EFFICIENCY = Suite(
     name="efficiency",
     title="Relighting: milliseconds and memory of a frame",
@@ -180,10 +198,7 @@ EFFICIENCY = Suite(
         *(
             Row(
                 f"traced-{rays}", f"Ray tracing, $N={TRACED}$", f"Ray tracing, N = {TRACED} (paper: {rays})",
-                {},
-                dict.fromkeys(
-                    ("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS
-                ),
+                {}, _relit_along(rays),
             )
             for rays in (64, 128, 256)
         ),

@@ -6,10 +6,12 @@ from pathlib import Path
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene, scene_names
+from radiogs_datasets.data_root import data_root, in_data_sets
 from radiogs_datasets.layouts.inspection import shown
 from radiogs_datasets.options import AS_STORED, SceneOptions
 from radiogs_datasets.registry import located
 
+from .data_sets import DOWNLOADS
 from .suite import Suite
 
 
@@ -39,10 +41,19 @@ def absent_scenes(suite: Suite) -> list[str]:
 
 
 def _place(suite: Suite, name: str) -> str | None:
-    """A folder here, else the scene of the suite's data set, else one of that name; None where there is none."""
-    in_set = f"{suite.data_set}/{name}"
-    tried = (name, in_set) if Path(name).is_dir() else (in_set, name)
-    return next((each for each in tried if located(each) is not None), None)
+    """A folder here, else the scene of the suite's data set in the root of data, else the only one of that name in a
+    folder that is no other data set's; None where there is none."""
+    in_set, root = f"{suite.data_set}/{name}", data_root()
+    if Path(name).is_dir():
+        return name
+    if located(in_set) is not None:
+        return in_set
+    if root is None:
+        return None
+    others = DOWNLOADS.keys() - {suite.data_set}  # several data sets have a scene called hotdog
+    found = [root / name, *(each for each in in_data_sets(root, name) if each.parent.name not in others)]
+    there = [str(each) for each in found if each.is_dir()]
+    return there[0] if len(there) == 1 else None
 
 
 def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:

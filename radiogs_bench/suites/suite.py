@@ -309,10 +309,13 @@ PAPER_BUDGET: Mapping[str, int] = {"consistency_surfels": 4096, "incident_sample
 """N_g and N_s of preset ``paper``."""
 
 
-def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[Row, ...]:
+def knob_rows(
+    key: str, symbol: str, name: str, values: Sequence[int], held: Mapping[str, int] | None = None
+) -> tuple[Row, ...]:
     """Rows that change one field ``name`` of the budget: to the paper's ``values`` under preset ``paper``.
 
-    Under any other preset a row is the same share of the preset's value; its label says the value that is run.
+    ``held``: the paper's values of fields that are the same in all rows. Under any other preset a row is the same share
+    of the preset's value; its label says the value that is run.
 
     >>> [(row.key, row.budget) for row in knob_rows("ns", "N_s", "incident_samples", (16, 64))]
     [('ns-16', {'incident_samples': 0.25}), ('ns-64', {'incident_samples': 1.0})]
@@ -320,7 +323,7 @@ def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[
     return tuple(
         Row(
             f"{key}-{paper}", f"${symbol}=<{name}>$", f"{symbol} = <{name}> (paper: {paper})",
-            {}, {name: paper / PAPER_BUDGET[name]},
+            {}, {each: count / PAPER_BUDGET[each] for each, count in {**(held or {}), name: paper}.items()},
         )
         for paper in values
     )  # fmt: skip

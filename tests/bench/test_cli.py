@@ -93,6 +93,26 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
     assert "datasets fetch tensoir --data ROOT" in said
 
 
+def test_a_published_table_is_planned_by_one_command_on_its_own_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    root, scenes = tmp_path / "data", ("armadillo", "ficus", "hotdog", "lego")
+    for data_set in ("tensoir", "tensoir-ind", "synthetic4relight"):  # all have a hotdog
+        (root / data_set).mkdir(parents=True)
+        for name, stands_for in zip(scenes, sorted(CORNER.parent.iterdir()), strict=False):
+            (root / data_set / name).symlink_to(stands_for)
+    asked = ["run", "views", "--as-published", "--data", str(root)]
+    assert main([*asked, "--dry-run", "--json"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    planned = [event["cell"].split()[0] for event in events if event["event"] == "planned"]
+    assert sorted(planned) == sorted(scenes * len(SUITES["views"].rows))
+    shutil.rmtree(root / "tensoir-ind")
+    assert main(asked) == 3
+    assert "needs scenes that are not here: armadillo, ficus, hotdog, lego" in capsys.readouterr().err
+    assert main(["run", "forward-parity", "--as-published"]) == 2
+
+
 def test_a_run_on_a_device_that_is_not_here_is_planned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -25,6 +25,8 @@ class Column:
 class Conditions:
     """The data and protocol of a table's values; the budget is the preset ``paper`` times the factors of a row."""
 
+    data_set: str
+    """Folder of the scenes in a root of data, by which ``datasets fetch`` knows them."""
     layout: str
     """Layout of the scenes."""
     scenes: tuple[str, ...]
@@ -79,7 +81,11 @@ def published(table: str) -> PublishedTable:
     content = tomllib.loads(text, parse_float=str)
     given = content.pop("conditions")
     conditions = Conditions(
-        given["layout"], tuple(given["scenes"]), (given["width"][0], given["width"][1]), given["protocol"]
+        given["data_set"],
+        given["layout"],
+        tuple(given["scenes"]),
+        (given["width"][0], given["width"][1]),
+        given["protocol"],
     )
     columns = {name: Column(**column) for name, column in content.pop("columns").items()}
     rows = content.pop("rows").items()
