@@ -118,3 +118,16 @@ def test_the_committed_documents_are_those_of_the_committed_records() -> None:
     assert [path.stem for path in found] == ["ablations"]
     for path in found:
         assert (DOCUMENTS / f"{path.stem}.md").read_text(encoding="utf-8") == record_document(read_record(path)), path
+
+
+def test_the_readmes_table_has_the_values_of_the_committed_record() -> None:
+    text = (DOCUMENTS.parents[1] / "README.md").read_text(encoding="utf-8")
+    block = text.partition("<!-- from records/ablations.md -->\n")[2].partition("<!-- end of record -->")[0]
+    of_no_rad = {
+        tuple(line.strip("| ").split(" | ")[2:])
+        for line in (DOCUMENTS / "ablations.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("| ablations | \u03bb_rad = 0 |")
+    }
+    _, _, *lines = block.splitlines()
+    assert len(lines) == 4
+    assert {tuple(line.strip("| ").split(" | ")) for line in lines} <= of_no_rad

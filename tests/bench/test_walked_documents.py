@@ -1,4 +1,4 @@
-"""README and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
+"""README, the list of commands and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
 
 Changes to a command are listed here. Commands are not executed that need a network (``datasets fetch``,
 ``datasets weights``) or a cluster; that the command line takes them is tested in tests/ci.
@@ -26,8 +26,11 @@ BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |path/to/method\.toml")
 """A network, a cluster, what `make test` itself is, and a code of somebody's (tests/baselines/commands have one)."""
 
+LISTS = (ROOT / "README.md", ROOT / "docs" / "commands.md")
+"""Documents whose commands do not follow from each other."""
+
 WHOLE_SUITES = re.compile(r"^radiogs-bench run (?!stability)(?!.*--(list|dry-run))")
-"""Commands of the README train for hours: one scene of few pixels, and one seed, have the same path."""
+"""Commands of these lists train for hours: one scene of few pixels, and one seed, have the same path."""
 
 TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--list)")
 
@@ -108,7 +111,7 @@ def run(command: str, folder: Path, environment: dict[str, str]) -> None:
 
 
 def abridged(command: str) -> str:
-    """A command of the README on one small scene with one seed, where it would train many.
+    """A command of a list on one small scene with one seed, where it would train many.
 
     The first of its rows is run, and of `ablations`, whose run later commands read, the last, too.
     """
@@ -128,10 +131,11 @@ def abridged(command: str) -> str:
     return f"{command}{small}" if "--scenes" in command else f"{command} --scenes corner{small}"
 
 
-def test_every_command_of_the_readme_is_executed(walk: Path) -> None:
-    """Models first: other commands of the README take them for granted."""
+def test_every_command_of_the_readme_and_of_the_list_is_executed(walk: Path) -> None:
+    """Models first: other commands take them for granted."""
     environment = environment_of(walk)
-    executed = [command for given in commands(ROOT / "README.md") if (command := prepared(given)) is not None]
+    given = [command for document in LISTS for command in commands(document)]
+    executed = list(dict.fromkeys(command for each in given if (command := prepared(each)) is not None))
     assert len(executed) > 25
     executed.sort(key=lambda command: not re.match(r"radiogs-bench (train|render) ", command))
     for command in executed:
