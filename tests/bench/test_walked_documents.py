@@ -1,4 +1,4 @@
-"""README, the list of commands and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
+"""README, the list of commands and the tutorials are walked through, at preset smoke on small images, in order.
 
 Changes to a command are listed here. Commands are not executed that need a network (``datasets fetch``,
 ``datasets weights``) or a cluster; that the command line takes them is tested in tests/ci.
