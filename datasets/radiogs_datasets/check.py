@@ -116,7 +116,14 @@ def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
 
 
 def _images(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in IMAGES and path.is_file())
+    """The images below a folder but for hidden ones: macOS lays a file ._NAME of its own beside each."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in IMAGES
+        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        and path.is_file()
+    )
 
 
 def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:

@@ -18,6 +18,7 @@ from .options import AS_STORED, SceneOptions
 from .reduction import resized
 from .same_bytes import SameBytes
 from .soundness import few_views_or_pixels, require_names, require_placed, require_shaped
+from .unused import unused_files
 
 FORWARD = Path(__file__).parent / "forward"
 """A few larger views of some miniatures: for comparing images, too few to learn from."""
@@ -165,7 +166,7 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         else:
             _require_none(options, name_or_path)
             scene = load(folder)
-    scene = files.held(scene)
+    scene = files.held(replace(scene, repairs=(*scene.repairs, *unused_files(folder, files.digests))))
     require_names(scene)
     require_shaped(scene)
     require_placed(scene)

@@ -107,7 +107,8 @@ def require_shaped(scene: Scene) -> None:
 def require_names(scene: Scene) -> None:
     """Raise DataError for names of a scene, its views and lights that nothing, or only one of two, is stored under."""
     require_storable(scene.name, "the scene's folder")
-    for names in ([view.name for view in scene.train], [view.name for view in scene.test], list(scene.lights)):
+    train, test = ([view.name for view in views] for views in (scene.train, scene.test))
+    for names in (train, test, list(scene.lights), [name for name in test if name in {*train}] * 2):
         _require_apart(scene, names)
     for view in (*scene.train, *scene.test, *scene.relight):
         require_storable(view.name.replace("/", "_"), "a view")
@@ -118,13 +119,15 @@ def require_names(scene: Scene) -> None:
 def _require_apart(scene: Scene, names: list[str]) -> None:
     stored: dict[str, str] = {}
     for name in names:
-        other = stored.setdefault(name.replace("/", "_"), name)
-        if other != name:
+        if (other := stored.get(name.replace("/", "_"))) is not None:
             raise DataError(
-                f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
+                f"scene '{scene.name}' has two views called '{name}'"
+                if other == name
+                else f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
                 f"The renders of both would be stored as '{name.replace('/', '_')}', one over the other.",
-                "Rename one of them.",
+                "Rename the image of one of them; an ending (.png, .jpg) is no part of a view's name.",
             )
+        stored[name.replace("/", "_")] = name
 
 
 SSIM_WINDOW = 11

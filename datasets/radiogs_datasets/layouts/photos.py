@@ -1,6 +1,6 @@
 """A photo as a view: undistorted when it is read, with the coverage of its alpha and its mask, and its depth."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,11 @@ from ..options import TEST_EVERY
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown
 
-MASK_ENDINGS = (".png", ".jpg", ".jpeg")
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
+"""Endings of images, in small letters."""
+
+MASK_ENDINGS = (*IMAGE_ENDINGS, "_mask.png", "_mask.jpg", "_mask.jpeg")
+"""Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
 
 DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
 
@@ -93,17 +97,17 @@ def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Pat
     """The mask of every image in a folder of masks, by the image's path; empty without a folder.
 
     ``images`` are names below the folder of images, and paths. A mask has the image's name, with another ending or one
-    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``). Raises DataError that names those without one.
+    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``, ``a/b_mask.png``); case does not matter. Raises DataError
+    that names those without one.
     """
     if folder is None:
         return {}
     place, found, missing = Path(folder), {}, []
     if not place.is_dir():
         raise DataError(f"there is no folder of masks '{folder}'", "", "Give the folder that holds a mask a photo.")
+    there = {path.relative_to(place).as_posix().casefold(): path for path in place.rglob("*") if path.is_file()}
     for name, image in images:
-        stem = place / name
-        choices = [path for end in MASK_ENDINGS for path in (stem.with_suffix(end), stem.with_name(stem.name + end))]
-        mask = next((path for path in choices if path.is_file()), None)
+        mask = mask_among(there, name)
         if mask is None:
             missing.append(name)
         else:
@@ -121,6 +125,13 @@ def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Pat
             "Lay the masks in folders of the same names.",
         )
     return found
+
+
+def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
+    """The mask of a photo among the files of a folder, which are given by their names in small letters."""
+    photo = name.replace("\\", "/").casefold()
+    stems = (Path(photo).with_suffix("").as_posix(), photo)
+    return next((files[stem + end] for end in MASK_ENDINGS for stem in stems if stem + end in files), None)
 
 
 def _image(photo: Photo) -> Float[Tensor, "height width 3"]:
