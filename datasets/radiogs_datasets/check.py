@@ -29,6 +29,10 @@ UNIT_TOLERANCE = 0.05
 CAMERAS_THAT_AGREE = 3
 """Training cameras from which on there is a point that they look at."""
 
+PARALLEL = 0.01
+"""Mean squared sine of the angles between the cameras' axes and their mean, below which they meet nowhere: the axes lie
+within about 6 degrees, as on a slider."""
+
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
 
@@ -161,7 +165,7 @@ def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
 
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
     views = [*scene.train, *scene.test]
-    centre = scene.centre if len(scene.train) >= CAMERAS_THAT_AGREE else None
+    centre = scene.centre if _look_at_something(scene) else None
     good = []
     for done, view in enumerate(views, start=1):
         try:
@@ -173,6 +177,18 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
     pictured = ((view, view.read("image"), view.read("alpha") if view.has("alpha") else None) for view in good)
     for name, said in little_evidence(pictured):
         yield Finding(name, said, "warning")
+
+
+def _look_at_something(scene: Scene) -> bool:
+    """Whether the cameras should look at one point: there are several, masks show an object, and axes meet.
+
+    In a scene without masks they may stand in a room and look outwards, or move along a street.
+    """
+    if scene.surrounded or len(scene.train) < CAMERAS_THAT_AGREE:
+        return False
+    forward = torch.stack([view.camera.axes[:, 2] for view in scene.train]).double()
+    spread = torch.eye(3, dtype=torch.float64) - (forward[:, :, None] * forward[:, None, :]).mean(0)
+    return float(torch.linalg.eigvalsh(spread)[0]) > PARALLEL
 
 
 def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:

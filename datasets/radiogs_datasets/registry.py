@@ -13,7 +13,7 @@ from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
-from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
+from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
 from .reduction import resized
 from .same_bytes import SameBytes
@@ -45,6 +45,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "stanford-orb": Layout("test_mask/", stanford_orb.looks_like, stanford_orb.load_stanford_orb),
     "colmap": Layout("sparse/0/cameras.bin or sparse/cameras.bin", colmap.looks_like, colmap.load_colmap, True),
     "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender, True),
+    "llff": Layout("poses_bounds.npy", llff.looks_like, llff.load_llff, True),
 }
 """In the order in which they are tried: the more particular marks first."""
 
@@ -179,7 +180,7 @@ def _require_none(options: SceneOptions, scene: str) -> None:
     if options.hold_out is not None or options.mask_folder is not None:
         raise UsageError(
             f"scene '{scene}' has test views and masks of its own",
-            "Views are held out, and folders of masks are read, of photos: layouts colmap and blender.",
+            "Views are held out, and folders of masks are read, of photos: layouts colmap, blender and llff.",
             "Leave --hold-out and --mask-folder out.",
         )
 

@@ -31,9 +31,8 @@ from .inspection import (
     require_files,
     require_same_size,
 )
-from .photos import IMAGE_ENDINGS, Photo, held_out, masks_of, said_of_lenses, view_of
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, view_of
 
-FOLDERS = ("images_2", "images_4", "images")
 SMALLEST_DIFFERENCE = 1.0
 """Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
 
@@ -82,11 +81,11 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
-    """The image of each photo of a model, in the first folder of ``FOLDERS`` that has all, and sentences.
+    """The image of each photo of a model, in the first folder of ``PHOTO_FOLDERS`` that has all, and sentences.
 
     Raises DataError that names what the first folder lacks where none has all.
     """
-    folders = [name for name in FOLDERS if (folder / name).is_dir()] or ["images"]
+    folders = [name for name in PHOTO_FOLDERS if (folder / name).is_dir()] or ["images"]
     lacking: list[str] = []
     for chosen in folders:
         paths, said = _in_folder(folder, place, chosen, names)
@@ -103,7 +102,7 @@ def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tupl
     paths = [written.find(place, f"{chosen}/{name}") for name in names]
     if all(path.is_file() for path in paths):
         return paths, written.said
-    own, whole = _listed(folder / chosen), _listed(folder / "images")
+    own, whole = images_in(folder / chosen), images_in(folder / "images")
     ordered = [Path(name).name for name in names] if chosen == "images" or not whole else [path.name for path in whole]
     flat = all("/" not in name and "\\" not in name for name in names)
     if not flat or len(own) != len(ordered) or not {*names} <= {*ordered}:
@@ -113,13 +112,6 @@ def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tupl
         f"the images of {chosen} have other names than the model's photos: they are paired in the order of names"
         f" ({names[0]} with {paired[names[0]].name})",
     )
-
-
-def _listed(folder: Path) -> list[Path]:
-    """The images of a folder in the order of names."""
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_ENDINGS and path.is_file())
 
 
 def _coverage(masks: dict[Path, Path]) -> tuple[str, ...]:

@@ -23,6 +23,9 @@ from ..options import TEST_EVERY
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown
 
+PHOTO_FOLDERS = ("images_2", "images_4", "images")
+"""Folders of photos beside their poses, in the order in which they are tried."""
+
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
 """Endings of images, in small letters."""
 
@@ -84,6 +87,14 @@ def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
     least, most = round(100 * min(kept)), round(100 * max(kept))
     share = f"{least} %" if least == most else f"{least} to {most} %"
     return (f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each",)
+
+
+def images_in(folder: Path) -> list[Path]:
+    """The images of a folder, without hidden ones, in the order of names; none where there is no folder."""
+    if not folder.is_dir():
+        return []
+    named = (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_ENDINGS and path.name[0] != ".")
+    return sorted(path for path in named if path.is_file())
 
 
 def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
