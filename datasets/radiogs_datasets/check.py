@@ -18,7 +18,7 @@ from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .soundness import little_evidence
+from .soundness import little_evidence, require_trainable
 
 IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")
@@ -84,7 +84,7 @@ def check_scene(
     findings += _mixed_bits(folder)
     if scene is not None:
         findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
-        findings += _lights_without_maps(scene)
+        findings += [*_untrainable(scene), *_lights_without_maps(scene)]
         findings += _views(scene, advance)
     return Report(scene, tuple(grouped(findings)))
 
@@ -155,6 +155,13 @@ def _mixed_bits(folder: Path) -> Iterator[Finding]:
             rare = min(depths, key=lambda bits: len(depths[bits]))
             for place in depths[rare]:
                 yield Finding(place, f"has {rare} bits a channel, unlike the others of its kind", "warning")
+
+
+def _untrainable(scene: Scene) -> Iterator[Finding]:
+    try:
+        require_trainable(scene)
+    except DataError as error:
+        yield Finding(scene.name, _sentence(error))
 
 
 def _lights_without_maps(scene: Scene) -> Iterator[Finding]:

@@ -168,7 +168,7 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
 def jpeg_layout(path: Path, data: bytes) -> JpegLayout:
     """Size and profile of a JPEG whose end marker is there: decoders grey out what a cut-off file lacks.
 
-    What follows the end is not looked at: phones append a video, and cameras previews. Raises DataError for what is
+    Bytes behind the end are not looked at: phones append a video, and cameras previews. Raises DataError for what is
     damaged, and for colours that are neither grey nor three (CMYK).
     """
     if not data.startswith(JPEG_START):

@@ -158,6 +158,20 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
     return tuple(said)
 
 
+def require_trainable(scene: Scene) -> None:
+    """Raise DataError for training views from which no shape can be learnt: a single one, or all from one place."""
+    views = len(scene.train)
+    if views == 1 or (views > 1 and scene.extent == 0):
+        raise DataError(
+            f"scene '{scene.name}' has one view to learn from"
+            if views == 1
+            else f"the cameras of all {views} training views of scene '{scene.name}' stand in one place",
+            "Depth is told by how points move between views from several places; without it every shape fits.",
+            "Add views from other places"
+            + ("; or, if views are there, hold fewer out:  --hold-out 8" if views == 1 else ", or correct the poses."),
+        )
+
+
 def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]) -> Iterator[tuple[str, str]]:
     """Findings (view, sentence) from images and alpha: images of one colour, hardly covered, or equal to another
     one."""

@@ -15,7 +15,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import as_float32, read_bytes, read_numpy
-from ..cameras.lens import Lens
+from ..cameras.lens import ORDER, Lens
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import read_image
 from ..image_structure import png_layout
@@ -79,8 +79,52 @@ def pinhole(photo: Photo) -> Pinhole:
         ) from error
 
 
+MOST_BENT, BENT = 1.0, 0.5
+"""``Lens.bend`` beyond which a calibration has failed, and beyond which it is doubted: wide lenses have up to .4."""
+
+LARGEST_K1, LEAST_BENT = 1.0, 0.1
+"""First coefficient above which a lens is doubted if it bends the image by more than this share, too."""
+
+MOST_OBLONG, OBLONG = 2.0, 1.25
+"""Ratio of the focal lengths beyond which a calibration has failed, and beyond which it is doubted."""
+
+
+def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
+    """Sentences on calibrations that few lenses have; raises DataError for one that no lens has.
+
+    Structure from motion on cut-out or blank images ends in such numbers, with poses of the same kind.
+    """
+    strange: dict[str, list[str]] = {}
+    for photo in photos:
+        lens, named = photo.lens, dict(zip(ORDER[photo.lens.projection], photo.lens.coefficients, strict=False))
+        if lens.bend > MOST_BENT or lens.oblong > MOST_OBLONG:
+            given = ", ".join(f"{name} = {value:g}" for name, value in named.items() if value)
+            raise DataError(
+                f"the calibration of {photo.image} is that of no lens: fl_x = {lens.fx:g}, fl_y = {lens.fy:g}"
+                + (f", {given}" if given else ""),
+                f"Distortion would move the image's corner by {100 * lens.bend:.0f} % of its distance, and pixels be"
+                f" {lens.oblong:.2g} : 1. The program that wrote it did not find the cameras.",
+                "Calibrate again on whole photos, with one camera for all (COLMAP: --ImageReader.single_camera 1).",
+            )
+        if lens.bend > BENT or (abs(named.get("k1", 0.0)) > LARGEST_K1 and lens.bend > LEAST_BENT):
+            strange.setdefault(f"distortion that moves the image's corner by {100 * lens.bend:.0f} %", []).append(
+                photo.name
+            )
+        if lens.oblong > OBLONG:
+            strange.setdefault(f"focal lengths of {lens.oblong:.2f} : 1", []).append(photo.name)
+    return tuple(
+        f"{len(names)} {'photo has' if len(names) == 1 else 'photos have'} {what}, as few lenses have: check the"
+        f" calibration ({shown(names)})"
+        for what, names in strange.items()
+    )
+
+
 def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
-    """A sentence on what undistortion keeps of the photos; none where no lens distorts."""
+    """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
+    return (*require_possible_lenses(photos), *_kept(photos))
+
+
+def _kept(photos: Sequence[Photo]) -> tuple[str, ...]:
     kept = [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
     if not kept:
         return ()
