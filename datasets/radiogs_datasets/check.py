@@ -18,7 +18,7 @@ from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .soundness import little_evidence, require_trainable
+from .soundness import Frame, doubtful_coverage, little_evidence, require_trainable
 
 IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")
@@ -181,9 +181,18 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
         except ExplainedError as error:
             yield Finding(view.name, _sentence(error))
         advance(done, len(views))
-    pictured = ((view, view.read("image"), view.read("alpha") if view.has("alpha") else None) for view in good)
-    for name, said in little_evidence(pictured):
+    frames: list[Frame] = []
+
+    def pictured() -> Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]:
+        for view in good:
+            image, alpha = view.read("image"), view.read("alpha") if view.has("alpha") else None
+            frames.append(Frame.of(image, alpha, view.read("valid") if view.has("valid") else None))
+            yield view, image, alpha
+
+    for name, said in little_evidence(pictured()):
         yield Finding(name, said, "warning")
+    for said in doubtful_coverage(scene, frames):
+        yield Finding(scene.name, said, "warning")
 
 
 def _look_at_something(scene: Scene) -> bool:

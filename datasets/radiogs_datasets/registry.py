@@ -163,7 +163,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         if LAYOUTS[chosen].of_photos:
             scene = load(folder, options)
             held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
-            scene = replace(scene, checksum=f"{scene.checksum}{held}")
+            left_out = "/masks-ignore" if options.masks == "ignore" else ""
+            scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
         else:
             _require_none(options, name_or_path)
             scene = load(folder)
@@ -177,11 +178,11 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
 
 
 def _require_none(options: SceneOptions, scene: str) -> None:
-    if options.hold_out is not None or options.mask_folder is not None:
+    if options.hold_out is not None or options.mask_folder is not None or options.masks is not None:
         raise UsageError(
             f"scene '{scene}' has test views and masks of its own",
             "Views are held out, and folders of masks are read, of photos: layouts colmap, blender and llff.",
-            "Leave --hold-out and --mask-folder out.",
+            "Leave --hold-out, --mask-folder and --masks out.",
         )
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import torch
 from jaxtyping import Float
@@ -17,6 +17,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 
 from ..bounded_reading import read_json
+from ..options import Meaning
 from .transforms_fields import (
     ANGLES,
     FIELDS,
@@ -59,13 +60,15 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by split, where the file names them; ``said``: what of the file is not used.
+    the poses; ``splits``: lists of images by split, where the file names them; ``masks``: what black means in masks,
+    "object" or "ignore", where the file says it; ``said``: what of the file is not used.
     """
 
     frames: tuple[Frame, ...]
     depth_unit: float = DEPTH_UNIT
     points_path: str | None = None
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    masks: str | None = None
     said: tuple[str, ...] = ()
 
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
@@ -107,6 +110,7 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
+        _masks(path, table),
         (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in notes.items())),
     )
 
@@ -164,6 +168,17 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise DataError(f"{path}: '{field_name}' must be a list of images", "It names a split.", "Correct the file.")
     return tuple(names)
+
+
+def _masks(path: Path, table: dict[str, Any]) -> str | None:
+    meaning = table.get("masks")
+    if meaning not in (None, *get_args(Meaning)):
+        raise DataError(
+            f"{path}: 'masks' is {meaning!r:.40}",
+            "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore).",
+            "Write 'object' or 'ignore'.",
+        )
+    return meaning
 
 
 def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:

@@ -253,7 +253,7 @@ def is_set(value: object) -> bool:
 READ = FIELDS | {
     "frames", "file_path", "transform_matrix", "mask_path", "depth_file_path", "depth_path", "applied_transform",
     "integer_depth_scale", "depth_unit_scale_factor", "ply_file_path", "train_filenames", "val_filenames",
-    "test_filenames", "scene_name",
+    "test_filenames", "scene_name", "masks",
 }  # fmt: skip
 """Fields that are applied, or refused where the lens is read."""
 

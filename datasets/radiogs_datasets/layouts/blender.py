@@ -38,7 +38,7 @@ from .inspection import (
     require_same_size,
     shown,
 )
-from .photos import Photo, held_out, masks_of, said_of_lenses, view_of
+from .photos import Photo, held_out, masks_of, said_of_lenses, said_of_masks, view_of
 
 
 def looks_like(folder: Path) -> bool:
@@ -55,8 +55,11 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     written = WrittenPaths(folder, ENDINGS)
     train, test = split_of(written, files, options, repairs)
     photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), files)
-    if not any(photo.has_alpha or photo.mask for photo in photos):
-        repairs.append("its images have no alpha: every pixel counts as covered")
+    stated = {each.masks for each in files.values() if each.masks is not None}
+    if options.masks is None and stated == {"ignore"}:
+        options = replace(options, masks="ignore")
+    photos, said_of_coverage = said_of_masks(photos, options)
+    repairs += said_of_coverage
     repairs += [*written.said, *said_of_lenses(photos)]
     repairs += [f"{table.name}: {said}" for table, each in files.items() for said in each.said]
     views = [view_of(photo) for photo in photos]

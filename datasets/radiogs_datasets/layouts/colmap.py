@@ -31,7 +31,7 @@ from .inspection import (
     require_files,
     require_same_size,
 )
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, view_of
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, said_of_masks, view_of
 
 SMALLEST_DIFFERENCE = 1.0
 """Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
@@ -71,10 +71,11 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
         )
         for image, path in zip(found, paths, strict=True)
     ]
+    photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
-    repairs = (*said_of_model, *said_of_images, said, *_coverage(masks), *said_of_lenses(photos))
+    repairs = (*said_of_model, *said_of_images, said, *said_of_coverage, *said_of_lenses(photos))
     return Scene(
         folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=_points(model)
     )  # fmt: skip
@@ -112,10 +113,6 @@ def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tupl
         f"the images of {chosen} have other names than the model's photos: they are paired in the order of names"
         f" ({names[0]} with {paired[names[0]].name})",
     )
-
-
-def _coverage(masks: dict[Path, Path]) -> tuple[str, ...]:
-    return () if masks else ("no alpha: every pixel counts",)
 
 
 def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int, int]) -> Lens:

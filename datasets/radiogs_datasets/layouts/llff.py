@@ -28,7 +28,7 @@ from ..cameras.lens import Lens
 from ..image_structure import png_layout
 from ..options import AS_STORED, SceneOptions
 from .inspection import decode_if_small, inspect, require_distinct, require_same_size
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, view_of
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_masks, view_of
 
 TABLE = "poses_bounds.npy"
 
@@ -62,11 +62,11 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
         Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha, masks.get(path))
         for path, pose, has_alpha in zip(paths, poses, transparent, strict=True)
     ]
+    photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
-    covered = () if masks or any(transparent) else ("no alpha: every pixel counts",)
-    repairs = (f"images are those of {chosen}", said, *covered)
+    repairs = (f"images are those of {chosen}", said, *said_of_coverage)
     return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
 
 

@@ -1,7 +1,7 @@
 """A photo as a view: undistorted when it is read, with the coverage of its alpha and its mask, and its depth."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import as_float32, read_bytes, read_numpy
@@ -19,7 +19,7 @@ from ..cameras.lens import ORDER, Lens
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import read_image
 from ..image_structure import png_layout
-from ..options import TEST_EVERY
+from ..options import TEST_EVERY, SceneOptions
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown
 
@@ -43,7 +43,8 @@ class Photo:
 
     ``camera_to_world`` has OpenCV axes; ``lens`` is that of the stored image. ``has_alpha``: whether the file has a
     fourth channel. ``mask`` is an image whose first channel (or alpha) is coverage; where both exist they multiply.
-    ``depth`` holds z-depth, zero where unknown: 16-bit levels or floats, times ``depth_unit`` world units.
+    With ``ignores`` it is no coverage: its black pixels are left out (map ``valid``). ``depth`` holds z-depth, zero
+    where unknown: 16-bit levels or floats, times ``depth_unit`` world units.
     """
 
     name: str
@@ -54,13 +55,16 @@ class Photo:
     mask: Path | None = None
     depth: Path | None = None
     depth_unit: float = 1.0
+    ignores: bool = False
 
 
 def view_of(photo: Photo) -> View:
     """The view: a pinhole camera and maps that are read when asked for. Raises DataError for an impossible lens."""
     sources: dict[str, Callable[[], Tensor]] = {"image": partial(_image, photo)}
-    if photo.has_alpha or photo.mask is not None:
+    if photo.has_alpha or (photo.mask is not None and not photo.ignores):
         sources["alpha"] = partial(_alpha, photo)
+    if photo.mask is not None and photo.ignores:
+        sources["valid"] = partial(_valid, photo)
     if photo.depth is not None:
         sources["depth"] = partial(_depth, photo)
     return View(photo.name, pinhole(photo).camera(photo.camera_to_world), sources)
@@ -141,6 +145,42 @@ def images_in(folder: Path) -> list[Path]:
     return sorted(path for path in named if path.is_file())
 
 
+def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[Photo], tuple[str, ...]]:
+    """The photos with masks that mean what the options say and coverage that says something; and sentences.
+
+    An alpha or masks of 1 in every photo say nothing, and are none. Raises UsageError where masks are to be left out
+    and there are none.
+    """
+    masked = [photo for photo in photos if photo.mask is not None]
+    if options.masks is not None and not masked:
+        raise UsageError(
+            f"--masks {options.masks} says what masks mean, and the scene has none",
+            "Masks are those of --mask-folder, or of 'mask_path' in a transforms file; an alpha is always coverage.",
+            "Give a folder of masks:  --mask-folder DIR",
+        )
+    given = [replace(photo, ignores=options.masks == "ignore" and photo.mask is not None) for photo in photos]
+    said: list[str] = []
+    if options.masks == "ignore":
+        said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
+    covered = [photo for photo in given if _covers(photo)]
+    if covered and all(_is_whole(photo) for photo in covered):
+        kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
+        said.append(f"{kind} 1 in all of its photos, which says nothing")
+        given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
+    if not any(_covers(photo) for photo in given):
+        said.append("no alpha: every pixel counts")
+    return given, tuple(said)
+
+
+def _covers(photo: Photo) -> bool:
+    return photo.has_alpha or (photo.mask is not None and not photo.ignores)
+
+
+def _is_whole(photo: Photo) -> bool:
+    coverage = _stored_coverage(photo)
+    return coverage is not None and bool((coverage == 1).all())
+
+
 def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
     """Training and test views: every ``step``-th (default: eighth) is scored, from the first on; and a sentence."""
     every = step or TEST_EVERY
@@ -191,7 +231,26 @@ def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
 
 def _image(photo: Photo) -> Float[Tensor, "height width 3"]:
     image = read_colour(photo.image)
-    return image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
+    image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
+    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
+
+
+WHOLLY = 0.999
+"""Share of an undistorted pixel that must come from pixels that count."""
+
+
+def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
+    """1 where the mask is white. Raises DataError where nothing of the photo is left."""
+    assert photo.mask is not None
+    white = (read_mask(photo.mask) > 0.5).float()
+    valid = white if photo.lens.pinhole else (undistorted_coverage(white, photo.lens) > WHOLLY).float()
+    if not bool((valid > 0).any()):
+        raise DataError(
+            f"{photo.mask} leaves out every pixel of its photo",
+            "With --masks ignore black pixels count nowhere.",
+            "Correct the mask, or take the view out of the scene.",
+        )
+    return valid
 
 
 def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -209,7 +268,7 @@ def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"] | None:
     alpha = read_alpha(photo.image) if photo.has_alpha else None
-    mask = None if photo.mask is None else read_mask(photo.mask)
+    mask = None if photo.mask is None or photo.ignores else read_mask(photo.mask)
     return mask if alpha is None else alpha if mask is None else alpha * mask
 
 
@@ -245,7 +304,7 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
         )
     depth = levels * photo.depth_unit
     depth = depth if photo.lens.pinhole else undistorted_depth(depth, photo.lens)
-    if photo.has_alpha or photo.mask is not None:
+    if _stored_coverage(photo) is not None:
         depth = torch.where(_alpha(photo) > 0, depth, 0.0)
     return depth
 
