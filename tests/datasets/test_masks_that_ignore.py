@@ -153,8 +153,8 @@ def test_no_protocol_scores_pixels_left_out(rules: str) -> None:
     one, other = (scored(rules, view, torch.where(valid > 0, worse, fill)) for fill in (noise, 0 * noise))
     assert one == other
     inside = ((worse - target).square().mean(-1) * valid[..., 0]).sum() / valid.sum()
-    # Stanford-ORB's erodes what counts by two pixels, and counts those as right.
-    tolerance = 1.0 if rules == "stanford-orb" else 0.05
+    # Stanford-ORB's erodes what counts by two pixels, and counts those as right; two others cut to 8 bits.
+    tolerance = {"stanford-orb": 1.0, "radiogs": 0.4, "irgs": 0.4}.get(rules, 0.05)
     assert one[psnr] == pytest.approx(-10 * math.log10(float(inside)), abs=tolerance)
     full = scored(rules, whole, worse)
     assert full["nvs/ssim"] is not None
