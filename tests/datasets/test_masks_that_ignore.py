@@ -22,6 +22,7 @@ from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.options import SceneOptions, options_of
+from radiogs_datasets.writing import convert
 from scenes import sphere_scene
 
 
@@ -124,6 +125,8 @@ def test_options_that_mean_nothing_are_refused(capture: Path) -> None:
         load_scene("corner", options=SceneOptions(masks="ignore"))
     with pytest.raises(UsageError, match="cannot mean 'black'"):
         options_of({"masks": "black"})
+    with pytest.raises(UsageError, match="no layout can carry"):
+        convert(load_scene(str(capture), options=opened(capture)), capture.parent / "new", "blender")
     cv2.imwrite(str(capture.parent / "holes/photo_003.png"), np.zeros((96, 96), np.uint8))
     with pytest.raises(DataError, match="leaves out every pixel"):
         load_scene(str(capture), options=opened(capture))
