@@ -178,6 +178,7 @@ def test_few_views_and_small_images_are_said_on_loading() -> None:
     assert any("SSIM has no value" in said for said in reduced.repairs)
 
 
+@pytest.mark.slow
 def test_a_single_view_is_refused_before_training(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Captures, row 35: it ended in a traceback of linear algebra."""
     for split, kept in (("train", 1), ("test", 2)):
@@ -200,6 +201,8 @@ def test_a_single_view_is_refused_before_training(corner: Path, capsys: pytest.C
 def test_cameras_in_one_place_are_refused_before_training() -> None:
     scene = load_scene("corner")
     require_trainable(replace(scene, train=scene.train[:2]))
+    with pytest.raises(DataError, match="has one view to learn from"):
+        require_trainable(replace(scene, train=scene.train[:1]))
     with pytest.raises(DataError, match="all 48 training views of scene 'corner' stand in one place"):
         require_trainable(replace(scene, train=tuple(moved(view, 0, 0) for view in scene.train)))
 

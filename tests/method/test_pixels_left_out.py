@@ -82,6 +82,7 @@ def test_radiogs_learns_nothing_from_pixels_left_out(masked: bool) -> None:
 COMPARED_WITH_PHOTOS = ("shaded", "radiance")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["radiogs", "gi-gs", "gs-ir", "irgs", "r3dg", "svg-ir"])
 def test_no_loss_compares_pixels_left_out_with_black(name: str) -> None:
     """Where only a corner counts that shows nothing, models fit, whatever they show elsewhere."""
