@@ -35,6 +35,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
+from radiogs_datasets.soundness import require_trainable
 
 from .export.records import rows
 from .installed_methods import method_names
@@ -281,6 +282,7 @@ def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin 
     use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
     scene = run.scene
     with saying_who_holds(str(store.folder)), progress_for_stderr() as progress, Interruption() as interruption:
+        require_trainable(scene)
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
         with KeptPace(progress, store, cell.key) as kept:
             bench = Bench(store, run.device, kept, interruption, lambda name: method, checksum_now)

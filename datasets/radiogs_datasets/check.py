@@ -18,7 +18,7 @@ from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .soundness import little_evidence
+from .soundness import Frame, doubtful_coverage, little_evidence, require_trainable
 
 IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")
@@ -28,6 +28,10 @@ UNIT_TOLERANCE = 0.05
 
 CAMERAS_THAT_AGREE = 3
 """Training cameras from which on there is a point that they look at."""
+
+PARALLEL = 0.01
+"""Mean squared sine of the angles between the cameras' axes and their mean, below which they meet nowhere: the axes lie
+within about 6 degrees, as on a slider."""
 
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
@@ -80,7 +84,7 @@ def check_scene(
     findings += _mixed_bits(folder)
     if scene is not None:
         findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
-        findings += _lights_without_maps(scene)
+        findings += [*_untrainable(scene), *_lights_without_maps(scene)]
         findings += _views(scene, advance)
     return Report(scene, tuple(grouped(findings)))
 
@@ -116,7 +120,14 @@ def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
 
 
 def _images(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in IMAGES and path.is_file())
+    """The images below a folder but for hidden ones: macOS lays a file ._NAME of its own beside each."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in IMAGES
+        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        and path.is_file()
+    )
 
 
 def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
@@ -146,6 +157,13 @@ def _mixed_bits(folder: Path) -> Iterator[Finding]:
                 yield Finding(place, f"has {rare} bits a channel, unlike the others of its kind", "warning")
 
 
+def _untrainable(scene: Scene) -> Iterator[Finding]:
+    try:
+        require_trainable(scene)
+    except DataError as error:
+        yield Finding(scene.name, _sentence(error))
+
+
 def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
     shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
     for light in sorted(shown - scene.lights.keys()):
@@ -154,7 +172,7 @@ def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
 
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
     views = [*scene.train, *scene.test]
-    centre = scene.centre if len(scene.train) >= CAMERAS_THAT_AGREE else None
+    centre = scene.centre if _look_at_something(scene) else None
     good = []
     for done, view in enumerate(views, start=1):
         try:
@@ -163,9 +181,30 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
         except ExplainedError as error:
             yield Finding(view.name, _sentence(error))
         advance(done, len(views))
-    pictured = ((view, view.read("image"), view.read("alpha") if view.has("alpha") else None) for view in good)
-    for name, said in little_evidence(pictured):
+    frames: list[Frame] = []
+
+    def pictured() -> Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]:
+        for view in good:
+            image, alpha = view.read("image"), view.read("alpha") if view.has("alpha") else None
+            frames.append(Frame.of(image, alpha, view.read("valid") if view.has("valid") else None))
+            yield view, image, alpha
+
+    for name, said in little_evidence(pictured()):
         yield Finding(name, said, "warning")
+    for said in doubtful_coverage(scene, frames):
+        yield Finding(scene.name, said, "warning")
+
+
+def _look_at_something(scene: Scene) -> bool:
+    """Whether the cameras should look at one point: there are several, masks show an object, and axes meet.
+
+    In a scene without masks they may stand in a room and look outwards, or move along a street.
+    """
+    if scene.surrounded or len(scene.train) < CAMERAS_THAT_AGREE:
+        return False
+    forward = torch.stack([view.camera.axes[:, 2] for view in scene.train]).double()
+    spread = torch.eye(3, dtype=torch.float64) - (forward[:, :, None] * forward[:, None, :]).mean(0)
+    return float(torch.linalg.eigvalsh(spread)[0]) > PARALLEL
 
 
 def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:

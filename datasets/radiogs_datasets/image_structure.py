@@ -38,9 +38,13 @@ EXR_NOT_PLAIN = 0x200 | 0x800 | 0x1000
 EXR_BLOCK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 """Scan lines that one block holds, by compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
-JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
-JPEG_TAIL = 4096
-"""Bytes at the end in which the end marker must lie; cameras append a little of their own."""
+JPEG_START = b"\xff\xd8\xff"
+JPEG_END, JPEG_SCAN = 0xD9, 0xDA
+JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
+"""Markers without a length: restarts, and those that encoders no longer write."""
+
+JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
+"""A marker within or after compressed pixels, in which 0xFF is followed by zero or counts restarts."""
 
 JPEG_PROFILE, ICC_MARK = 0xE2, b"ICC_PROFILE\0"
 """Segments of an ICC profile: after the mark their number and their count, a byte each; they come in order."""
@@ -162,30 +166,41 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
 
 
 def jpeg_layout(path: Path, data: bytes) -> JpegLayout:
-    """Size and profile of a JPEG whose last segment is there: decoders grey out what a cut-off file lacks.
+    """Size and profile of a JPEG whose end marker is there: decoders grey out what a cut-off file lacks.
 
-    Raises DataError for what is damaged, and for colours that are neither grey nor three (CMYK).
+    Bytes behind the end are not looked at: phones append a video, and cameras previews. Raises DataError for what is
+    damaged, and for colours that are neither grey nor three (CMYK).
     """
     if not data.startswith(JPEG_START):
         raise damaged(path, "it does not begin like a JPEG file")
-    if JPEG_END not in data[-JPEG_TAIL:]:
-        raise damaged(path, "its end is missing")
-    place, profile = 2, b""
-    try:
-        while data[place] == 0xFF:
-            marker, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
-            if marker == JPEG_PROFILE and data[place + 4 :].startswith(ICC_MARK):
-                profile += data[place + 4 + len(ICC_MARK) + 2 : place + 2 + length]
-            if marker in JPEG_FRAMES:
-                height, width, components = struct.unpack_from(">HHB", data, place + 5)
-                require_size(path, height, width)
-                if components not in (1, 3):
-                    raise DataError(f"{path} has {components} components", "It may be CMYK.", "Save it in sRGB.")
-                return JpegLayout(height, width, profile or None)
-            place += 2 + max(length, 2)
-    except (IndexError, struct.error):
-        pass
-    raise damaged(path, "its header is cut off or altered")
+    profile, size = b"", None
+    for marker, place, end in _jpeg_segments(data):
+        if marker == JPEG_END and size is not None:
+            return JpegLayout(*size, profile or None)
+        if end > len(data):
+            break
+        if marker == JPEG_PROFILE and size is None and data[place:].startswith(ICC_MARK):
+            profile += data[place + len(ICC_MARK) + 2 : end]
+        if marker in JPEG_FRAMES and size is None and end - place >= 6:
+            height, width, components = struct.unpack_from(">HHB", data, place + 1)
+            require_size(path, height, width)
+            if components not in (1, 3):
+                raise DataError(f"{path} has {components} components", "It may be CMYK.", "Save it in sRGB.")
+            size = (height, width)
+    raise damaged(path, "its header is cut off or altered" if size is None else "its end is missing")
+
+
+def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Marker, place and end of the content of each segment; compressed pixels are passed over."""
+    found = JPEG_MARKER.match(data, 2)
+    while found is not None:
+        marker, place = found[1][0], found.end()
+        alone = marker == JPEG_END or marker in JPEG_ALONE
+        end = place if alone else place + max(int.from_bytes(data[place : place + 2], "big"), 2)
+        yield marker, min(place if alone else place + 2, end), end
+        if marker == JPEG_END:
+            return
+        found = (JPEG_MARKER.search if marker == JPEG_SCAN else JPEG_MARKER.match)(data, end)
 
 
 def exr_size(path: Path, data: bytes) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from radiogs_core.errors import UsageError
 
@@ -11,14 +11,20 @@ TEST_EVERY = 8
 """Every eighth view of a scene without splits is a test view, as for MipNeRF360."""
 
 
+Meaning = Literal["object", "ignore"]
+"""Meanings of a mask's black pixels: nothing is there, so that masks are the object's coverage; or they are left out of
+training and metrics, because they show what does not belong to the scene."""
+
+
 @dataclass(frozen=True)
 class SceneOptions:
     """How a scene is opened; the defaults take it as it is stored.
 
     ``layout`` names its layout where the files do not tell it. ``hold_out`` N: every Nth view, in the order of names,
-    is scored (layouts ``colmap`` and ``blender``, where there is no test split). ``mask_folder`` holds a mask for every
-    photo (the same layouts). ``reduce`` N divides the sides of images by N, ``long_side`` brings the longer side down
-    to that many pixels; one of both. Raises UsageError for numbers that mean nothing.
+    is scored (layouts ``colmap``, ``blender`` and ``llff``, where there is no test split). ``mask_folder`` holds a mask
+    for every photo, and ``masks`` says what black means in it (the same layouts). ``reduce`` N divides the sides of
+    images by N, ``long_side`` brings the longer side down to that many pixels; one of both. Raises UsageError for
+    numbers that mean nothing.
     """
 
     layout: str | None = None
@@ -26,8 +32,15 @@ class SceneOptions:
     mask_folder: str | None = None
     reduce: int | None = None
     long_side: int | None = None
+    masks: Meaning | None = None
 
     def __post_init__(self) -> None:
+        if self.masks not in (None, *get_args(Meaning)):
+            raise UsageError(
+                f"masks cannot mean '{self.masks}'",
+                "Black in a mask means that nothing is there (object), or that the pixel is left out (ignore).",
+                "Give --masks object or --masks ignore.",
+            )
         if self.hold_out is not None and self.hold_out < 2:
             raise UsageError(f"every {self.hold_out}th view cannot be held out", "None would be left to learn from.")
         if self.reduce is not None and self.long_side is not None:
@@ -46,7 +59,7 @@ AS_STORED = SceneOptions()
 
 def options_of(plain: Mapping[str, Any]) -> SceneOptions:
     """The options that ``plain()`` wrote. Raises UsageError for names and values that are none."""
-    kinds = {"layout": str, "hold_out": int, "mask_folder": str, "reduce": int, "long_side": int}
+    kinds = {"layout": str, "hold_out": int, "mask_folder": str, "reduce": int, "long_side": int, "masks": str}
     for name, value in plain.items():
         if name not in kinds or not isinstance(value, kinds[name]) or isinstance(value, bool):
             raise UsageError(f"a scene cannot be opened with {name} = {value!r}", f"It takes: {', '.join(kinds)}.")

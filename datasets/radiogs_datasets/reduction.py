@@ -20,6 +20,9 @@ from .options import SceneOptions
 MULTIPLIED = ("direct", "indirect")
 """Maps that are multiplied by coverage already; the others are averaged over what is covered."""
 
+WHOLLY = 0.999
+"""Share of a larger pixel that must be made of pixels that count, for it to count."""
+
 Size = tuple[int, int]
 """Height and width in pixels."""
 
@@ -104,11 +107,15 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
     values = view.read(name)
+    if name == "valid":
+        return (area_mean(values, size) > WHOLLY).float()
     if name == "alpha":
         return area_mean(values, size).clamp(0, 1)  # shares of a pixel sum to one but for rounding
     if name in MULTIPLIED or name.endswith("/indirect"):
         return area_mean(values, size)
     weight = view.read("alpha") if view.has("alpha") else torch.ones_like(values[..., :1])
+    if view.has("valid"):
+        weight = weight * view.read("valid")
     if name == "depth":
         weight = torch.where(values > 0, weight, 0.0)  # what was not measured has no share in the mean
     displayed = name == "image" or name.startswith("relit/")
@@ -117,6 +124,8 @@ def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width chan
         return torch.nn.functional.normalize(covered, dim=-1)
     share = area_mean(weight, size)
     straight = torch.where(share > 0, covered / torch.where(share > 0, share, 1.0), 0.0)
+    if name == "image" and view.has("valid"):
+        straight = torch.where(area_mean(view.read("valid"), size) > WHOLLY, straight, 0.0)
     return srgb_encode(straight).clamp(0, 1) if displayed else straight
 
 

@@ -13,11 +13,12 @@ from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
-from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
+from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
 from .reduction import resized
 from .same_bytes import SameBytes
 from .soundness import few_views_or_pixels, require_names, require_placed, require_shaped
+from .unused import unused_files
 
 FORWARD = Path(__file__).parent / "forward"
 """A few larger views of some miniatures: for comparing images, too few to learn from."""
@@ -44,6 +45,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "stanford-orb": Layout("test_mask/", stanford_orb.looks_like, stanford_orb.load_stanford_orb),
     "colmap": Layout("sparse/0/cameras.bin or sparse/cameras.bin", colmap.looks_like, colmap.load_colmap, True),
     "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender, True),
+    "llff": Layout("poses_bounds.npy", llff.looks_like, llff.load_llff, True),
 }
 """In the order in which they are tried: the more particular marks first."""
 
@@ -161,11 +163,12 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         if LAYOUTS[chosen].of_photos:
             scene = load(folder, options)
             held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
-            scene = replace(scene, checksum=f"{scene.checksum}{held}")
+            left_out = "/masks-ignore" if options.masks == "ignore" else ""
+            scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
         else:
             _require_none(options, name_or_path)
             scene = load(folder)
-    scene = files.held(scene)
+    scene = files.held(replace(scene, repairs=(*scene.repairs, *unused_files(folder, files.digests))))
     require_names(scene)
     require_shaped(scene)
     require_placed(scene)
@@ -175,11 +178,11 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
 
 
 def _require_none(options: SceneOptions, scene: str) -> None:
-    if options.hold_out is not None or options.mask_folder is not None:
+    if options.hold_out is not None or options.mask_folder is not None or options.masks is not None:
         raise UsageError(
             f"scene '{scene}' has test views and masks of its own",
-            "Views are held out, and folders of masks are read, of photos: layouts colmap and blender.",
-            "Leave --hold-out and --mask-folder out.",
+            "Views are held out, and folders of masks are read, of photos: layouts colmap, blender and llff.",
+            "Leave --hold-out, --mask-folder and --masks out.",
         )
 
 

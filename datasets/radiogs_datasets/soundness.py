@@ -9,7 +9,8 @@ sentences: what its images cannot say, metrics of them cannot mean.
 import hashlib
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import torch
 
@@ -27,6 +28,9 @@ steps become shorter (docs/reliability.md has what was measured)."""
 FARTHEST = 100.0
 """Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
 are so coarse that no normal is derived from depth; at 90 losses of training are those of smaller shifts."""
+
+OF_PHOTOS = ("colmap", "blender", "llff")
+"""Layouts whose masks and alpha somebody has drawn."""
 
 OUTLIER = 1e4
 """Times the median distance of cameras from their middle at which a camera is taken for damage."""
@@ -107,7 +111,8 @@ def require_shaped(scene: Scene) -> None:
 def require_names(scene: Scene) -> None:
     """Raise DataError for names of a scene, its views and lights that nothing, or only one of two, is stored under."""
     require_storable(scene.name, "the scene's folder")
-    for names in ([view.name for view in scene.train], [view.name for view in scene.test], list(scene.lights)):
+    train, test = ([view.name for view in views] for views in (scene.train, scene.test))
+    for names in (train, test, list(scene.lights), [name for name in test if name in {*train}] * 2):
         _require_apart(scene, names)
     for view in (*scene.train, *scene.test, *scene.relight):
         require_storable(view.name.replace("/", "_"), "a view")
@@ -118,13 +123,15 @@ def require_names(scene: Scene) -> None:
 def _require_apart(scene: Scene, names: list[str]) -> None:
     stored: dict[str, str] = {}
     for name in names:
-        other = stored.setdefault(name.replace("/", "_"), name)
-        if other != name:
+        if (other := stored.get(name.replace("/", "_"))) is not None:
             raise DataError(
-                f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
+                f"scene '{scene.name}' has two views called '{name}'"
+                if other == name
+                else f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
                 f"The renders of both would be stored as '{name.replace('/', '_')}', one over the other.",
-                "Rename one of them.",
+                "Rename the image of one of them; an ending (.png, .jpg) is no part of a view's name.",
             )
+        stored[name.replace("/", "_")] = name
 
 
 SSIM_WINDOW = 11
@@ -155,6 +162,20 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
     return tuple(said)
 
 
+def require_trainable(scene: Scene) -> None:
+    """Raise DataError for training views from which no shape can be learnt: a single one, or all from one place."""
+    views = len(scene.train)
+    if views == 1 or (views > 1 and scene.extent == 0):
+        raise DataError(
+            f"scene '{scene.name}' has one view to learn from"
+            if views == 1
+            else f"the cameras of all {views} training views of scene '{scene.name}' stand in one place",
+            "Depth is told by how points move between views from several places; without it every shape fits.",
+            "Add views from other places"
+            + ("; or, if views are there, hold fewer out:  --hold-out 8" if views == 1 else ", or correct the poses."),
+        )
+
+
 def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]) -> Iterator[tuple[str, str]]:
     """Findings (view, sentence) from images and alpha: images of one colour, hardly covered, or equal to another
     one."""
@@ -174,6 +195,92 @@ def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | Non
                 names[1],
                 f"its image is that of {names[0]}" + (f", as are {len(names) - 2} more" if names[2:] else ""),
             )
+
+
+RING = 2
+"""Pixels at the border of an image that are looked at."""
+
+MOST_VIEWS, MOST_PIXELS = 0.8, 0.8
+"""Shares of the views, and of the ring's pixels in a view, from which on something holds for all: objects touch the
+border of some images."""
+
+ONE_COLOUR = 6 / 255
+"""Largest difference of display sRGB within one colour: JPEG rings."""
+
+FEWEST_HOLES = 0.002
+"""Share of uncovered pixels below which masks have no holes."""
+
+
+class Frame(NamedTuple):
+    """An image's border and middle: coverage of both and of the whole, the border's median colour, and the share of its
+    pixels that have it."""
+
+    border: float
+    middle: float
+    whole: float
+    colour: torch.Tensor
+    flat: float
+
+    @staticmethod
+    def of(image: torch.Tensor, alpha: torch.Tensor | None, valid: torch.Tensor | None = None) -> "Frame":
+        """The frame of an image [height, width, 3] with its coverage, 1 without one, and the pixels that count."""
+        ring = torch.ones(image.shape[:2], dtype=torch.bool)
+        ring[RING:-RING, RING:-RING] = False
+        cover = torch.ones(image.shape[:2]) if alpha is None else alpha[..., 0]
+        height, width = cover.shape
+        middle = cover[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
+        if valid is not None:
+            ring &= valid[..., 0] > 0
+        if not bool(ring.any()):
+            return Frame(0.0, float(middle.mean()), float(cover.mean()), torch.zeros(3), 0.0)
+        colour = image[ring].median(0).values
+        flat = ((image[ring] - colour).abs().amax(-1) <= ONE_COLOUR).float().mean()
+        return Frame(float(cover[ring].mean()), float(middle.mean()), float(cover.mean()), colour, float(flat))
+
+
+def doubtful_coverage(scene: Scene, frames: Sequence[Frame]) -> Iterator[str]:
+    """Sentences on masks that may be inverted, or may leave out rather than cover, and on a ground without masks."""
+    if len(frames) < FEWEST_VIEWS or scene.layout not in OF_PHOTOS:
+        return
+    if scene.surrounded:
+        yield from _flat_ground(frames)
+        return
+    around = [frame.border > 0.5 for frame in frames]
+    hollow = [frame.border > 0.5 > frame.middle for frame in frames]
+    holes = sum(1 - frame.whole for frame in frames) / len(frames)
+    if _share(hollow) >= MOST_VIEWS:
+        yield (
+            f"coverage reaches the border of {sum(around)} of {len(frames)} views and misses the middle: if black masks"
+            " the object, they are inverted: exchange black and white; if it hides what does not belong to the scene,"
+            " say --masks ignore"
+        )
+    elif _share(around) >= MOST_VIEWS and holes > FEWEST_HOLES and "masks" not in scene.options:
+        yield (
+            f"coverage reaches the border of {sum(around)} of {len(frames)} views and has holes: does black in masks"
+            " hide what does not belong to the scene (--masks ignore), or is nothing there (--masks object)?"
+        )
+
+
+def _flat_ground(frames: Sequence[Frame]) -> Iterator[str]:
+    flat = [frame for frame in frames if frame.flat >= MOST_PIXELS]
+    if len(flat) < MOST_VIEWS * len(frames):
+        return
+    colours = torch.stack([frame.colour for frame in flat])
+    ground = colours.median(0).values
+    alike = ((colours - ground).abs().amax(-1) <= ONE_COLOUR).float().mean()
+    if float(alike) < MOST_VIEWS:
+        return
+    name = "white" if float(ground.min()) > 1 - ONE_COLOUR else "black" if float(ground.max()) < ONE_COLOUR else ""
+    named = name or "display sRGB " + ", ".join(f"{float(level):.2f}" for level in ground)
+    yield (
+        f"the border of {len(flat)} of {len(frames)} views is one colour ({named}), and there are no masks: the ground"
+        " is learnt as surfaces around the object, which cannot be relit; give masks (--mask-folder DIR), or images"
+        " with an alpha"
+    )
+
+
+def _share(found: Sequence[bool]) -> float:
+    return sum(found) / len(found)
 
 
 def _views(count: int) -> str:

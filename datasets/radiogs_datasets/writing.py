@@ -29,11 +29,17 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
 
     Colours become 8-bit PNG, radiance half-float EXR, as the layout has them. ``advance`` is told (done, total) views.
     The folder is made beside its place and renamed at the end: an interrupted conversion leaves no half scene. Raises
-    UsageError for an unknown layout or a folder that holds something, DataError for a damaged scene or for cameras that
-    the layout cannot say.
+    UsageError for an unknown layout, a folder that holds something or a scene with pixels that are left out, DataError
+    for a damaged scene or for cameras that the layout cannot say.
     """
     if layout not in WRITERS:
         raise unknown("layout to write", layout, WRITERS)
+    if any(view.has("valid") for view in (*scene.train, *scene.test)):
+        raise UsageError(
+            f"pixels of scene '{scene.name}' are left out (--masks ignore), which no layout can carry",
+            "They would be written as black.",
+            "Convert the scene without its masks, and copy the masks beside it.",
+        )
     unfinished = require_new(folder)
     shutil.rmtree(unfinished, ignore_errors=True)
     try:

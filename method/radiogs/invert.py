@@ -11,7 +11,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
-from radiogs_core.learning.losses import crossed, edge_weights, environment_smoothness, light_prior
+from radiogs_core.learning.losses import counted, crossed, edge_weights, environment_smoothness, light_prior
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -91,7 +91,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
         by_sets = [images[name] for name in shaded]
         compared = [images["radiance"], *(crossed(*by_sets) if len(by_sets) == 2 else by_sets)]
-        losses = image_terms(terms, camera, aim, blended, compared, [images["albedo"], images["roughness"]])
+        aim, blended, shown = counted(view, terms.background, aim, blended, compared)
+        losses = image_terms(terms, camera, aim, blended, shown, [images["albedo"], images["roughness"]])
         if by_set := [losses.pop(name) for name in shaded if name in losses]:
             losses["shaded"] = torch.stack(by_set).sum()
         return {**losses, **self._light_losses(model, light)}

@@ -216,6 +216,11 @@ def add_scene_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--mask-folder", type=Path, metavar="DIR", help="Read a mask for every photo, by the photo's name, from DIR."
     )
+    group.add_argument(
+        "--masks", choices=["object", "ignore"],
+        help="Take black in masks for places where nothing is (object, the default), or leave such pixels out of"
+        " training and metrics (ignore).",
+    )  # fmt: skip
 
 
 def scene_options(options: argparse.Namespace) -> "SceneOptions":
@@ -223,7 +228,12 @@ def scene_options(options: argparse.Namespace) -> "SceneOptions":
     from radiogs_datasets.options import SceneOptions, absolute
 
     return SceneOptions(
-        options.layout, options.hold_out, absolute(options.mask_folder), options.reduce, options.long_side
+        options.layout,
+        options.hold_out,
+        absolute(options.mask_folder),
+        options.reduce,
+        options.long_side,
+        options.masks,
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
+from radiogs_datasets.soundness import require_trainable
 
 from ..errors import MethodFailed
 from ..method_calls import calling
@@ -57,6 +58,8 @@ def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> Non
     """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
     scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     progress = bench.progress
+    for name in dict.fromkeys(cell.scene for cell in unfinished if cell.stages):
+        require_trainable(request.scenes[name])
     for scene in scenes:
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
     if scenes:

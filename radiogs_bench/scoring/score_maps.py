@@ -18,7 +18,7 @@ from radiogs_core.scene.scene import Scene, View
 
 from .metrics.protocol import Protocol
 from .metrics.psnr import psnr
-from .metrics.values import Value
+from .metrics.values import PSNR_CAP, Value
 from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]
@@ -36,7 +36,13 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
     rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
     indirect = compared_indirect(rules)
     if "image" in maps and view.has("image"):
-        scores.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
+        image, share = maps["image"], 1.0
+        if view.has("valid"):
+            valid = view.read("valid")
+            image, share = image * valid, float(valid.mean())
+            alpha = None if alpha is None else alpha * valid
+        found = rules.score_image(image, truth(view, "image"), mask, alpha)
+        scores.add("nvs", view.name, found if share == 1 else over_counting(found, share))
     if "normal" in maps and view.has("normal"):
         scores.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
     if rules.depth_offset is not None and "depth" in maps and view.has("depth"):
@@ -49,6 +55,28 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
     if indirect in maps and view.has("indirect"):
         ours, theirs = displayed(maps[indirect]), displayed(truth(view, "indirect"))
         scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
+
+
+def over_counting(scores: Mapping[str, Value], share: float) -> dict[str, Value]:
+    """The values over the ``share`` of the pixels that count, from those over all pixels of images equal elsewhere.
+
+    Errors elsewhere are zero, so a mean over all pixels is that over the pixels that count times their share. This
+    holds for the squared error of PSNR exactly, for the dissimilarities of SSIM (1 - SSIM) and LPIPS but for windows
+    that straddle the border. Other measures of two pictures are n/a.
+    """
+    return {name: _over_counting(name, value, share) for name, value in scores.items()}
+
+
+def _over_counting(name: str, value: Value, share: float) -> Value:
+    if value.value is None:
+        return value
+    if name.startswith("psnr"):
+        return value if value.value >= PSNR_CAP else Value(value.value + 10 * math.log10(share))
+    if name == "ssim":
+        return Value(1 - (1 - value.value) / share)
+    if name.startswith("lpips"):
+        return Value(value.value / share)
+    return Value(None, "pixels of this view are left out, and what this measure is without them is not known")
 
 
 def mean_roughness(view: View, maps: Maps) -> float | None:
@@ -124,10 +152,9 @@ def compared_indirect(rules: Protocol) -> str:
 
 
 def coverage(view: View) -> Float[Tensor, "height width 1"]:
-    """The true coverage [height, width, 1]; 1 everywhere for a view without an alpha map."""
-    if view.has("alpha"):
-        return view.read("alpha")
-    return torch.ones(view.camera.height, view.camera.width, 1)
+    """The true coverage [height, width, 1]; 1 for a view without an alpha map, 0 at pixels that do not count."""
+    alpha = view.read("alpha") if view.has("alpha") else torch.ones(view.camera.height, view.camera.width, 1)
+    return alpha * view.read("valid") if view.has("valid") else alpha
 
 
 def truth(view: View, name: str) -> Image:

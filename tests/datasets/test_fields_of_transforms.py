@@ -100,14 +100,105 @@ def test_other_fields_are_listed_and_known_ones_are_not(tmp_path: Path) -> None:
     assert said == ("fields that are not known, and not used: photographer, weather",)
 
 
-def test_focal_lengths_that_contradict_one_another_are_refused(tmp_path: Path) -> None:
-    """Issue 29, item 1: an angle beside focal lengths was dropped, whatever it said."""
+def test_focal_lengths_count_where_angles_contradict_them(tmp_path: Path) -> None:
+    """Captures, row 24: fl_x is what other codes take; it is said. Radians and degrees that agree are no reason."""
     agreeing = 2 * math.atan(32 / 50)
-    read_transforms(table(tmp_path / "a.json", PIXELS | {"camera_angle_x": agreeing}))
-    with pytest.raises(DataError, match="camera_angle_x"):
-        read_transforms(table(tmp_path / "b.json", PIXELS | {"camera_angle_x": 0.9 * agreeing}))
+    degrees = {"fovx": math.degrees(agreeing), "fovy": math.degrees(2 * math.atan(24 / 50))}
+    for fields in ({"camera_angle_x": agreeing}, degrees, {"fovx": agreeing}):
+        for path in (
+            table(tmp_path / "a.json", PIXELS | fields),
+            table(tmp_path / "b.json", PIXELS, PIXELS | fields),
+        ):
+            assert read_transforms(path).said == ()
+    for name, wrong in (("camera_angle_x", 0.9 * agreeing), ("fovx", 40.0), ("camera_angle_y", 0.3)):
+        path = table(tmp_path / "b.json", PIXELS | {name: wrong})
+        (said,) = read_transforms(path).said
+        assert said.startswith(f"{name} is ")
+        assert said.endswith("is taken")
+        assert (lens(path, 0).fx, lens(path, 0).fy) == (50, 50)
     with pytest.raises(DataError, match="'fl_y' without 'fl_x'"):
         read_transforms(table(tmp_path / "c.json", ANGLE | {"fl_y": 50.0}))
+
+
+def test_degrees_alone_are_read_where_they_can_be_nothing_else(tmp_path: Path) -> None:
+    """Captures, row 23: instant-ngp's script writes fovx and fovy in degrees."""
+    found = lens(table(tmp_path / "a.json", {"fovx": 60.0, "fovy": 40.0}), 0)
+    assert found.fx == pytest.approx(32 / math.tan(math.radians(30)))
+    assert found.fy == pytest.approx(24 / math.tan(math.radians(20)))
+    with pytest.raises(DataError, match=r"'fovx' is 1.2"):
+        read_transforms(table(tmp_path / "b.json", {"fovx": 1.2}))
+
+
+def test_other_names_of_focal_lengths_and_absent_centres_are_read_and_said(tmp_path: Path) -> None:
+    """Captures, kind 5: of 16 public repositories one has fx and fy, one neither cx nor cy."""
+    named = {"fx": 50.0, "fy": 51.0, "cx": 30.0, "cy": 25.0, "width": 64, "height": 48}
+    path = table(tmp_path / "a.json", named)
+    assert read_transforms(path).said == ("fx, fy, width, height are read as fl_x, fl_y, w, h",)
+    found = lens(path, 0)
+    assert (found.fx, found.fy, found.cx, found.cy) == (50, 51, 30, 25)
+    with pytest.raises(DataError, match="64 x 48"):
+        lens(path, 0, 24, 32)
+    for absent in (("cx", "cy"), ("cy",), ("w", "h")):
+        less = {name: value for name, value in PIXELS.items() if name not in absent}
+        path = table(tmp_path / "b.json", less)
+        assert (lens(path, 1).cx, lens(path, 1).cy) == (32, 24)
+        (said,) = read_transforms(path).said
+        assert "missing" in said
+    path = table(tmp_path / "c.json", {}, None)
+    path.write_text(path.read_text().replace('"file_path"', '"fx": 50, "fy": 50, "w": 64, "h": 48, "file_path"'))
+    assert read_transforms(path).said[0] == "fx, fy are read as fl_x, fl_y (2 frames)"
+
+
+def scaled(path: Path, factors: tuple[float, float], whole: bool, angle: float = 0.3) -> Path:
+    """Poses whose rotations, or whole matrices, are multiplied by a factor each."""
+    turn = torch.eye(4, dtype=torch.float64)
+    turn[:2, :2] = torch.tensor([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    turn[:3, 3] = torch.tensor([1.0, 2.0, 3.0])
+    content = json.loads(table(path, ANGLE).read_text())
+    for frame, factor in zip(content["frames"], factors, strict=True):
+        pose = turn.clone()
+        pose[: 4 if whole else 3, : 4 if whole else 3] *= factor
+        frame["transform_matrix"] = pose.tolist()
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("factor", [0.0389, 0.0012, 7.0])
+def test_one_factor_of_all_poses_is_divided_out(tmp_path: Path, factor: float, whole: bool) -> None:
+    """Captures, row 25: cameras stay where they are, whatever their axes are multiplied by."""
+    rigid = read_transforms(scaled(tmp_path / "a.json", (1, 1), False)).frames[1].camera_to_world
+    found = read_transforms(scaled(tmp_path / "b.json", (factor, factor), whole))
+    torch.testing.assert_close(found.frames[1].camera_to_world, rigid)
+    assert len(found.said) == 1
+    assert f"{factor:.4g}" in found.said[0]
+    with pytest.raises(DataError, match="not a rigid motion"):
+        read_transforms(scaled(tmp_path / "c.json", (factor, 1.1 * factor), False))
+
+
+def test_poses_of_three_rows_are_read(tmp_path: Path) -> None:
+    """A last row of 0 0 0 1 says nothing."""
+    content = json.loads(table(tmp_path / "a.json", ANGLE).read_text())
+    content["frames"][0]["transform_matrix"] = POSE[:3]
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    first, second = read_transforms(tmp_path / "a.json").frames
+    torch.testing.assert_close(first.camera_to_world, second.camera_to_world)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("timestamp", 17.5), ("capture_time", "12:00"), ("camera_label", "left"), ("camera_id", 3), ("cam_name", "a"),
+        ("exif", {"ISO": 100}), ("exif_exposure", 0.01), ("colmap_camera_id", 1), ("image_id", 4), ("frame_idx", 9),
+        ("camera_make", "Canon"), ("lens_serial", "x1"), ("date_time", "30/06/2023"), ("gps_latitude", 48.1),
+        ("camera_convention", "OpenGL"), ("coordinate_system", "blender"), ("blur_score", 0.1),
+        ("unix_timestamp_ns", 5),
+    ],
+)  # fmt: skip
+def test_fields_that_name_a_photo_are_passed_over(tmp_path: Path, field: str, value: object) -> None:
+    """Captures, kind 5: their names say that they change nothing that is seen."""
+    assert read_transforms(table(tmp_path / "a.json", PIXELS, {field: value})).said == ()
+    assert read_transforms(table(tmp_path / "a.json", PIXELS | {field: value})).said == ()
 
 
 @pytest.mark.parametrize("field", ["fl_x", "cx", "w", "k1"])

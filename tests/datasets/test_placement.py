@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.settings import Variant
@@ -16,6 +17,8 @@ from radiogs_bench.cli.main import main
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
+from radiogs_core.surfels.swept_depth import DepthSweep
+from radiogs_core.surfels.swept_points import swept_points
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import Finding, check_scene, grouped
 from radiogs_datasets.image_files import read_png, write_png
@@ -27,6 +30,7 @@ from radiogs_datasets.soundness import (
     few_views_or_pixels,
     require_names,
     require_placed,
+    require_trainable,
 )
 from short_training import BUDGET, CPU, SCENE
 
@@ -172,6 +176,41 @@ def test_few_views_and_small_images_are_said_on_loading() -> None:
     assert few_views_or_pixels(still) == ("all training cameras stand in one place: depth is not determined",)
     reduced = load_scene("corner", options=SceneOptions(long_side=8))
     assert any("SSIM has no value" in said for said in reduced.repairs)
+
+
+@pytest.mark.slow
+def test_a_single_view_is_refused_before_training(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Captures, row 35: it ended in a traceback of linear algebra."""
+    for split, kept in (("train", 1), ("test", 2)):
+        path = corner / f"transforms_{split}.json"
+        table = json.loads(path.read_text())
+        path.write_text(json.dumps(table | {"frames": table["frames"][:kept]}))
+        for place in range(kept, len(table["frames"])):
+            shutil.rmtree(corner / f"{split}_{place:03}")
+    out = corner.parent / "out"
+    for command in (
+        ["datasets", "check", str(corner)],
+        ["train", str(corner), "--preset", "smoke", "--out", str(out)],
+        ["run", "ablations", "--scenes", str(corner), "--preset", "smoke", "--out", str(out / "runs")],
+    ):
+        assert main(command) == 3
+        said = capsys.readouterr()
+        assert "has one view to learn from" in said.out + said.err
+
+
+def test_cameras_in_one_place_are_refused_before_training() -> None:
+    scene = load_scene("corner")
+    require_trainable(replace(scene, train=scene.train[:2]))
+    with pytest.raises(DataError, match="has one view to learn from"):
+        require_trainable(replace(scene, train=scene.train[:1]))
+    with pytest.raises(DataError, match="all 48 training views of scene 'corner' stand in one place"):
+        require_trainable(replace(scene, train=tuple(moved(view, 0, 0) for view in scene.train)))
+
+
+def test_a_single_view_of_many_starts_in_the_hull() -> None:
+    """A share of the views may be one view, which has no depth."""
+    points, normals, colours = swept_points(SCENE, SCENE.train[:1], 1.0, 10, DepthSweep(), torch.Generator())
+    assert len(points) == len(normals) == len(colours) == 0
 
 
 def test_complaints_of_the_same_words_are_grouped() -> None:

@@ -54,6 +54,12 @@ class Workspace:
                 "Its commands read the stored files, which have other images or other views.",
                 "Store the scene with these options first:  radiogs-bench datasets convert",
             )
+        if any(view.has("valid") for view in (*scene.train, *scene.test)):
+            raise UsageError(
+                f"{file.title} cannot leave pixels of scene '{scene.name}' out",
+                "Its transforms file says that black pixels of masks are ignored, which the commands do not know.",
+                "Choose a method that is not run as commands.",
+            )
         if scene.layout not in file.layouts:
             raise UsageError(
                 f"{file.title} cannot read scene '{scene.name}', which is in the layout {scene.layout}",

@@ -4,6 +4,8 @@
 binary files every count is held against the bytes that are left before anything is made of it.
 """
 
+import math
+import re
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,13 +24,72 @@ PARTS = ("cameras", "images", "points3D")
 FOLDERS = ("sparse/0", "sparse")
 """Where a scene's model lies: as COLMAP's mapper numbers it, and as ``image_undistorter`` writes it."""
 
+COUNTED = re.compile(r"#\s*Number of (?:cameras|images):\s*(\d+)")
+"""COLMAP's comment with the number of cameras or photos that the text file lists."""
 
-def find_model(folder: Path) -> Path | None:
-    """The folder of a scene's sparse model."""
-    places = (folder / place for place in FOLDERS)
-    return next(
-        (place for place in places if any((place / f"cameras.{end}").is_file() for end in ("bin", "txt"))), None
-    )
+
+def models_in(folder: Path) -> list[Path]:
+    """The folders of a scene's sparse models: those of ``FOLDERS`` first, then the mapper's others (sparse/1, ...)."""
+    room = folder / "sparse"
+    others = sorted(place for place in room.iterdir() if place.is_dir()) if room.is_dir() else []
+    places = dict.fromkeys([*(folder / place for place in FOLDERS), *others])
+    return [place for place in places if any((place / f"cameras.{end}").is_file() for end in ("bin", "txt"))]
+
+
+def chosen_model(folder: Path) -> tuple[Path | None, tuple[str, ...]]:
+    """The folder of the model with the most photos, and sentences on the models and files that are not used.
+
+    None where there is no model. COLMAP makes several where it could not join all photos, and the first need not be the
+    largest. Raises DataError where the first cannot be read; of the others it is said.
+    """
+    places, sizes, said = models_in(folder), dict[Path, int](), []
+    for place in places:
+        try:
+            sizes[place] = len(_poses(files_of(place)[1]))
+        except DataError as error:
+            if place == places[0]:
+                raise
+            said.append(f"the model in {_named(folder, place)} is not used: {error.what}")
+    if not places:
+        return None, ()
+    largest = max(sizes, key=lambda place: sizes[place])
+    rest = [f"{_named(folder, place)} ({count} photos)" for place, count in sizes.items() if place != largest]
+    if rest:
+        said.append(
+            f"the model in {_named(folder, largest)} is used ({sizes[largest]} photos), the largest;"
+            f" not used: {', '.join(rest)}"
+        )
+    return largest, (*said, *_text_beside(folder, largest))
+
+
+def _named(folder: Path, place: Path) -> str:
+    return place.relative_to(folder).as_posix()
+
+
+def _text_beside(folder: Path, place: Path) -> tuple[str, ...]:
+    """A sentence on text files beside the binary ones that are read, and whether they list the same poses."""
+    names = [f"{part}.txt" for part in PARTS if (place / f"{part}.txt").is_file()]
+    images = files_of(place)[1]
+    if not names or images.suffix == ".txt":
+        return ()
+    differ = ""
+    if (place / "images.txt").is_file():
+        try:
+            stored, written = ({each.name: each for each in _poses(path)} for path in (images, place / "images.txt"))
+            same = stored.keys() == written.keys() and all(_close(stored[name], written[name]) for name in stored)
+            differ = "" if same else "; they hold other photos or poses"
+        except DataError:
+            differ = "; they cannot be read"
+    return (f"{', '.join(names)} in {_named(folder, place)} are not used: the binary files are{differ}",)
+
+
+def _poses(path: Path) -> tuple[StoredImage, ...]:
+    return read_binary_images(path) if path.suffix == ".bin" else read_text_images(path)
+
+
+def _close(first: StoredImage, second: StoredImage) -> bool:
+    values = [np.array([*each.rotation, *each.translation]) for each in (first, second)]
+    return bool(np.allclose(values[0], values[1], rtol=1e-6, atol=1e-6))
 
 
 def files_of(folder: Path) -> tuple[Path, Path, Path]:
@@ -183,11 +244,15 @@ def read_text_cameras(path: Path) -> dict[int, StoredCamera]:
         if number in cameras:
             raise wrong(path, f"camera {number} is listed twice")
         cameras[number] = camera
+    _require_counted(path, len(cameras))
     return cameras
 
 
 def read_text_images(path: Path) -> tuple[StoredImage, ...]:
-    """Photos in the file's order; the second line of each, its features, is skipped. Raises DataError."""
+    """Photos in the file's order; the second line of each, its features, is skipped. Raises DataError.
+
+    Also where that line is no list of features: a file without these lines would lose every second photo.
+    """
     lines = _text(path).split("\n")
     images, place = [], 0
     while place < len(lines):
@@ -195,8 +260,36 @@ def read_text_images(path: Path) -> tuple[StoredImage, ...]:
         place += 1
         if line and not line.startswith("#"):
             images.append(_parsed(path, place, line, _image))
-            place += 1  # the features, a line that may be empty
+            if place < len(lines) and not _features(lines[place]):
+                raise DataError(
+                    f"cannot read {path}: line {place + 1} is no list of features: {lines[place].strip():.60}",
+                    "Each photo has two lines: its pose, and its features as x, y and the number of a point, which may"
+                    " be empty. Without the second line every other photo would be lost.",
+                    "Write an empty line after each pose.",
+                )
+            place += 1
+    _require_counted(path, len(images))
     return tuple(images)
+
+
+def _features(line: str) -> bool:
+    """Whether a line holds triples x, y, number of a point, or nothing; the first and the last triple are looked at."""
+    words = line.split()
+    try:
+        return len(words) % 3 == 0 and all(map(math.isfinite, map(float, (*words[:3], *words[-3:]))))
+    except ValueError:
+        return False
+
+
+def _require_counted(path: Path, found: int) -> None:
+    """Raise DataError where the file's own comment counts other than what it lists."""
+    said = COUNTED.search(_text(path))
+    if said is not None and int(said[1]) != found:
+        raise DataError(
+            f"cannot read {path}: its header counts {said[1]}, {found} are listed",
+            "It was cut off, or lines are missing.",
+            "Export the model anew (colmap model_converter); or correct the header, if the list is as you mean it.",
+        )
 
 
 def read_text_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:

@@ -13,6 +13,8 @@ ORDER: Mapping[Projection, tuple[str, ...]] = {
 }
 """Coefficients of both models in the order in which OpenCV takes them."""
 
+COEFFICIENT_NAMES = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+
 LENS = ("fx", "fy", "cx", "cy")
 
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
@@ -65,6 +67,28 @@ class Lens:
     def pinhole(self) -> bool:
         """Whether it leaves straight lines straight."""
         return self.projection == "perspective" and not any(self.coefficients)
+
+    @property
+    def bend(self) -> float:
+        """Share of its distance from the principal point by which distortion moves the image's farthest corner."""
+        across = max(abs(self.cx), abs(self.width - self.cx)) / self.fx
+        down = max(abs(self.cy), abs(self.height - self.cy)) / self.fy
+        named = dict.fromkeys(COEFFICIENT_NAMES, 0.0) | dict(
+            zip(ORDER[self.projection], self.coefficients, strict=False)
+        )
+        square = across**2 + down**2
+        radial = 1 + sum(named[f"k{power}"] * square**power for power in (1, 2, 3))
+        if self.projection == "fisheye":
+            radial += named["k4"] * square**4
+        else:
+            divisor = 1 + sum(named[f"k{power + 3}"] * square**power for power in (1, 2, 3))
+            radial = radial / divisor if divisor else math.inf
+        return abs(radial - 1) + 3 * max(abs(named["p1"]), abs(named["p2"])) * math.sqrt(square)
+
+    @property
+    def oblong(self) -> float:
+        """The longer side of its pixels over the shorter one, by the focal lengths."""
+        return max(self.fx, self.fy) / min(self.fx, self.fy)
 
     def at_size(self, height: int, width: int) -> "Lens":
         """The same lens for the photo brought to another size; distortion acts before pixels and stays."""

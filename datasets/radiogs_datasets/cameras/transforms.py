@@ -3,10 +3,11 @@ camera-to-world, a lens for the file or for a frame (``transforms_fields``), pat
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import torch
 from jaxtyping import Float
@@ -16,7 +17,18 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 
 from ..bounded_reading import read_json
-from .transforms_fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields, said_of_fields
+from ..options import Meaning
+from .transforms_fields import (
+    ANGLES,
+    FIELDS,
+    PIXELS,
+    LensOfSize,
+    Note,
+    finite,
+    lens_of_fields,
+    said_of_fields,
+    with_known_names,
+)
 
 SPLITS = ("train", "val", "test")
 
@@ -48,13 +60,15 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by split, where the file names them; ``said``: what of the file is not used.
+    the poses; ``splits``: lists of images by split, where the file names them; ``masks``: what black means in masks,
+    "object" or "ignore", where the file says it; ``said``: what of the file is not used.
     """
 
     frames: tuple[Frame, ...]
     depth_unit: float = DEPTH_UNIT
     points_path: str | None = None
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    masks: str | None = None
     said: tuple[str, ...] = ()
 
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
@@ -74,30 +88,65 @@ class Transforms:
 
 def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
     """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
-    table = _read_object(path) if content is None else content
+    notes: Counter[str] = Counter()
+
+    def note(sentence: str) -> None:
+        notes[sentence] += 1
+
+    table = with_known_names(_read_object(path) if content is None else content, note)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:
         raise DataError(
             f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
         )
+    frames = [with_known_names(frame, note) if isinstance(frame, dict) else frame for frame in frames]
     own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]
-    common = None if all(own) else lens_of_fields(str(path), table)
+    common = None if all(own) else lens_of_fields(str(path), table, note)
     _check_applied(path, table.get("applied_transform"))
+    frames = _without_scale(frames, note)
+    unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
     return Transforms(
-        tuple(_frame(path, place, frame, table, common) for place, frame in enumerate(frames)),
+        tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
-        said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)]),
+        _masks(path, table),
+        (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in notes.items())),
     )
+
+
+def _without_scale(frames: list[object], note: Note) -> list[object]:
+    """The frames with rigid poses where one factor is common to the rotations of all, or to all of each matrix.
+
+    A pose that turns and scales places the same camera at the same place: depths along its rays alone would change.
+    """
+    given = [frame.get("transform_matrix") if isinstance(frame, dict) else None for frame in frames]
+    matrices = [_numbers_of(rows) for rows in given]
+    if any(matrix is None for matrix in matrices):
+        return frames
+    poses = torch.stack([matrix for matrix in matrices if matrix is not None])
+    last = poses[:, 3, 3]
+    if not bool((last > 0).all()) or bool((poses[:, 3, :3] != 0).any()):
+        return frames
+    poses = poses / last[:, None, None]
+    sizes = poses[:, :3, :3].norm(dim=(1, 2)) / 3**0.5
+    scale = float(sizes.median())
+    off = max(abs(scale - 1), float((last - 1).abs().max()))
+    if off <= RIGID_TOLERANCE or not scale > 0 or float((sizes / scale - 1).abs().max()) > RIGID_TOLERANCE:
+        return frames
+    poses[:, :3, :3] /= scale
+    if abs(scale - 1) > RIGID_TOLERANCE:
+        note(f"the poses of all frames scale by {scale:.4g}: their rotations are divided by it")
+    else:
+        note(f"the last number of the poses is {float(last[0]):.4g}: they are divided by it")
+    return [{**frame, "transform_matrix": pose.tolist()} for frame, pose in zip(frames, poses, strict=True)]  # type: ignore[dict-item]
 
 
 def _check_applied(path: Path, rows: object) -> None:
     """nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked."""
     if rows is None:
         return
-    padded = [*rows, [0, 0, 0, 1]] if isinstance(rows, list) and len(rows) == 3 else rows
-    _rigid(f"{path}: 'applied_transform'", padded, "It says how the poses were turned into the world that they are in.")
+    _rigid(f"{path}: 'applied_transform'", rows, "It says how the poses were turned into the world that they are in.")
 
 
 def _depth_unit(path: Path, table: dict[str, Any]) -> float:
@@ -121,6 +170,17 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
     return tuple(names)
 
 
+def _masks(path: Path, table: dict[str, Any]) -> str | None:
+    meaning = table.get("masks")
+    if meaning not in (None, *get_args(Meaning)):
+        raise DataError(
+            f"{path}: 'masks' is {meaning!r:.40}",
+            "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore).",
+            "Write 'object' or 'ignore'.",
+        )
+    return meaning
+
+
 def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
     """The first of some fields that is there, as a path."""
     name = next((name for name in names if fields.get(name) is not None), None)
@@ -137,7 +197,9 @@ def _read_object(path: Path) -> dict[str, Any]:
     return table
 
 
-def _frame(path: Path, place: int, frame: object, table: dict[str, Any], common: LensOfSize | None) -> Frame:
+def _frame(
+    path: Path, place: int, frame: object, table: dict[str, Any], common: LensOfSize | None, note: Note
+) -> Frame:
     name = frame.get("file_path") if isinstance(frame, dict) else None
     if not isinstance(frame, dict) or not isinstance(name, str) or not name or "\0" in name:
         raise DataError(
@@ -146,7 +208,8 @@ def _frame(path: Path, place: int, frame: object, table: dict[str, Any], common:
             "Correct the file.",
         )
     what = f"{path}: frame {place} ({name})"
-    lens = common if common is not None and FIELDS.isdisjoint(frame) else lens_of_fields(what, _merged(table, frame))
+    own = common is None or not FIELDS.isdisjoint(frame)
+    lens = lens_of_fields(what, _merged(table, frame), note) if own or common is None else common
     pose = _rigid(f"{what}: 'transform_matrix'", frame.get("transform_matrix"), "It places the camera in the world.")
     # OpenGL looks along -z with y up; OpenCV looks along z with y down.
     pose[:3, 1:3] *= -1
@@ -158,18 +221,17 @@ def _merged(table: dict[str, Any], frame: dict[str, Any]) -> dict[str, Any]:
     """The file's lens with the frame's fields in their place; a frame's angle makes the file's pixels void, and pixels
     of a frame the file's angles."""
     own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
-    void = (*PIXELS, "camera_angle_y") if own_angle else ("camera_angle_x", "camera_angle_y") if own_pixels else ()
+    void = (*PIXELS, *ANGLES[1:]) if own_angle else ANGLES if own_pixels else ()
     return {name: value for name, value in table.items() if name not in void} | frame
 
 
 def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
     """The matrix in float64; ``what`` names its place in errors."""
-    numbers = [finite(number) for row in rows for number in row] if _is_four_by_four(rows) else []  # type: ignore[attr-defined]
-    if not numbers or not all(math.isfinite(number) for number in numbers):
+    matrix = _numbers_of(rows)
+    if matrix is None:
         raise DataError(
             f"{what} is not 4 rows of 4 finite numbers", purpose, "Correct the file, or take the view out of it."
         )
-    matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
     rotation = matrix[:3, :3]
     deviation = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
     affine = matrix[3].tolist() == [0, 0, 0, 1]
@@ -182,5 +244,10 @@ def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
     return matrix
 
 
-def _is_four_by_four(rows: object) -> bool:
-    return isinstance(rows, list) and len(rows) == 4 and all(isinstance(row, list) and len(row) == 4 for row in rows)
+def _numbers_of(rows: object) -> Float[Tensor, "4 4"] | None:
+    """A matrix of four rows of four finite numbers, float64; a last row that is left out is 0 0 0 1."""
+    rows = [*rows, [0, 0, 0, 1]] if isinstance(rows, list) and len(rows) == 3 else rows
+    if not (isinstance(rows, list) and len(rows) == 4 and all(isinstance(row, list) and len(row) == 4 for row in rows)):
+        return None
+    numbers = [finite(number) for row in rows for number in row]
+    return torch.tensor(numbers, dtype=torch.float64).reshape(4, 4) if all(map(math.isfinite, numbers)) else None

@@ -11,7 +11,7 @@ by name when they are set; those known to be harmless are passed over; any other
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from radiogs_core.errors import DataError
@@ -24,10 +24,14 @@ COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "orthographic", "rolling_shutter")
 """instant-ngp's fields for cameras that cannot be made a pinhole."""
 
-FIELDS = frozenset(
-    {*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, "camera_angle_x", "camera_angle_y", "camera_model", "is_fisheye"}
-)  # fmt: skip
+ANGLES = ("camera_angle_x", "camera_angle_y", "fovx", "fovy")
+"""Angles of view: in radians, and as instant-ngp's script writes them for each of several cameras, in degrees."""
+
+FIELDS = frozenset({*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, *ANGLES, "camera_model", "is_fisheye"})
 """Fields of a lens: those of a frame take the place of the file's."""
+
+OTHER_NAMES = {"fx": "fl_x", "fy": "fl_y", "c_x": "cx", "c_y": "cy", "width": "w", "height": "h"}
+"""Names that other codes give to fields of a lens."""
 
 COMMON = frozenset({"k1", "k2", "k3", "p1", "p2"})
 """Coefficients that all codes mean alike: k4 is a power of r for nerfstudio, and a divisor's for OpenCV."""
@@ -42,8 +46,22 @@ LensOfSize = Callable[[int, int], Lens]
 """The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
 
 
-def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
-    """The lens of a file or frame; ``what`` names it in errors. Raises DataError."""
+Note = Callable[[str], object]
+"""Takes a sentence on what was read in another way than it is written."""
+
+
+def with_known_names(fields: Mapping[str, Any], note: Note) -> dict[str, Any]:
+    """The fields by the names of instant-ngp and nerfstudio where they have others' (``OTHER_NAMES``)."""
+    renamed = {name: ours for name, ours in OTHER_NAMES.items() if name in fields and ours not in fields}
+    if renamed:
+        note(f"{', '.join(renamed)} are read as {', '.join(renamed.values())}")
+    # A second name that says the same says nothing new; another value is left, and refused as an unknown field.
+    same = {name for name, ours in OTHER_NAMES.items() if name in fields and fields[name] == fields.get(ours)}
+    return {renamed.get(name, name): value for name, value in fields.items() if name not in same}
+
+
+def lens_of_fields(what: str, fields: Mapping[str, Any], note: Note) -> LensOfSize:
+    """The lens of a file or frame; ``what`` names it in errors, ``note`` is told what is assumed. Raises DataError."""
     refused = [name for name in OTHER_LENSES if is_set(fields.get(name))]
     if refused:
         raise DataError(
@@ -53,10 +71,10 @@ def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
         )
     projection, coefficients = _distortion(what, fields)
     if "fl_x" in fields:
-        return _of_pixels(what, fields, projection, coefficients)
+        return _of_pixels(what, fields, projection, coefficients, note)
     if "fl_y" in fields:
         raise DataError(f"{what}: there is 'fl_y' without 'fl_x'", "Focal lengths come in pairs.", "Correct the file.")
-    return _of_angle(what, fields, projection, coefficients)
+    return _of_angle(what, _in_radians(what, fields), projection, coefficients)
 
 
 def finite(value: object) -> float:
@@ -67,6 +85,23 @@ def finite(value: object) -> float:
         return float(value)
     except OverflowError:
         return math.nan
+
+
+def _in_radians(what: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The fields with the angles in degrees as angles in radians. Raises DataError where it could be either."""
+    if fields.get("camera_angle_x") is not None or not any(is_set(fields.get(name)) for name in ANGLES[2:]):
+        return fields
+    angles = {}
+    for name, ours in zip(ANGLES[2:], ANGLES[:2], strict=True):
+        if (value := fields.get(name)) is not None:
+            if not math.pi < finite(value) < 180:
+                raise DataError(
+                    f"{what}: '{name}' is {value!r:.40}",
+                    "Degrees are between 3.15 and 180; whether a smaller number means radians cannot be told.",
+                    f"Write '{ours}', in radians.",
+                )
+            angles[ours] = math.radians(finite(value))
+    return {**fields, **angles}
 
 
 def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
@@ -112,44 +147,66 @@ def _other_size(what: str, written: tuple[float, float], found: tuple[int, int])
     )
 
 
-def _of_pixels(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
-    """Pixels of an image of one size; images of another size are refused, not guessed at."""
-    given = {"fl_y": fields["fl_x"], **fields}
-    names = (*PIXELS, *SIZE)
-    fx, fy, cx, cy, width, height = (finite(given.get(name)) for name in names)
+def _of_pixels(
+    what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...], note: Note
+) -> LensOfSize:
+    """Pixels of an image of one size; images of another size are refused, not guessed at.
+
+    Without a principal point it is the image's centre, without a size that of the images.
+    """
+    given = {name: finite(fields[name]) for name in (*PIXELS, *SIZE) if fields.get(name) is not None}
+    given.setdefault("fl_y", given.get("fl_x", math.nan))
+    _require_pixels(what, fields, given)
+    absent = [name for name in PIXELS[2:] if name not in given]
+    if absent:
+        note(f"{' and '.join(absent)} missing: the principal point is taken for the image's centre")
+    if not given.keys() >= {*SIZE}:
+        note("w or h missing: focal lengths are taken for pixels of the images as they are")
+
+    def lens(rows: int, columns: int) -> Lens:
+        width, height = given.get("w", columns), given.get("h", rows)
+        if (height, width) != (rows, columns):
+            raise _other_size(what, (width, height), (columns, rows))
+        cx, cy = given.get("cx", columns / 2), given.get("cy", rows / 2)
+        return Lens(given["fl_x"], given["fl_y"], cx, cy, columns, rows, projection, bent)
+
+    if given.keys() >= {*SIZE}:
+        for sentence in _other_angles(fields, lens(int(given["h"]), int(given["w"]))):
+            note(sentence)
+    return lens
+
+
+def _require_pixels(what: str, fields: Mapping[str, Any], given: Mapping[str, float]) -> None:
+    """Raise DataError for focal lengths, principal points and sizes that no image has."""
     try:
-        if width != width // 1 or height != height // 1:
+        if not all(math.isfinite(value) for value in given.values()):
+            raise ValueError("one is none")
+        if any(given[name] != given[name] // 1 for name in SIZE if name in given):
             raise ValueError("sizes are whole numbers of pixels")
-        stored = Lens(fx, fy, cx, cy, int(width), int(height), projection, bent)
-    except (ValueError, OverflowError) as error:
+        width, height = (int(given.get(name, 1)) for name in SIZE)
+        Lens(given["fl_x"], given["fl_y"], given.get("cx", 0.0), given.get("cy", 0.0), width, height)
+    except ValueError as error:
+        names = (*PIXELS, *SIZE)
         raise DataError(
-            f"{what}: {', '.join(names)} are {[given.get(name) for name in names]!r:.160}",
+            f"{what}: {', '.join(names)} are {[fields.get(name) for name in names]!r:.160}",
             f"They must be finite numbers: {error}.",
             "Correct the file.",
         ) from error
 
-    _require_one_focal(what, fields, stored)
 
-    def lens(rows: int, columns: int) -> Lens:
-        if (stored.height, stored.width) != (rows, columns):
-            raise _other_size(what, (float(stored.width), float(stored.height)), (columns, rows))
-        return stored
-
-    return lens
-
-
-def _require_one_focal(what: str, fields: Mapping[str, Any], stored: Lens) -> None:
-    """Raise DataError where angles of view, written beside focal lengths, say something else."""
-    for name, focal, side in (
-        ("camera_angle_x", stored.fx, stored.width), ("camera_angle_y", stored.fy, stored.height)
-    ):  # fmt: skip
-        angle = fields.get(name)
-        if angle is not None and abs(_ratio(what, name, angle) * side - focal) > OTHER_FOCAL * focal:
-            raise DataError(
-                f"{what}: '{name}' makes a focal length of {_ratio(what, name, angle) * side:g}, beside {focal:g}",
-                "Which of them the images were taken with cannot be told.",
-                "Take the wrong one out of the file.",
-            )
+def _other_angles(fields: Mapping[str, Any], stored: Lens) -> Iterator[str]:
+    """A sentence for each angle of view that says something else than the focal length beside it, which is taken."""
+    sides = ((stored.fx, stored.width), (stored.fy, stored.height)) * 2
+    for name, (focal, side), field in zip(ANGLES, sides, PIXELS[:2] * 2, strict=True):
+        if not is_set(fields.get(name)):
+            continue
+        angle = finite(fields[name])
+        units = (1.0,) if name.startswith("camera") else (math.pi / 180, 1.0)
+        possible = [angle * unit for unit in units if 0 < angle * unit < math.pi]
+        focals = [0.5 * side / math.tan(0.5 * each) for each in possible]
+        if not any(abs(each - focal) <= OTHER_FOCAL * focal for each in focals):
+            makes = f" (a focal length of {focals[0]:.5g})" if focals else ""
+            yield f"{name} is {fields[name]!r:.20}{makes}, and {field} {focal:.5g}: {field} is taken"
 
 
 def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple[float, ...]]:
@@ -196,7 +253,7 @@ def is_set(value: object) -> bool:
 READ = FIELDS | {
     "frames", "file_path", "transform_matrix", "mask_path", "depth_file_path", "depth_path", "applied_transform",
     "integer_depth_scale", "depth_unit_scale_factor", "ply_file_path", "train_filenames", "val_filenames",
-    "test_filenames", "scene_name",
+    "test_filenames", "scene_name", "masks",
 }  # fmt: skip
 """Fields that are applied, or refused where the lens is read."""
 
@@ -209,6 +266,22 @@ HARMLESS = frozenset({
 one frame to the next, instant-ngp's ``scale`` and ``offset`` place the scene in its own unit cube, nerfstudio's
 ``applied_scale`` is in the poses already."""
 
+HARMLESS_NAMES = re.compile(
+    r"(exif|gps|meta_?data|comment|note|author|copyright|licen[cs]e|software|generator|version|source|url|tag|score|date"
+    r"|original_(file|path|name))(_?\w*)"
+    r"|(\w+_)?(time_?stamp|capture_?time|date_?time|unix_?time)s?(_\w+)?"
+    r"|(camera|cam|lens|image|img|frame|view|photo|colmap|sensor)_?(\w+_)?(id|ids|idx|index|name|label|number|num|count|make"
+    r"|maker|serial|uid|uuid|im_id|vendor|brand)"
+    r"|\w+_(id|ids|idx|uid|uuid|label)|(motion_)?blur(riness|_score)?|iso|aperture|f_?number|serial(_number)?",
+    re.IGNORECASE,
+)
+"""Names of fields that say where a photo comes from, or how it is called: they change nothing that is seen."""
+
+SAME_CONVENTION = frozenset({"opengl", "blender", "nerf", "nerfstudio", "instant-ngp", "ngp"})
+"""Values of fields on conventions that say what is read anyway: OpenGL's camera-to-world."""
+
+CONVENTION = re.compile(r".*(convention|coordinate_?(system|frame)).*", re.IGNORECASE)
+
 CHANGES_IMAGES = re.compile(
     r"(k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
     r"|flip|mirror|rotat|orient|convention|coordinate|axis|axes|gamma|exposure|white|colou?r|tonemap|premult|linear"
@@ -218,14 +291,21 @@ CHANGES_IMAGES = re.compile(
 """Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene."""
 
 
+def _usual(name: str, value: object) -> bool:
+    """Whether a field says in words how poses are read anyway."""
+    return isinstance(value, str) and bool(CONVENTION.fullmatch(name)) and value.strip().lower() in SAME_CONVENTION
+
+
 def said_of_fields(what: str, table: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """A sentence on fields that are not known and not read. Raises DataError for those that could change an image.
 
     ``what`` names the file. A field of all frames with one and the same value of nothing (null, false, zero, empty)
     says nothing.
     """
-    counts = Counter(name for holder in (table, *frames) for name, value in holder.items() if is_set(value))
-    unknown = [name for name in counts if name not in READ and name not in HARMLESS]
+    pairs = [(name, value) for holder in (table, *frames) for name, value in holder.items()]
+    counts = Counter(name for name, value in pairs if is_set(value) and not _usual(name, value))
+    known = READ | HARMLESS
+    unknown = [name for name in counts if name not in known and not HARMLESS_NAMES.fullmatch(name)]
     refused = sorted(name for name in unknown if CHANGES_IMAGES.fullmatch(name))
     if refused:
         places = [place for place, frame in enumerate(frames) if refused[0] in frame]

@@ -29,8 +29,16 @@ from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.transforms import Frame, Transforms, read_transforms
 from ..image_structure import png_layout
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size, shown
-from .photos import Photo, held_out, masks_of, said_of_lenses, view_of
+from .inspection import (
+    WrittenPaths,
+    decode_if_small,
+    inspect,
+    require_distinct,
+    require_files,
+    require_same_size,
+    shown,
+)
+from .photos import Photo, held_out, masks_of, said_of_lenses, said_of_masks, view_of
 
 
 def looks_like(folder: Path) -> bool:
@@ -44,11 +52,15 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     tables = tables_of(folder, options)
     files = {table: read_transforms(table) for table in tables}
     repairs: list[str] = []
-    train, test = split_of(folder, files, options, repairs)
+    written = WrittenPaths(folder, ENDINGS)
+    train, test = split_of(written, files, options, repairs)
     photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), files)
-    if not any(photo.has_alpha or photo.mask for photo in photos):
-        repairs.append("its images have no alpha: every pixel counts as covered")
-    repairs += said_of_lenses(photos)
+    stated = {each.masks for each in files.values() if each.masks is not None}
+    if options.masks is None and stated == {"ignore"}:
+        options = replace(options, masks="ignore")
+    photos, said_of_coverage = said_of_masks(photos, options)
+    repairs += said_of_coverage
+    repairs += [*written.said, *said_of_lenses(photos)]
     repairs += [f"{table.name}: {said}" for table, each in files.items() for said in each.said]
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
@@ -101,26 +113,28 @@ def tables_of(folder: Path, options: SceneOptions) -> list[Path]:
     return [train, scored[0]]
 
 
-def listed_in(folder: Path, table: Path, transforms: Transforms) -> list[Listed]:
+def listed_in(written: WrittenPaths, table: Path, transforms: Transforms) -> list[Listed]:
     """The views of a file with the paths that it names. Raises DataError for one that leaves the scene's folder."""
 
     def place(path: str | None) -> Path | None:
-        return None if path is None else inside(folder, table, path)
+        return None if path is None else written.find(table, path)
 
     return [
-        Listed(frame, _image(folder, table, frame), place(frame.mask_path), place(frame.depth_path), unit)
+        Listed(frame, _image(written, table, frame), place(frame.mask_path), place(frame.depth_path), unit)
         for unit in [transforms.depth_unit]
         for frame in transforms.frames
     ]
 
 
-def _image(folder: Path, table: Path, frame: Frame) -> Path:
+def _image(written: WrittenPaths, table: Path, frame: Frame) -> Path:
     """The image as written, or with the ending that a file has; PNG where there is none."""
-    path = inside(folder, table, frame.file_path)
-    if path.suffix.lower() in ENDINGS or path.is_file():
-        return path
-    named = [path.with_name(path.name + ending) for ending in ENDINGS]
-    return next((choice for choice in named if choice.is_file()), named[0])
+    name = frame.file_path
+    path = Path(os.path.normpath(written.folder / name))
+    if path.suffix.lower() not in ENDINGS and path.is_relative_to(written.folder) and not path.is_file():
+        ended = (f"{name}{ending}" for ending in ENDINGS if path.with_name(path.name + ending).is_file())
+        name = next(ended, name)
+    path = written.find(table, name)
+    return path if path.suffix.lower() in ENDINGS or path.is_file() else path.with_name(f"{path.name}{ENDINGS[0]}")
 
 
 def present(folder: Path, listed: list[Listed], repairs: list[str]) -> list[Listed]:
@@ -135,10 +149,11 @@ def present(folder: Path, listed: list[Listed], repairs: list[str]) -> list[List
 
 
 def split_of(
-    folder: Path, files: Mapping[Path, Transforms], options: SceneOptions, repairs: list[str]
+    written: WrittenPaths, files: Mapping[Path, Transforms], options: SceneOptions, repairs: list[str]
 ) -> tuple[list[Listed], list[Listed]]:
     """Training and test views; how they were told apart, and what was left out, is added to ``repairs``."""
-    listed = {table: listed_in(folder, table, transforms) for table, transforms in files.items()}
+    folder = written.folder
+    listed = {table: listed_in(written, table, transforms) for table, transforms in files.items()}
     if len(files) == 2:
         train, test = files
         if test.name != "transforms_test.json":
@@ -163,10 +178,10 @@ def split_of(
 
 def _of_split(folder: Path, table: Path, names: tuple[str, ...], listed: list[Listed]) -> list[Listed]:
     """The views of a list of images; those whose photo is absent are left out as elsewhere."""
-    known = {each.frame.file_path.removeprefix("./") for each in listed}
-    absent = [name for name in names if name.removeprefix("./") not in known and (folder / name).is_file()]
-    chosen = {name.removeprefix("./") for name in names}
-    found = [each for each in listed if each.frame.file_path.removeprefix("./") in chosen]
+    known = {_plain(each.frame.file_path) for each in listed}
+    absent = [name for name in names if _plain(name) not in known and (folder / _plain(name)).is_file()]
+    chosen = {_plain(name) for name in names}
+    found = [each for each in listed if _plain(each.frame.file_path) in chosen]
     if absent or not found:
         raise DataError(
             f"{table}: a split names views that are no frames: {shown(absent or list(names))}",
@@ -174,6 +189,10 @@ def _of_split(folder: Path, table: Path, names: tuple[str, ...], listed: list[Li
             "Correct the file, or hold views out instead:  --hold-out 8",
         )
     return found
+
+
+def _plain(written: str) -> str:
+    return written.replace("\\", "/").removeprefix("./")
 
 
 def masked(folder: Path, listed: list[Listed], options: SceneOptions) -> list[Listed]:
@@ -195,7 +214,7 @@ def _photos(
     require_distinct(folder, images)
     every = [path for each in listed for path in each.files()]
     require_files(folder, every)
-    clouds = [inside(folder, table, path) for table, each in files.items() if (path := each.points_path) is not None]
+    clouds = [path for table, each in files.items() if (path := _cloud(folder, table, each)) is not None]
     require_files(folder, clouds)
     # A mask may lie outside the scene's folder; in the checksum it goes by its image.
     masks = {
@@ -238,10 +257,14 @@ def _photo(folder: Path, listed: Listed, has_alpha: bool, size: tuple[int, int])
 
 def _points(folder: Path, files: Mapping[Path, Transforms]) -> Points | None:
     """The sparse points that the first file with any names."""
-    for table, transforms in files.items():
-        if transforms.points_path is not None:
-            return read_points(inside(folder, table, transforms.points_path))
-    return None
+    clouds = (_cloud(folder, table, transforms) for table, transforms in files.items())
+    first = next((path for path in clouds if path is not None), None)
+    return None if first is None else read_points(first)
+
+
+def _cloud(folder: Path, table: Path, transforms: Transforms) -> Path | None:
+    written = transforms.points_path
+    return None if written is None else WrittenPaths(folder).find(table, written)
 
 
 POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")

@@ -3,10 +3,11 @@
     <scene>/sparse/0/{cameras,images,points3D}.bin|txt      or sparse/ without a 0
     <scene>/images/  images_2/  images_4/  images_8/
 
-The loader reads the first existing folder of images_2, images_4, images (the papers use images_2 indoors and images_4
-outdoors), and the cameras are scaled to it; lens distortion is undone on reading. In the order of their names every
-eighth image (or ``--hold-out N``) is a test view, from the first on. Photos have no alpha: every pixel counts, unless
-there is a folder of masks. The sparse points come along.
+The model with the most photos is read. Images are those of the first of images_2, images_4, images that has all its
+photos (the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it; LLFF's reduced images,
+which have names of their own, are paired in the order of names. Lens distortion is undone on reading. In the order of
+their names every eighth image (or ``--hold-out N``) is a test view, from the first on. Photos have no alpha: every
+pixel counts, unless there is a folder of masks. The sparse points come along.
 """
 
 import os
@@ -18,35 +19,40 @@ import torch
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
-from ..cameras.colmap_files import files_of, find_model, read_model
+from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
 from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
 from ..cameras.lens import Lens, lens_of
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
-from .photos import Photo, held_out, masks_of, said_of_lenses, view_of
+from .inspection import (
+    WrittenPaths,
+    decode_if_small,
+    inspect,
+    require_distinct,
+    require_files,
+    require_same_size,
+)
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, said_of_masks, view_of
 
-FOLDERS = ("images_2", "images_4", "images")
 SMALLEST_DIFFERENCE = 1.0
 """Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
 
 
 def looks_like(folder: Path) -> bool:
     """Whether there is a sparse model."""
-    return find_model(folder) is not None
+    return bool(models_in(folder))
 
 
 def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
     folder = Path(os.path.normpath(folder.absolute()))
-    place = find_model(folder)
+    place, said_of_model = chosen_model(folder)
     if place is None:
         raise DataError(f"{folder} has no sparse model", "It lies in sparse/0 or sparse.", "Give a scene's folder.")
     model = read_model(place)
-    chosen = next((name for name in FOLDERS if (folder / name).is_dir()), "images")
     found = sorted(model.images, key=lambda image: image.name)
     if len(found) < 2:
         raise DataError(f"{place} has {len(found)} images", "One must be left to score.", "Give at least two.")
-    paths = [inside(folder, place, f"{chosen}/{image.name}") for image in found]
+    paths, said_of_images = images_of(folder, place, [image.name for image in found])
     require_distinct(folder, paths)
     require_files(folder, paths)
     masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
@@ -57,7 +63,7 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
         require_same_size(mask, sizes[mask], sizes[path])
     photos = [
         Photo(
-            Path(image.name).with_suffix("").as_posix(),
+            Path(image.name.replace("\\", "/")).with_suffix("").as_posix(),
             path,
             torch.from_numpy(image.camera_to_world()).float(),
             _lens(place, image, model.cameras[image.camera], sizes[path]),
@@ -65,17 +71,48 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
         )
         for image, path in zip(found, paths, strict=True)
     ]
+    photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
-    repairs = (f"images are those of {chosen}", said, *_coverage(masks), *said_of_lenses(photos))
+    repairs = (*said_of_model, *said_of_images, said, *said_of_coverage, *said_of_lenses(photos))
     return Scene(
         folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=_points(model)
     )  # fmt: skip
 
 
-def _coverage(masks: dict[Path, Path]) -> tuple[str, ...]:
-    return () if masks else ("no alpha: every pixel counts",)
+def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
+    """The image of each photo of a model, in the first folder of ``PHOTO_FOLDERS`` that has all, and sentences.
+
+    Raises DataError that names what the first folder lacks where none has all.
+    """
+    folders = [name for name in PHOTO_FOLDERS if (folder / name).is_dir()] or ["images"]
+    lacking: list[str] = []
+    for chosen in folders:
+        paths, said = _in_folder(folder, place, chosen, names)
+        if all(path.is_file() for path in paths):
+            skipped = (f"{', '.join(lacking)} {'lacks' if len(lacking) == 1 else 'lack'} photos of the model",)
+            return paths, (f"images are those of {chosen}", *(skipped if lacking else ()), *said)
+        lacking.append(chosen)
+    return _in_folder(folder, place, folders[-1], names)
+
+
+def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
+    """Images by their names, as they are written or must be meant; else those of other names in the same order."""
+    written = WrittenPaths(folder)
+    paths = [written.find(place, f"{chosen}/{name}") for name in names]
+    if all(path.is_file() for path in paths):
+        return paths, written.said
+    own, whole = images_in(folder / chosen), images_in(folder / "images")
+    ordered = [Path(name).name for name in names] if chosen == "images" or not whole else [path.name for path in whole]
+    flat = all("/" not in name and "\\" not in name for name in names)
+    if not flat or len(own) != len(ordered) or not {*names} <= {*ordered}:
+        return paths, written.said
+    paired = dict(zip(ordered, own, strict=True))
+    return [paired[name] for name in names], (
+        f"the images of {chosen} have other names than the model's photos: they are paired in the order of names"
+        f" ({names[0]} with {paired[names[0]].name})",
+    )
 
 
 def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int, int]) -> Lens:

@@ -2,8 +2,10 @@
 
 import hashlib
 import os
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 from radiogs_core.errors import DataError
@@ -29,6 +31,75 @@ def inside(folder: Path, table: Path, file_path: str) -> Path:
             "Correct the file.",
         )
     return path
+
+
+class WrittenPaths:
+    """Finds the files that a table names in other words: Windows paths, another case or Unicode normal form of letters,
+    paths from above the scene's folder. One is taken where exactly one file fits, and ``said`` tells how many were.
+
+    Names without an ending get those of ``endings``.
+    """
+
+    def __init__(self, folder: Path, endings: Sequence[str] = ()) -> None:
+        self.folder, self.endings = folder, tuple(dict.fromkeys(ending.casefold() for ending in endings))
+        self.counts: Counter[str] = Counter()
+
+    def find(self, table: Path, written: str) -> Path:
+        """The file at a written path, or the one that it must mean; the path itself where there is none.
+
+        Raises DataError for a path that leaves the scene's folder and names no file in it.
+        """
+        path = Path(os.path.normpath(self.folder / written))
+        if path.is_relative_to(self.folder) and path.is_file():
+            return path
+        found, how = self._meant(written)
+        if found is None:
+            return inside(self.folder, table, written)
+        self.counts[how] += 1
+        return found
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """A sentence for each way in which paths were written in other words."""
+        return tuple(
+            f"{count} written {'path is' if count == 1 else 'paths are'} {how}" for how, count in self.counts.items()
+        )
+
+    def _meant(self, written: str) -> tuple[Path | None, str]:
+        parts = [part for part in written.replace("\\", "/").split("/") if part not in ("", ".")]
+        for start in range(len(parts)):
+            tail = "/".join(parts[start:])
+            ended = tail.casefold().endswith(self.endings) if self.endings else True
+            names = [tail] if ended else [tail, *(tail + ending for ending in self.endings)]
+            fitting = [path for name in names for path in self._files.get(_plain(name), ())]
+            if len(fitting) == 1:
+                return fitting[0], self._how(written, tail, start, fitting[0])
+            if fitting:
+                break
+        return None, ""
+
+    def _how(self, written: str, tail: str, start: int, found: Path) -> str:
+        if start:
+            return "not from the scene's folder: the part below it is taken"
+        if "\\" in written:
+            return "of Windows: \\ is read as /"
+        if found.relative_to(self.folder).as_posix().startswith(tail):
+            return "without an ending, which the file has"
+        return "unlike the file in case or Unicode normal form: the file is taken"
+
+    @cached_property
+    def _files(self) -> dict[str, list[Path]]:
+        files: dict[str, list[Path]] = {}
+        for place, _, names in os.walk(self.folder):
+            for name in names:
+                path = Path(place) / name
+                files.setdefault(_plain(path.relative_to(self.folder).as_posix()), []).append(path)
+        return files
+
+
+def _plain(name: str) -> str:
+    """A name without differences of case and of Unicode normal form."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def require_distinct(folder: Path, places: Sequence[Path]) -> None:

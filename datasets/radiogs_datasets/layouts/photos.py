@@ -1,7 +1,7 @@
 """A photo as a view: undistorted when it is read, with the coverage of its alpha and its mask, and its depth."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -11,19 +11,26 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import as_float32, read_bytes, read_numpy
-from ..cameras.lens import Lens
+from ..cameras.lens import ORDER, Lens
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import read_image
 from ..image_structure import png_layout
-from ..options import TEST_EVERY
+from ..options import TEST_EVERY, SceneOptions
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown
 
-MASK_ENDINGS = (".png", ".jpg", ".jpeg")
+PHOTO_FOLDERS = ("images_2", "images_4", "images")
+"""Folders of photos beside their poses, in the order in which they are tried."""
+
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
+"""Endings of images, in small letters."""
+
+MASK_ENDINGS = (*IMAGE_ENDINGS, "_mask.png", "_mask.jpg", "_mask.jpeg")
+"""Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
 
 DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
 
@@ -36,7 +43,8 @@ class Photo:
 
     ``camera_to_world`` has OpenCV axes; ``lens`` is that of the stored image. ``has_alpha``: whether the file has a
     fourth channel. ``mask`` is an image whose first channel (or alpha) is coverage; where both exist they multiply.
-    ``depth`` holds z-depth, zero where unknown: 16-bit levels or floats, times ``depth_unit`` world units.
+    With ``ignores`` it is no coverage: its black pixels are left out (map ``valid``). ``depth`` holds z-depth, zero
+    where unknown: 16-bit levels or floats, times ``depth_unit`` world units.
     """
 
     name: str
@@ -47,13 +55,16 @@ class Photo:
     mask: Path | None = None
     depth: Path | None = None
     depth_unit: float = 1.0
+    ignores: bool = False
 
 
 def view_of(photo: Photo) -> View:
     """The view: a pinhole camera and maps that are read when asked for. Raises DataError for an impossible lens."""
     sources: dict[str, Callable[[], Tensor]] = {"image": partial(_image, photo)}
-    if photo.has_alpha or photo.mask is not None:
+    if photo.has_alpha or (photo.mask is not None and not photo.ignores):
         sources["alpha"] = partial(_alpha, photo)
+    if photo.mask is not None and photo.ignores:
+        sources["valid"] = partial(_valid, photo)
     if photo.depth is not None:
         sources["depth"] = partial(_depth, photo)
     return View(photo.name, pinhole(photo).camera(photo.camera_to_world), sources)
@@ -72,14 +83,102 @@ def pinhole(photo: Photo) -> Pinhole:
         ) from error
 
 
+MOST_BENT, BENT = 1.0, 0.5
+"""``Lens.bend`` beyond which a calibration has failed, and beyond which it is doubted: wide lenses have up to .4."""
+
+LARGEST_K1, LEAST_BENT = 1.0, 0.1
+"""First coefficient above which a lens is doubted if it bends the image by more than this share, too."""
+
+MOST_OBLONG, OBLONG = 2.0, 1.25
+"""Ratio of the focal lengths beyond which a calibration has failed, and beyond which it is doubted."""
+
+
+def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
+    """Sentences on calibrations that few lenses have; raises DataError for one that no lens has.
+
+    Structure from motion on cut-out or blank images ends in such numbers, with poses of the same kind.
+    """
+    strange: dict[str, list[str]] = {}
+    for photo in photos:
+        lens, named = photo.lens, dict(zip(ORDER[photo.lens.projection], photo.lens.coefficients, strict=False))
+        if lens.bend > MOST_BENT or lens.oblong > MOST_OBLONG:
+            given = ", ".join(f"{name} = {value:g}" for name, value in named.items() if value)
+            raise DataError(
+                f"the calibration of {photo.image} is that of no lens: fl_x = {lens.fx:g}, fl_y = {lens.fy:g}"
+                + (f", {given}" if given else ""),
+                f"Distortion would move the image's corner by {100 * lens.bend:.0f} % of its distance, and pixels be"
+                f" {lens.oblong:.2g} : 1. The program that wrote it did not find the cameras.",
+                "Calibrate again on whole photos, with one camera for all (COLMAP: --ImageReader.single_camera 1).",
+            )
+        if lens.bend > BENT or (abs(named.get("k1", 0.0)) > LARGEST_K1 and lens.bend > LEAST_BENT):
+            strange.setdefault(f"distortion that moves the image's corner by {100 * lens.bend:.0f} %", []).append(
+                photo.name
+            )
+        if lens.oblong > OBLONG:
+            strange.setdefault(f"focal lengths of {lens.oblong:.2f} : 1", []).append(photo.name)
+    return tuple(
+        f"{len(names)} {'photo has' if len(names) == 1 else 'photos have'} {what}, as few lenses have: check the"
+        f" calibration ({shown(names)})"
+        for what, names in strange.items()
+    )
+
+
 def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
-    """A sentence on what undistortion keeps of the photos; none where no lens distorts."""
+    """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
+    return (*require_possible_lenses(photos), *_kept(photos))
+
+
+def _kept(photos: Sequence[Photo]) -> tuple[str, ...]:
     kept = [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
     if not kept:
         return ()
     least, most = round(100 * min(kept)), round(100 * max(kept))
     share = f"{least} %" if least == most else f"{least} to {most} %"
     return (f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each",)
+
+
+def images_in(folder: Path) -> list[Path]:
+    """The images of a folder, without hidden ones, in the order of names; none where there is no folder."""
+    if not folder.is_dir():
+        return []
+    named = (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_ENDINGS and path.name[0] != ".")
+    return sorted(path for path in named if path.is_file())
+
+
+def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[Photo], tuple[str, ...]]:
+    """The photos with masks that mean what the options say and coverage that says something; and sentences.
+
+    An alpha or masks of 1 in every photo say nothing, and are none. Raises UsageError where masks are to be left out
+    and there are none.
+    """
+    masked = [photo for photo in photos if photo.mask is not None]
+    if options.masks is not None and not masked:
+        raise UsageError(
+            f"--masks {options.masks} says what masks mean, and the scene has none",
+            "Masks are those of --mask-folder, or of 'mask_path' in a transforms file; an alpha is always coverage.",
+            "Give a folder of masks:  --mask-folder DIR",
+        )
+    given = [replace(photo, ignores=options.masks == "ignore" and photo.mask is not None) for photo in photos]
+    said: list[str] = []
+    if options.masks == "ignore":
+        said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
+    covered = [photo for photo in given if _covers(photo)]
+    if covered and all(_is_whole(photo) for photo in covered):
+        kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
+        said.append(f"{kind} 1 in all of its photos, which says nothing")
+        given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
+    if not any(_covers(photo) for photo in given):
+        said.append("no alpha: every pixel counts")
+    return given, tuple(said)
+
+
+def _covers(photo: Photo) -> bool:
+    return photo.has_alpha or (photo.mask is not None and not photo.ignores)
+
+
+def _is_whole(photo: Photo) -> bool:
+    coverage = _stored_coverage(photo)
+    return coverage is not None and bool((coverage == 1).all())
 
 
 def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
@@ -93,17 +192,17 @@ def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Pat
     """The mask of every image in a folder of masks, by the image's path; empty without a folder.
 
     ``images`` are names below the folder of images, and paths. A mask has the image's name, with another ending or one
-    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``). Raises DataError that names those without one.
+    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``, ``a/b_mask.png``); case does not matter. Raises DataError
+    that names those without one.
     """
     if folder is None:
         return {}
     place, found, missing = Path(folder), {}, []
     if not place.is_dir():
         raise DataError(f"there is no folder of masks '{folder}'", "", "Give the folder that holds a mask a photo.")
+    there = {path.relative_to(place).as_posix().casefold(): path for path in place.rglob("*") if path.is_file()}
     for name, image in images:
-        stem = place / name
-        choices = [path for end in MASK_ENDINGS for path in (stem.with_suffix(end), stem.with_name(stem.name + end))]
-        mask = next((path for path in choices if path.is_file()), None)
+        mask = mask_among(there, name)
         if mask is None:
             missing.append(name)
         else:
@@ -123,9 +222,35 @@ def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Pat
     return found
 
 
+def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
+    """The mask of a photo among the files of a folder, which are given by their names in small letters."""
+    photo = name.replace("\\", "/").casefold()
+    stems = (Path(photo).with_suffix("").as_posix(), photo)
+    return next((files[stem + end] for end in MASK_ENDINGS for stem in stems if stem + end in files), None)
+
+
 def _image(photo: Photo) -> Float[Tensor, "height width 3"]:
     image = read_colour(photo.image)
-    return image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
+    image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
+    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
+
+
+WHOLLY = 0.999
+"""Share of an undistorted pixel that must come from pixels that count."""
+
+
+def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
+    """1 where the mask is white. Raises DataError where nothing of the photo is left."""
+    assert photo.mask is not None
+    white = (read_mask(photo.mask) > 0.5).float()
+    valid = white if photo.lens.pinhole else (undistorted_coverage(white, photo.lens) > WHOLLY).float()
+    if not bool((valid > 0).any()):
+        raise DataError(
+            f"{photo.mask} leaves out every pixel of its photo",
+            "With --masks ignore black pixels count nowhere.",
+            "Correct the mask, or take the view out of the scene.",
+        )
+    return valid
 
 
 def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -143,7 +268,7 @@ def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"] | None:
     alpha = read_alpha(photo.image) if photo.has_alpha else None
-    mask = None if photo.mask is None else read_mask(photo.mask)
+    mask = None if photo.mask is None or photo.ignores else read_mask(photo.mask)
     return mask if alpha is None else alpha if mask is None else alpha * mask
 
 
@@ -179,7 +304,7 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
         )
     depth = levels * photo.depth_unit
     depth = depth if photo.lens.pinhole else undistorted_depth(depth, photo.lens)
-    if photo.has_alpha or photo.mask is not None:
+    if _stored_coverage(photo) is not None:
         depth = torch.where(_alpha(photo) > 0, depth, 0.0)
     return depth
 

@@ -1,5 +1,6 @@
 """Image-space losses (paper, appendix on losses). Images are [height, width, channels]."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from ..kernels.image.edges import edge_allowance
 from ..kernels.image.similarity import compared
+from ..kernels.image.terms import Aim, Blended
 from ..kernels.image.terms_source import MASK_CONFIDENCE
 from .views import TrainingView
 
@@ -23,6 +25,25 @@ def edge_weights(view: TrainingView, sharpness: float, across_silhouettes: bool)
     inside = None if across_silhouettes else view.mask
     key = ("edge weights", sharpness, across_silhouettes)
     return view.once(key, lambda: edge_allowance(view.over(0.0), sharpness, inside))
+
+
+def counted(
+    view: TrainingView, background: float, aim: Aim, blended: Blended, images: Sequence[Float[Tensor, "height width 3"]]
+) -> tuple[Aim, Blended, Sequence[Float[Tensor, "height width 3"]]]:
+    """The arguments of ``image_terms`` such that pixels that do not count have no loss and no gradient by the photo.
+
+    There the images are black, the target is what that makes on the ``background``, and coverage has no gradient.
+    Normals, depth and distortion, which no photo is compared with, stay. Where all pixels count, nothing changes.
+    """
+    if view.valid is None:
+        return aim, blended, images
+    held = blended.alpha.detach()
+    empty = ((1 - held) * background)[..., None]
+    aim = Aim(
+        torch.where(view.valid[..., None], aim.image, empty), torch.where(view.valid, aim.mask, held), aim.allowance
+    )
+    alpha = torch.where(view.valid, blended.alpha, held)
+    return aim, blended._replace(alpha=alpha), [view.where_valid(image) for image in images]
 
 
 def crossed(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import torch
-from jaxtyping import Float, Integer
+from jaxtyping import Bool, Float, Int, Integer
 from torch import Tensor
 
 from ..errors import DataError
@@ -107,6 +107,9 @@ class TrainingView:
     """Coverage in memory; None if it is read from its file at each use, or is 1 in all pixels."""
     memory: Memory = field(default_factory=Memory, compare=False, repr=False)
     """Memory for computed values, shared by all views of a stage."""
+    valid: Bool[Tensor, "height width"] | None = field(default=None, compare=False, repr=False)
+    """Pixels that count; None if all do. The others show what does not belong to the scene: no loss may depend on
+    them, neither on the image, which is black there, nor on what the model shows there (``where_valid``)."""
     kept: dict[Hashable, Tensor] = field(init=False, default_factory=dict, compare=False, repr=False)
     """Values that steps have computed of this view, as far as memory allowed."""
 
@@ -119,12 +122,22 @@ class TrainingView:
 
     @property
     def mask(self) -> Float[Tensor, "height width"]:
-        """Coverage in [0, 1]; 1 in all pixels of a view without alpha."""
+        """Coverage in [0, 1]; 1 in all pixels of a view without alpha, 0 in pixels that do not count."""
         if self.covered is not None:
-            return self.covered.values()
+            return self.where_valid(self.covered.values())
         if self.view.has("alpha"):
-            return self.view.read("alpha")[..., 0].to(self.device)
-        return torch.ones(self.camera.height, self.camera.width, device=self.device)
+            return self.where_valid(self.view.read("alpha")[..., 0].to(self.device))
+        return self.where_valid(torch.ones(self.camera.height, self.camera.width, device=self.device))
+
+    def where_valid(self, image: Float[Tensor, "height width *channels"]) -> Float[Tensor, "height width *channels"]:
+        """The image, zero and without gradient at pixels that do not count; unchanged where all do."""
+        if self.valid is None:
+            return image
+        return torch.where(self.valid if image.ndim == 2 else self.valid[..., None], image, 0.0)
+
+    def counting(self, pixels: Int[Tensor, " pixels"]) -> Int[Tensor, " counting"]:
+        """The pixels (row * width + column) among these that count."""
+        return pixels if self.valid is None else pixels[self.valid.flatten()[pixels]]
 
     @property
     def device(self) -> torch.device:
@@ -142,13 +155,15 @@ class TrainingView:
 
     def decoded(self) -> "DecodedView":
         """The view for a step that looks at it several times: what it computes is kept."""
-        return DecodedView(self.camera, self.view, self.pixels, self.covered, self.memory, origin=self)
+        return DecodedView(self.camera, self.view, self.pixels, self.covered, self.memory, self.valid, origin=self)
 
     def reread(self) -> View:
-        """The view with ``image`` and ``alpha`` from memory instead of files, on the CPU."""
+        """The view with ``image``, ``alpha`` and ``valid`` from memory instead of files, on the CPU."""
         sources = {"image": lambda: self.image.cpu()}
         if self.view.has("alpha"):
             sources["alpha"] = lambda: self.mask.cpu()[..., None]
+        if (valid := self.valid) is not None:
+            sources["valid"] = lambda: valid.cpu()[..., None].float()
         return replace(self.view, sources=sources)
 
 
@@ -211,8 +226,8 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
     """The views on a device; every view is read once.
 
     Pixels are kept in the bit depth of their files, up to ``most`` bytes in all; further views are read again at each
-    use. A view without alpha is covered in all pixels. Values that steps compute of the views are kept besides,
-    up to ``PREPARED_BYTES``.
+    use, but for which of their pixels count. A view without alpha is covered in all pixels. Values that steps compute
+    of the views are kept besides, up to ``PREPARED_BYTES``.
     """
     loaded, memory = [], Memory()
     for view in views:
@@ -220,11 +235,12 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
         pixels = in_memory(view.read("image"), device)
         covered = in_memory(view.read("alpha")[..., 0], device) if view.has("alpha") else None
         needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
+        valid = (view.read("valid")[..., 0] > 0).to(device) if view.has("valid") else None
         if needed <= most:
             most -= needed
-            loaded.append(TrainingView(camera, view, pixels, covered, memory))
+            loaded.append(TrainingView(camera, view, pixels, covered, memory, valid))
         else:
-            loaded.append(TrainingView(camera, view, None, None, memory))
+            loaded.append(TrainingView(camera, view, None, None, memory, valid))
     return tuple(loaded)
 
 

@@ -17,7 +17,7 @@ from ..contract import Run, StageSpec
 from ..errors import DataError
 from ..kernels.image.terms import Aim, Blended, Compared, Terms, image_terms
 from ..learning.geometry import GeometryLearning, turning
-from ..learning.losses import edge_weights
+from ..learning.losses import counted, edge_weights
 from ..learning.views import TrainingView
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
@@ -192,7 +192,8 @@ class FitGeometry(SurfelStage[Any, Any]):
             allowance = edge_weights(view, self.learning.edge_sharpness, self.learning.across_silhouettes)
         aim = Aim(view.over(terms.background), view.mask, allowance)
         blended = Blended(seen.alpha, seen.normal, seen.depth, seen.distortion)
-        return {**further, **image_terms(terms, camera, aim, blended, tuple(seen.images.values()))}
+        aim, blended, images = counted(view, terms.background, aim, blended, tuple(seen.images.values()))
+        return {**further, **image_terms(terms, camera, aim, blended, images)}
 
     def _terms(self, shaded: tuple[str, ...]) -> Terms:
         """The image losses of this step; ``shaded``: names of the images beside that of L_G."""

@@ -14,11 +14,13 @@ from .camera import Camera
 from .light import EnvironmentMap
 from .surfaces import Surfaces, SurfaceSamples
 
-MapName = Literal["image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"]
+MapName = Literal["image", "alpha", "valid", "albedo", "normal", "roughness", "depth", "direct", "indirect"]
 """Maps of a view, each [height, width, channels], float32:
 
 image      display sRGB in [0, 1], straight (not multiplied by alpha), 3 channels
 alpha      coverage in [0, 1], 1 channel
+valid      1 where the photo shows the scene, 0 at pixels that are left out of training and metrics, 1 channel; the
+           image is black there
 albedo     linear diffuse albedo, straight, 3 channels
 normal     unit normals in the world, zero where alpha is zero, 3 channels
 roughness  perceptual roughness r (alpha_GGX = r^2), straight, 1 channel

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import grid_sample
@@ -183,15 +183,21 @@ class Silhouette:
     """Camera of the view."""
     bits: UInt8[Tensor, " bytes"] | None
     """One bit for each pixel, row by row, lowest bit first; None for a view without alpha, which is all object."""
+    valid: UInt8[Tensor, " bytes"] | None = None
+    """Pixels that count, as ``bits``; None if all do. The others are as good as outside the frame."""
 
     @classmethod
     def of(cls, view: View) -> "Silhouette":
         """The silhouette of a view. A view without alpha shows the object everywhere."""
+        valid = None
+        if view.has("valid"):  # without those beside others: a colour between two pixels is that of both
+            others = torch.nn.functional.max_pool2d(1 - view.read("valid").permute(2, 0, 1)[None], 3, 1, 1)
+            valid = packed(others == 0)
         if not view.has("alpha"):
-            return cls(view.camera, None)
+            return cls(view.camera, None, valid)
         # A pixel beside the object counts too: the object's coverage there may have been rounded to zero.
         widened = torch.nn.functional.max_pool2d(view.read("alpha").permute(2, 0, 1)[None], 3, stride=1, padding=1)
-        return cls(view.camera, torch.from_numpy(np.packbits((widened > 0).numpy().ravel(), bitorder="little")))
+        return cls(view.camera, packed(widened > 0), valid)
 
     def shows(self, pixel: Float[Tensor, "points 2"], depth: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         """Whether each point lies in the frame, and whether it lies on the object, both [points].
@@ -201,11 +207,23 @@ class Silhouette:
         camera = self.camera
         size = torch.tensor([camera.width, camera.height])
         in_frame = ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
-        if self.bits is None:
+        if self.bits is None and self.valid is None:
             return in_frame, in_frame
         column, row = torch.where(in_frame[:, None], pixel, 0.0).long().unbind(-1)
         index = row * camera.width + column
-        return in_frame, in_frame & (self.bits[index >> 3].int() >> (index & 7) & 1).bool()
+        if self.valid is not None:
+            in_frame = in_frame & picked(self.valid, index)
+        return in_frame, in_frame if self.bits is None else in_frame & picked(self.bits, index)
+
+
+def packed(pixels: Bool[Tensor, "*shape"]) -> UInt8[Tensor, " bytes"]:
+    """One bit for each pixel, lowest bit first."""
+    return torch.from_numpy(np.packbits(pixels.numpy().ravel(), bitorder="little"))
+
+
+def picked(bits: UInt8[Tensor, " bytes"], index: Int[Tensor, " points"]) -> Bool[Tensor, " points"]:
+    """The bits with these indices."""
+    return (bits[index >> 3].int() >> (index & 7) & 1).bool()
 
 
 @dataclass

@@ -99,6 +99,10 @@ def points_on_rays(
         mine = torch.nonzero(view_of == number)[:, 0]
         camera = view.camera
         row, column = (pixel[mine] * torch.tensor([camera.height, camera.width])).long().unbind(-1)
+        if view.has("valid"):  # the pixel that counts at the same share of all that do, row by row
+            usable = torch.nonzero(view.read("valid").flatten() > 0)[:, 0]
+            chosen = usable[(pixel[mine, 0] * len(usable)).long()]
+            row, column = chosen // camera.width, chosen % camera.width
         nearest, farthest = depth_range(scene, view, around)
         depth = 1 / (1 / farthest + share[mine] * (1 / nearest - 1 / farthest))
         rays = camera.ray_directions()[row, column]
@@ -119,13 +123,16 @@ def disagreement(
     points: Float[Tensor, "rays candidates 3"], colours: Float[Tensor, "rays 3"], views: Sequence[View]
 ) -> Float[Tensor, "rays candidates"]:
     """Mean squared difference, display sRGB, between the colour of a ray and the colours that views show at points on
-    it; infinite at a point outside all views."""
+    it; infinite at a point outside all views, or only at pixels of them that do not count."""
     flat, expected = points.flatten(0, 1), colours.repeat_interleave(points.shape[1], 0)
     total, count = torch.zeros(len(flat)), torch.zeros(len(flat))
     for view in views:
         shown, _ = in_frame(flat, view)
         some = torch.nonzero(shown)[:, 0]
         column, row = project(flat[some], view.camera)[0].long().unbind(-1)
+        if view.has("valid"):
+            counts = view.read("valid")[row, column, 0] > 0
+            some, column, row = some[counts], column[counts], row[counts]
         difference = view.read("image")[row, column] - expected[some]
         total[some] += difference.square().mean(-1)
         count[some] += 1

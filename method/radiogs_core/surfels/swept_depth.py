@@ -77,6 +77,8 @@ class SmallView:
         camera = view.camera.to("cpu", torch.float32)
         factor = math.ceil(max(camera.width, camera.height) / side)
         alpha = view.read("alpha") if view.has("alpha") else torch.ones(camera.height, camera.width, 1)
+        if view.has("valid"):  # a pixel that does not count is matched with none
+            alpha = alpha * view.read("valid")
         maps = torch.cat([view.read("image") * alpha, alpha], -1).permute(2, 0, 1)
         *colour, coverage = avg_pool2d(maps, factor)
         lens = {name: getattr(camera, name) / factor for name in ("fx", "fy", "cx", "cy")}

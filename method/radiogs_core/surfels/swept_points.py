@@ -35,8 +35,10 @@ def swept_points(
     display-sRGB colours.
 
     Depths are searched within ``radius`` of the scene's centre, in world units. Points are ``fused`` and evenly
-    ``spread``.
+    ``spread``. There are none with a single view, which has no depth.
     """
+    if len(views) < 2:
+        return torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 3)
     small = [SmallView.of(view, sweep.side) for view in views]
     depths = swept_depths(small, scene.centre.float(), radius, sweep)
     tolerance = sweep.tolerance * scene.extent

@@ -67,7 +67,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         image = self.shader.shade(buffer, seen.alpha, light)["image"]
         solid = torch.isfinite(buffer.depth)
         return {
-            "shaded": weights.shaded * image_loss(image, target),
+            "shaded": weights.shaded * image_loss(view.where_valid(image), target),
             "variation": weights.variation * variation(self._materials(buffer), target, solid),
             "plainness": weights.plainness * plainness(buffer, self.variant.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),

@@ -80,7 +80,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         maps = [shown.seen.images[name] for name in MATERIALS if name in shown.seen.images]
         smoothness = material_smoothness(torch.cat(maps, -1), target, shown.seen.alpha.detach() > 0)
         return {
-            "shaded": weights.shaded * image_loss(shown.image(shaded, self.variant.straight), target),
+            "shaded": weights.shaded * image_loss(view.where_valid(shown.image(shaded, self.variant.straight)), target),
             "smoothness": weights.smoothness * smoothness,
             "prior": weights.prior * material_prior(shown.points.roughness, shown.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),

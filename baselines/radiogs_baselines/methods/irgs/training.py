@@ -85,7 +85,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def _shaded_losses(self, model: LitSurfels, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """L1 of random covered pixels, shaded with traced rays, and the neutrality of their direct light."""
         weights = self.variant.materials.weights
-        pixels = self._drawn(covered_pixels(seen))
+        pixels = self._drawn(view.counting(covered_pixels(seen)))
         points = seen_points(view.camera, seen, pixels)
         direction, weight = hemisphere_directions(points.normal.detach(), self.budget.incident_samples, self.generator)
         incident = self.rays.incident(self.tracer, points, direction, weight, self.variant.indirect)
@@ -108,7 +108,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         own = displayed(images["radiance"], seen.alpha, self.variant.straight)
         allowance = self._allowance(view)
         return {
-            "radiance": reconstruction(own, target, weights.absolute, weights.similarity),
+            "radiance": reconstruction(view.where_valid(own), target, weights.absolute, weights.similarity),
             "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
             "roughness smoothness": weights.roughness_smoothness
             * edge_aware_smoothness(mask * images["roughness"], allowance),
@@ -123,7 +123,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         weights, one_sided = self.variant.materials.weights, self.variant.geometry.normal_target == "one-sided"
         mask = view.mask[..., None]
         losses = {
-            "mask": weights.mask * mask_entropy(seen.alpha, view.mask),
+            "mask": weights.mask * mask_entropy(view.where_valid(seen.alpha), view.mask),
             "normal smoothness": weights.normal_smoothness
             * edge_aware_smoothness(mask * seen.normal, self._allowance(view)),
         }

@@ -4,7 +4,7 @@ It starts from the surfels of stage 1 with new materials, a new light and no loc
 the camera, and the radiance is blended. Albedo is limited to [0.03, 0.8] and roughness to [0.09, 0.99].
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -82,7 +82,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         incident = arriving(self.table, model.local, self.variant.local_light)
         lit = light_surfels(view.camera, model.surfels, incident, model.environment)
         seen = blended(view.camera, model.surfels, lit, self.depth_unit)
-        images = image_losses(seen, view.over(0.0), view.mask, weights, self.variant.geometry)
+        images = image_losses(seen, view.over(0.0), view.mask, weights, self.variant.geometry, view.where_valid)
         return images | light_losses(lit.irradiance, model.environment, weights)
 
     def state(self) -> dict[str, Any]:
@@ -106,9 +106,11 @@ def image_losses(
     mask: Float[Tensor, "height width"],
     weights: MaterialWeights,
     geometry: GeometryLearning,
+    kept: Callable[[Tensor], Tensor] = lambda image: image,
 ) -> dict[str, Tensor]:
     """Weighted losses of the blended maps, by name; ``target``: the training image on black, display sRGB.
 
+    ``kept``: an image at the pixels that count (``TrainingView.where_valid``).
     Smoothness of albedo and roughness is down-weighted at image edges, and of irradiance at edges of the normals.
     """
     images, inside = seen.images, None if geometry.across_silhouettes else mask
@@ -121,7 +123,7 @@ def image_losses(
         "roughness smoothness": weights.roughness_smoothness * edge_aware_smoothness(images["roughness"], within_paint),
         "irradiance smoothness": weights.irradiance_smoothness * edge_aware_smoothness(irradiance, within_surface),
     }
-    return {"shaded": reconstruction(shaded, target, weights.absolute, weights.similarity), **smoothness}
+    return {"shaded": reconstruction(kept(shaded), target, weights.absolute, weights.similarity), **smoothness}
 
 
 def light_losses(

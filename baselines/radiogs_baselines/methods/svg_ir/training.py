@@ -93,7 +93,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def _image_loss(self, radiance: Tensor, seen: Splat, view: TrainingView) -> Tensor:
         weights = self.variant.materials.weights
         found = displayed(radiance, seen.alpha, self.variant.straight)
-        return reconstruction(found, view.over(0.0), weights.absolute, weights.similarity)
+        return reconstruction(view.where_valid(found), view.over(0.0), weights.absolute, weights.similarity)
 
     def _map_losses(self, materials: Tensor, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """Losses of the smoothness of material maps, and of vertex normals against the depth map."""

@@ -134,7 +134,8 @@ def _may_show(view: TrainingView, position: Float[Tensor, "points 3"], reach: fl
     slope = math.hypot(1.0, camera.width / camera.fx, camera.height / camera.fy)
     pixels = math.ceil(reach * slope * max(camera.fx, camera.fy) / max(nearest, reach)) + 1
     pixels = min(pixels, max(camera.width, camera.height))
-    covered = (view.mask > 0).float()[None, None]
+    may_cover = view.mask > 0 if view.valid is None else (view.mask > 0) | ~view.valid
+    covered = may_cover.float()[None, None]
     for axes in ((2 * pixels + 1, 1), (1, 2 * pixels + 1)):
         covered = max_pool2d(covered, axes, stride=1, padding=(axes[0] // 2, axes[1] // 2))
     inside = torch.where(in_frame, row, 0.0).long() * camera.width + torch.where(in_frame, column, 0.0).long()

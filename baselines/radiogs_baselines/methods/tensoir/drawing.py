@@ -55,7 +55,8 @@ def ray_batch(
     for index in range(count):
         view = view_at(tuple(views), iteration * count + index, seed)
         rays, image = camera_rays(view.camera, box), view.image.flatten(0, 1)
-        pixel = torch.randint(len(image), (each,), generator=generator, device=image.device)
+        usable = view.counting(torch.arange(len(image), device=image.device))
+        pixel = usable[torch.randint(len(usable), (each,), generator=generator, device=image.device)]
         origins.append(rays.origin[pixel])
         directions.append(rays.direction[pixel])
         straight.append(image[pixel])

@@ -1,0 +1,130 @@
+"""LLFF's layout, which NeRF's forward-facing scenes and NeRD's captures have.
+
+    <scene>/poses_bounds.npy
+    <scene>/images/  images_2/  images_4/  images_8/
+
+``poses_bounds.npy`` holds 17 numbers a view, float64, in the order of the images' names: a matrix of 3 rows and 5
+columns, and the nearest and farthest depth, which are not used. The first four columns are camera-to-world with the
+axes down, right and back; the fifth is height, width and focal length in pixels of the photo. Pixels are square and the
+principal point is the image's centre. Images are those of the first of images_2, images_4, images that has as many as
+there are poses. In the order of their names every eighth (or ``--hold-out N``) is a test view, from the first on.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
+
+from ..bounded_reading import read_bytes, read_numpy
+from ..cameras.colmap_model import LARGEST_COORDINATE
+from ..cameras.lens import Lens
+from ..image_structure import png_layout
+from ..options import AS_STORED, SceneOptions
+from .inspection import decode_if_small, inspect, require_distinct, require_same_size
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_masks, view_of
+
+TABLE = "poses_bounds.npy"
+
+SMALLEST_DIFFERENCE = 1.0
+"""Pixels by which a reduced image may be off the photo's shape: sizes are rounded."""
+
+RIGID_TOLERANCE = 1e-3
+"""Largest deviation of a pose's axes from orthonormal."""
+
+
+def looks_like(folder: Path) -> bool:
+    """Whether there are poses in LLFF's file."""
+    return (folder / TABLE).is_file()
+
+
+def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
+    """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
+    folder = Path(os.path.normpath(folder.absolute()))
+    table = folder / TABLE
+    poses = _poses(table)
+    chosen, paths = _images(folder, len(poses))
+    require_distinct(folder, paths)
+    masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
+    named = {path.relative_to(folder).as_posix(): path for path in paths}
+    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
+    sizes, checksum = inspect(named, (table,))
+    for path, mask in masks.items():
+        require_same_size(mask, sizes[mask], sizes[path])
+    transparent = [path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).transparent for path in paths]
+    photos = [
+        Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha, masks.get(path))
+        for path, pose, has_alpha in zip(paths, poses, transparent, strict=True)
+    ]
+    photos, said_of_coverage = said_of_masks(photos, options)
+    views = [view_of(photo) for photo in photos]
+    decode_if_small(views, sizes)
+    train, test, said = held_out(views, options.hold_out)
+    repairs = (f"images are those of {chosen}", said, *said_of_coverage)
+    return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
+
+
+def _poses(table: Path) -> Float[ndarray, "views 3 5"]:
+    numbers = read_numpy(table)
+    if numbers.ndim != 2 or numbers.shape[1] != 17 or numbers.dtype.kind not in "fiu" or len(numbers) < 2:
+        raise DataError(
+            f"{table} is no table of poses: it holds {numbers.dtype} of shape {numbers.shape}",
+            "LLFF's has 17 numbers for each of at least two views: a matrix of 3 x 5, and two depths.",
+            "Write the file again:  python imgs2poses.py",
+        )
+    poses = numbers[:, :15].astype(np.float64).reshape(-1, 3, 5)
+    axes = poses[:, :, :3]
+    off = np.abs(axes.transpose(0, 2, 1) @ axes - np.eye(3)).max((1, 2))
+    wrong = ~((np.abs(poses) <= LARGEST_COORDINATE).all((1, 2)) & (off <= RIGID_TOLERANCE) & (np.linalg.det(axes) > 0))
+    if wrong.any():
+        raise DataError(
+            f"{table}: pose {int(np.argmax(wrong))} is no rigid motion" + _more(int(wrong.sum()) - 1),
+            "Its first three columns are unit vectors at right angles: down, right and back.",
+            "Write the file again:  python imgs2poses.py",
+        )
+    return poses
+
+
+def _more(count: int) -> str:
+    return f", nor are {count} more" if count else ""
+
+
+def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
+    """The folder that is read and its images in the order of names, one for each pose."""
+    found = {name: images_in(folder / name) for name in PHOTO_FOLDERS}
+    fitting = next((name for name, images in found.items() if len(images) == count), None)
+    if fitting is None:
+        counted = ", ".join(f"{len(images)} in {name}" for name, images in found.items() if images) or "none"
+        raise DataError(
+            f"{folder / TABLE} has {count} poses, and no folder as many images: {counted}",
+            "They belong together in the order of names; LLFF's script leaves photos without a pose out of the file.",
+            "Take the photos that COLMAP did not register out of the folder.",
+        )
+    return fitting, found[fitting]
+
+
+def _camera_to_world(pose: Float[ndarray, "3 5"]) -> Float[Tensor, "4 4"]:
+    """OpenCV axes from down, right and back."""
+    down, right, back, centre = pose[:, 0], pose[:, 1], pose[:, 2], pose[:, 3]
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([right, down, -back, centre], -1)
+    return torch.from_numpy(matrix).float()
+
+
+def _lens(path: Path, pose: Float[ndarray, "3 5"], size: tuple[int, int]) -> Lens:
+    rows, columns, focal = (float(value) for value in pose[:, 4])
+    height, width = size
+    if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SMALLEST_DIFFERENCE:
+        raise DataError(
+            f"{path} is {width} x {height} pixels, its pose is for {columns:g} x {rows:g} and f = {focal:g}",
+            "The image must be the posed photo, or a reduction of it.",
+            "Use the images that the poses were made of.",
+        )
+    scale = width / columns
+    return Lens(focal * scale, focal * scale, width / 2, height / 2, width, height)

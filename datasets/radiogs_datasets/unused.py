@@ -1,0 +1,149 @@
+"""Files of a scene's folder that are not used: masks, photos without a camera, other sizes and splits, other images.
+
+Each kind is one sentence among the scene's repairs, which ``datasets check``, ``train`` and ``run`` print. None is an
+error; but a capture that lost half of its photos, or whose masks are not read, is not what its owner means.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from .layouts.inspection import shown
+from .layouts.photos import mask_among
+
+IMAGES = frozenset({".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".heic", ".webp", ".bmp"})
+
+MASK_FOLDER = re.compile(r"(.*[_-])?(masks?|segmentations?|silhouettes?|mattes?)([_-].*)?", re.IGNORECASE)
+"""Names of folders that hold masks."""
+
+IGNORING = re.compile(r"(.*[/_-])?(dynamic|ignore|transient)[_-]?masks?([/_.-].*)?", re.IGNORECASE)
+"""Paths of masks of what moves (instant-ngp: ``dynamic_mask_NAME.png``), whose white pixels are left out there."""
+
+SIZED = re.compile(r"images(_\d+)?")
+"""Folders of the same photos in several sizes."""
+
+TABLE = re.compile(r"transforms(?:_(\w+))?\.json")
+"""Files of cameras, with the name of their split."""
+
+
+def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
+    """Sentences on the images and transforms files below a folder that a loader has not read.
+
+    ``used``: absolute paths of the files that it has read. Hidden files and folders are passed over.
+    """
+    taken = {*used}
+    top = Path(os.path.abspath(folder))
+    every = list(_files(top))
+    images = [path for path in every if path.suffix.lower() in IMAGES]
+    left = [path.relative_to(top) for path in images if str(path) not in taken]
+    read = [path.relative_to(top) for path in images if str(path) in taken]
+    masks, left = _masks(folder, left, read)
+    moving, left = _moving(left)
+    sizes, left = _sizes(left, read)
+    splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
+    lost, left = _without_camera(left, read)
+    return (*masks, *moving, *sizes, *splits, *lost, *_other_images(left))
+
+
+Said = tuple[list[str], list[Path]]
+"""Sentences on some of the images that are left, and the others."""
+
+
+def _files(top: Path) -> Iterator[Path]:
+    for place, folders, names in os.walk(top):
+        folders[:] = sorted(name for name in folders if not name.startswith((".", "__MACOSX")))
+        yield from (Path(place) / name for name in sorted(names) if not name.startswith("."))
+
+
+def _masks(folder: Path, left: list[Path], read: list[Path]) -> Said:
+    """Folders of masks beside the photos, of which one has a mask for each photo or not."""
+    names: dict[str, dict[str, Path]] = {}
+    for path in left:
+        top = path.parts[0]
+        if len(path.parts) > 1 and MASK_FOLDER.fullmatch(top) and not IGNORING.fullmatch(path.as_posix()):
+            names.setdefault(top, {})[path.relative_to(top).as_posix().casefold()] = path
+    said = []
+    for top, files in names.items():
+        found = [path for path in read if any(mask_among(files, name) for name in _names_of(path))]
+        if len(found) == len(read):
+            said.append(f"{top}/ has a mask for each photo, and is not used:  --mask-folder {folder / top}")
+        else:
+            said.append(f"{top}/ is not used: it has masks for {len(found)} of {len(read)} photos")
+    taken = {path for files in names.values() for path in files.values()}
+    return said, [path for path in left if path not in taken]
+
+
+def _names_of(path: Path) -> Iterator[str]:
+    """The names under which a photo's mask may lie in a folder of masks: with its folders, without the first, flat."""
+    yield path.as_posix()
+    if len(path.parts) > 1:
+        yield Path(*path.parts[1:]).as_posix()
+    yield path.name
+
+
+def _moving(left: list[Path]) -> Said:
+    moving = [path for path in left if IGNORING.fullmatch(path.as_posix())]
+    if not moving:
+        return [], left
+    names = shown([path.as_posix() for path in moving])
+    said = (
+        f"{_count(moving, 'mask')} of what moves {_are(moving)} not used: {names}; to leave such pixels out, give a"
+        " folder of masks that are black there:  --mask-folder DIR --masks ignore"
+    )
+    return [said], [path for path in left if path not in {*moving}]
+
+
+def _sizes(left: list[Path], read: list[Path]) -> Said:
+    """Folders of photos in sizes other than the one that is read."""
+    used = {path.parts[0] for path in read if SIZED.fullmatch(path.parts[0])}
+    counts = Counter(path.parts[0] for path in left if len(path.parts) > 1 and SIZED.fullmatch(path.parts[0]))
+    others = sorted(name for name in counts if used and name not in used)
+    named = ", ".join(f"{name} ({counts[name]})" for name in others)
+    said = [f"photos of other sizes are not used: {named}"] if others else []
+    return said, [path for path in left if path.parts[0] not in others]
+
+
+def _splits(files: list[Path], left: list[Path]) -> Said:
+    """Transforms files that are not read, with the images in the folder of the split that they name."""
+    said = []
+    for table in (path for path in files if len(path.parts) == 1 and TABLE.fullmatch(path.name)):
+        split = TABLE.fullmatch(table.name)[1]  # type: ignore[index]
+        own = [path for path in left if len(path.parts) > 1 and path.parts[0] == split]
+        said.append(f"{table.name} is not used" + (f", nor are {len(own)} images in {split}" if own else ""))
+        left = [path for path in left if path not in {*own}]
+    return said, left
+
+
+def _without_camera(left: list[Path], read: list[Path]) -> Said:
+    """Images beside those of the views that have their names but for the digits, or lie in a folder of photos."""
+    alike = {_kind(path) for path in read}
+    places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
+    lost = [path for path in left if _kind(path) in alike or path.parent in places]
+    if not lost:
+        return [], left
+    total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
+    said = f"{len(lost)} of {total} photos have no camera and are not used: {shown([p.as_posix() for p in lost])}"
+    return [said], [path for path in left if path not in {*lost}]
+
+
+def _kind(path: Path) -> str:
+    return re.sub(r"\d+", "#", path.as_posix())
+
+
+def _other_images(left: list[Path]) -> Iterator[str]:
+    if left:
+        counts = Counter(path.parent.as_posix() for path in left)
+        places = shown(
+            [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
+        )
+        yield f"{_count(left, 'other image')} {_are(left)} not used: {places}"
+
+
+def _count(things: list[Path], word: str) -> str:
+    return f"1 {word}" if len(things) == 1 else f"{len(things)} {word}s"
+
+
+def _are(things: list[Path]) -> str:
+    return "is" if len(things) == 1 else "are"
