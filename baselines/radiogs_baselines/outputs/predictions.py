@@ -19,6 +19,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
+from radiogs_datasets.lights import latitude_longitude
 
 from .files import Found
 
@@ -134,8 +135,10 @@ def read_map(
 
 
 def read_environment(path: Path) -> EnvironmentMap:
-    """The recovered light: linear RGB, Z up, centre column towards +X. Raises DataError for a damaged or negative
-    map."""
+    """The recovered light: linear RGB, Z up, centre column towards +X.
+
+    Raises DataError for a damaged or negative map, and for one that is not twice as wide as high.
+    """
     radiance = torch.from_numpy(_read(path)[..., :3].copy())
     if radiance.shape[2] != 3 or bool((radiance < 0).any()):
         raise DataError(
@@ -143,7 +146,7 @@ def read_environment(path: Path) -> EnvironmentMap:
             "A light map has three channels of radiance, and no negative value.",
             "Export it again.",
         )
-    return EnvironmentMap(radiance)
+    return EnvironmentMap(latitude_longitude(path, radiance)[0])
 
 
 def _directions(stored: Tensor, numbers: bool) -> Tensor:
