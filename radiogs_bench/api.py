@@ -30,9 +30,12 @@ from torch import Tensor
 from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.kernels.runtime import use_threads, workers
+from radiogs_core.scene.initial_viewpoint import upwards
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.placed_light import placed_light
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
+from radiogs_datasets.lights import latitude_longitude
 from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 from radiogs_datasets.soundness import require_trainable
@@ -140,6 +143,20 @@ class Model:
             return PreparedModel(self.trained.prepare(), self.run)
         return PreparedModel(self.trained.prepare(_light(self.run.scene, light), albedo_scale), self.run)
 
+    def placed(
+        self,
+        light: EnvironmentMap,
+        up: Float[Tensor, "3"] | None = None,
+        turn: float = 0.0,
+        strength: float = 1.0,
+    ) -> EnvironmentMap:
+        """A light with Z up, as it stands in the world of this model's scene, times ``strength``.
+
+        ``up``: upward direction of that world (default: that of the scene's cameras; Z where it has lights of its own).
+        ``turn``: degrees about up, counter-clockwise seen from above.
+        """
+        return placed_light(light, upwards(self.run.scene) if up is None else up, turn, strength)[0]
+
     def render(self, view: View | str, *further: str) -> dict[str, Tensor]:
         """Maps of a view's camera, [height, width, channels], on black and on the CPU.
 
@@ -200,8 +217,9 @@ def method(name: str) -> Method:
 def read_light(path: str | Path) -> EnvironmentMap:
     """The light in an .exr or .hdr file: linear radiance, latitude-longitude, Z up, centre column towards +X.
 
-    Negative radiance becomes zero, with a warning. Raises UsageError for a file of another kind, DataError for a
-    damaged one, for one of fewer than three channels, and for one without light.
+    Negative radiance becomes zero, and a cube map that says how its faces lie is converted, with a warning. Raises
+    UsageError for a file of another kind, DataError for a damaged one, for one of fewer than three channels, for one
+    without light, and for one in another shape (such as an angular map).
     """
     light, repairs = read_light_file(Path(path))
     for repair in repairs:
@@ -334,7 +352,9 @@ def _view(scene: Scene, view: View | str) -> View:
 
 
 def _light(scene: Scene, light: EnvironmentMap | str) -> EnvironmentMap:
+    """The light, or the scene's of that name. Raises DataError for a map that is no latitude-longitude map."""
     if not isinstance(light, str):
+        latitude_longitude("the light", light.radiance)
         return light
     if light not in scene.lights:
         raise unknown("light", light, scene.lights)

@@ -12,10 +12,20 @@ WALL = 0.35
 """Display sRGB of the background."""
 
 
-def write_capture(folder: Path, name: str = "corner", every: int = 2) -> Path:
+TURNS = {
+    "Z up": np.eye(3),
+    "Y down": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "Y up": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "X up": np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+    "tilted": Rotation.from_rotvec([0.0, np.radians(35), 0.0]).as_matrix(),
+}
+"""Rotations of a world with Z up, each by the shortest turn, by where they put its upward direction."""
+
+
+def write_capture(folder: Path, name: str = "corner", every: int = 2, world: str = "Z up") -> Path:
     """Photos of a miniature's training views in ``folder``/images, ``folder``/masks, and a model in text.
 
-    ``every``: one view out of so many. Returns the folder.
+    ``every``: one view out of so many. ``world``: a key of TURNS. Returns the folder.
     """
     views = load_scene(name).train[::every]
     for part in ("images", "masks", "sparse/0"):
@@ -27,8 +37,8 @@ def write_capture(folder: Path, name: str = "corner", every: int = 2) -> Path:
         photo = colour * mask + WALL * (1 - mask)
         cv2.imwrite(str(folder / "images" / file), _bytes(photo)[..., ::-1])
         cv2.imwrite(str(folder / "masks" / file), _bytes(mask))
-        turn = camera.axes.T.numpy().astype(float)
-        shift = -turn @ camera.centre.numpy().astype(float)
+        turn = camera.axes.T.numpy().astype(float) @ TURNS[world].T
+        shift = -camera.axes.T.numpy().astype(float) @ camera.centre.numpy().astype(float)
         x, y, z, w = Rotation.from_matrix(turn).as_quat()
         size = f"{camera.width} {camera.height} {camera.fx} {camera.fy} {camera.cx} {camera.cy}"
         cameras.append(f"{number} PINHOLE {size}\n")

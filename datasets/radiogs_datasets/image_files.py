@@ -12,6 +12,7 @@ import errno
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -52,14 +53,28 @@ def read_png(path: Path) -> NDArray[np.float32]:
 
     Raises DataError if the file is missing, cut off, corrupt or not a PNG.
     """
+    return in_unit_range(png_levels(path))
+
+
+def png_levels(path: Path) -> NDArray:
+    """Levels of 8 or 16 bits as ``read_png`` reads them, [height, width, channels]."""
     data = read_bytes(path)
     layout = png_layout(path, data)
     check_png_pixels(path, layout)
     image = _decode(path, data)
     levels = in_srgb(path, image[..., {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]], layout.profile)
-    if layout.transparent and levels.shape[2] != 4:
-        levels = _with_key(path, levels, layout)
-    return levels.astype(np.float32) / np.float32(np.iinfo(levels.dtype).max)
+    return _with_key(path, levels, layout) if layout.transparent and levels.shape[2] != 4 else levels
+
+
+UNIT_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
+"""The value in [0, 1] of each level of 8 bits."""
+
+
+def in_unit_range(levels: NDArray) -> NDArray[np.float32]:
+    """Levels of 8 or 16 bits, [height, width, channels], as values in [0, 1]."""
+    if levels.dtype == np.uint8:
+        return np.asarray(cv2.LUT(np.ascontiguousarray(levels), UNIT_LEVELS), np.float32).reshape(levels.shape)
+    return np.asarray(levels.astype(np.float32) / np.float32(np.iinfo(levels.dtype).max), np.float32)
 
 
 def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
@@ -84,10 +99,37 @@ def read_jpeg(path: Path) -> NDArray[np.float32]:
 
     Raises DataError if the file is missing, cut off or no JPEG.
     """
+    return in_unit_range(jpeg_levels(path))
+
+
+def read_levels(path: Path) -> NDArray:
+    """Levels of 8 or 16 bits of a PNG or JPEG file, by its suffix. Raises DataError."""
+    return png_levels(path) if path.suffix.lower() == ".png" else jpeg_levels(path)
+
+
+_levels_wanted: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
+
+
+@contextmanager
+def wanting_levels() -> Iterator[None]:
+    """Within the block, sources of images that can give levels of 8 bits do so; a quarter of the memory of values."""
+    token = _levels_wanted.set(True)
+    try:
+        yield
+    finally:
+        _levels_wanted.reset(token)
+
+
+def levels_wanted() -> bool:
+    """Whether ``wanting_levels`` is in force in this thread."""
+    return _levels_wanted.get()
+
+
+def jpeg_levels(path: Path) -> NDArray[np.uint8]:
+    """Levels of 8 bits as ``read_jpeg`` reads them, [height, width, 3]."""
     data = read_bytes(path)
     layout = jpeg_layout(path, data)
-    image = in_srgb(path, decode_jpeg(path, data)[..., ::-1], layout.profile)
-    return image.astype(np.float32) / np.float32(255)
+    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), layout.profile)
 
 
 LOGGING = getattr(cv2.utils, "logging", cv2)
@@ -127,6 +169,17 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
     return _finite(path, np.stack([channels[name] for name in wanted], -1))
+
+
+def exr_envmap(path: Path) -> str | None:
+    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None where it is absent."""
+    with (
+        caught_output(OUT, ERROR),
+        _named(read_bytes(path)) as name,
+        OpenEXR.File(name, separate_channels=True, header_only=True) as file,
+    ):
+        said = file.header().get("envmap")
+    return {OpenEXR.ENVMAP_CUBE: "cube", OpenEXR.ENVMAP_LATLONG: "latlong"}.get(said)
 
 
 @contextmanager

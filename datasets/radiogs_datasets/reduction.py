@@ -1,5 +1,8 @@
 """Less of a scene: fewer views, smaller images of any size."""
 
+import math
+import threading
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -8,6 +11,7 @@ import cv2
 import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
@@ -15,6 +19,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.scene import Scene, View
 
+from .image_files import UNIT_LEVELS, wanting_levels
 from .options import SceneOptions
 
 MULTIPLIED = ("direct", "indirect")
@@ -102,11 +107,97 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
     sources: dict[str, Callable[[], Tensor]] = {
         name: partial(_read, view, name, (height, width)) for name in view.sources
     }
+    if camera.height * camera.width >= LARGE:
+        sources = {name: partial(_read_once, source) for name, source in sources.items()}
     return View(view.name, small, sources)
 
 
+LARGE = 1 << 21
+"""Pixels of a stored view from which its reduced maps are kept in memory."""
+
+MOST_KEPT = 1 << 28
+"""Bytes of reduced maps that a process keeps; the oldest are given up."""
+
+
+class KeptMaps:
+    """Reduced maps of large views: each file is decoded once. A map is that of the bytes that it was first read of."""
+
+    def __init__(self, most: int = MOST_KEPT) -> None:
+        self._maps: OrderedDict[Callable[[], Tensor], Tensor] = OrderedDict()
+        self._most, self._bytes, self._lock = most, 0, threading.Lock()
+
+    def read(self, source: Callable[[], Tensor]) -> Tensor:
+        """The map that the source gives, in memory of the caller's own."""
+        with self._lock:
+            kept = self._maps.get(source)
+        if kept is None:
+            kept = source()
+            with self._lock:
+                if source not in self._maps:
+                    self._maps[source] = kept
+                    self._bytes += kept.nbytes
+                while self._bytes > self._most:
+                    self._bytes -= self._maps.popitem(last=False)[1].nbytes
+        return kept.clone()
+
+
+_kept = KeptMaps()
+
+
+def _read_once(source: Callable[[], Tensor]) -> Tensor:
+    """The map of a large view, kept while this process lasts."""
+    return _kept.read(source)
+
+
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
-    values = view.read(name)
+    displayed = name == "image" or name.startswith("relit/")
+    if not displayed or name.endswith("/indirect"):
+        return _reduced(view, name, view.read(name), size)
+    with wanting_levels():
+        stored = view.sources[name]()
+    if stored.dtype != torch.uint8:
+        return _reduced(view, name, stored, size)
+    weight = view.read("alpha") if view.has("alpha") else None
+    light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
+    return _displayed(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
+
+
+def _displayed(
+    light: Float[Tensor, "rows columns 3"], share: Float[Tensor, "rows columns 1"] | None
+) -> Float[Tensor, "rows columns 3"]:
+    """Straight display sRGB of linear light that is multiplied by its share of coverage; None is full coverage."""
+    straight = light if share is None else torch.where(share > 0, light / torch.where(share > 0, share, 1.0), 0.0)
+    return srgb_encode(straight).clamp(0, 1)
+
+
+LINEAR_LEVELS = srgb_decode(torch.from_numpy(UNIT_LEVELS)).numpy()
+"""Linear light of each level of 8 bits in display sRGB."""
+
+
+def linear_area_mean(
+    levels: NDArray[np.uint8], size: Size, weight: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
+    """Area means [rows, columns, 3] in linear light of display levels [height, width, 3], times ``weight``.
+
+    They are those of ``area_mean`` but for rounding, and take memory for one row of the result at a time. ``weight``
+    has the shape [height, width, 1].
+    """
+    height = levels.shape[0]
+    rows, columns = size
+    found = np.empty((rows, columns, 3), np.float32)
+    for row in range(rows):
+        top, bottom = row * height / rows, (row + 1) * height / rows
+        first, last = math.floor(top), min(math.ceil(bottom), height)
+        weights = np.minimum(np.arange(first, last) + 1, bottom) - np.maximum(np.arange(first, last), top)
+        light = cv2.LUT(levels[first:last], LINEAR_LEVELS)
+        if weight is not None:
+            light = np.multiply(light, weight[first:last])
+        across = np.tensordot((weights / weights.sum()).astype(np.float32), light, 1)[None]
+        found[row] = cv2.resize(across, (columns, 1), interpolation=cv2.INTER_AREA)[0]
+    return found
+
+
+def _reduced(view: View, name: str, values: Tensor, size: Size) -> Float[Tensor, "height width channels"]:
     if name == "valid":
         return (area_mean(values, size) > WHOLLY).float()
     if name == "alpha":
@@ -123,10 +214,12 @@ def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width chan
     if name == "normal":
         return torch.nn.functional.normalize(covered, dim=-1)
     share = area_mean(weight, size)
-    straight = torch.where(share > 0, covered / torch.where(share > 0, share, 1.0), 0.0)
-    if name == "image" and view.has("valid"):
-        straight = torch.where(area_mean(view.read("valid"), size) > WHOLLY, straight, 0.0)
-    return srgb_encode(straight).clamp(0, 1) if displayed else straight
+    if displayed:
+        image = _displayed(covered, share)
+        if name == "image" and view.has("valid"):
+            return torch.where(area_mean(view.read("valid"), size) > WHOLLY, image, 0.0)
+        return image
+    return torch.where(share > 0, covered / torch.where(share > 0, share, 1.0), 0.0)
 
 
 def area_mean(image: Float[Tensor, "height width channels"], size: Size) -> Float[Tensor, "rows columns channels"]:

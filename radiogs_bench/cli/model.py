@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
+from .lights import add_light_options, marks, placed
 from .options import (
     METHOD,
     PRESETS_HELP,
@@ -25,6 +26,8 @@ from .options import (
 )
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from radiogs_core.contract import Prepared, Run, Trained
 
     from ..api import Model
@@ -32,6 +35,15 @@ if TYPE_CHECKING:
 
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
+
+
+COVERED = 0.5
+"""Coverage from which a pixel counts as the model's."""
+
+HALF_A_LEVEL = 0.5 / 255
+
+MANY_WHITE, MANY_BLACK = 0.2, 0.5
+"""Shares of white and of black pixels in relit frames above which they are named."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -87,8 +99,9 @@ def _add_render_and_relight(commands: "Commands") -> None:
     relighting.set_defaults(command=relight)
     relighting.add_argument(
         "--envmap", required=True, type=Path, metavar="FILE",
-        help="Relight by this .hdr or .exr file: latitude-longitude, Z up.",
+        help="Relight by this .hdr or .exr file: latitude-longitude, or a cube map that says how its faces lie.",
     )  # fmt: skip
+    add_light_options(relighting)
     relighting.add_argument(
         "--mode",
         metavar="NAME",
@@ -264,7 +277,7 @@ def relight(options: argparse.Namespace) -> int:
     from .reporter import say
 
     device = chosen_device(options)
-    lit = lit_folder(options.envmap)
+    lit = lit_folder(options.envmap) + marks(options)
     light, repairs = read_light(options.envmap)
     for repair in repairs:
         say(repair)
@@ -278,14 +291,48 @@ def relight(options: argparse.Namespace) -> int:
         run, model = read_trained(options.folder, device, changes)
         if run.scene.surrounded:
             say(f"relighting means little here: {NOT_DISTANT}")
+        light, stands = placed(options, run.scene, light)
+        say(f"{options.envmap.name}: {stands}")
         with working(f"preparing {options.envmap.name}"):
             relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
-        return write_views(
+        shares = LevelShares()
+        write_views(
             about["method"], relit, run, options.views, options.folder / "relight" / mode,
-            lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}",
+            lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", shares.count,
         )  # fmt: skip
+        for sentence in shares.sentences():
+            say(sentence)
+        return 0
+
+
+class LevelShares:
+    """How many pixels of relit frames are white, and how many black, where the model covers them."""
+
+    def __init__(self) -> None:
+        self.covered = self.white = self.black = 0
+
+    def count(self, maps: Mapping[str, "Tensor"]) -> None:
+        """Count the pixels of a frame by its maps on black (``scoring.maps.on_black``)."""
+        image = maps["image"]
+        inside = maps["alpha"][..., 0] > COVERED if "alpha" in maps else image.amax(-1) >= 0
+        levels = image[inside]
+        self.covered += len(levels)
+        self.white += int((levels.amin(-1) >= 1 - HALF_A_LEVEL).sum())
+        self.black += int((levels.amax(-1) < HALF_A_LEVEL).sum())
+
+    def sentences(self) -> list[str]:
+        """A sentence where many pixels are white or black, with the option that changes it."""
+        found = []
+        for name, count, most, remedy in (
+            ("white", self.white, MANY_WHITE, "a weaker light: --strength with a factor below 1"),
+            ("black", self.black, MANY_BLACK, "a stronger light: --strength with a factor above 1"),
+        ):
+            if count > most * self.covered:
+                share = f"{100 * count / self.covered:.0f} % of the model's pixels in these views"
+                found.append(f"{share} are {name}: they are beyond what an image of 8 bits shows; {remedy}")
+        return found
 
 
 def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -324,11 +371,17 @@ def lit_folder(envmap: Path) -> str:
 
 
 def write_views(
-    method: str, shown: "Prepared", run: "Run", split: str, folder: Path, place_of: Callable[[str], str] = str
+    method: str,
+    shown: "Prepared",
+    run: "Run",
+    split: str,
+    folder: Path,
+    place_of: Callable[[str], str] = str,
+    seen: Callable[[Mapping[str, "Tensor"]], None] = lambda maps: None,
 ) -> int:
     """Render each view of a split into ``folder``, in the layout ``plain`` of docs/scoring.md; says what a frame took.
 
-    ``place_of``: the folder of each map by the map's name.
+    ``place_of``: the folder of each map by the map's name. ``seen`` receives the maps of each view, on black.
     """
     import statistics
 
@@ -347,7 +400,9 @@ def write_views(
     with progress_for_stderr() as progress:
         for done, (view, camera) in enumerate(zip(views, cameras, strict=True)):
             progress.advance("rendering", done, len(views))
-            for kind, image in on_black(shown, camera, method=method, view=view.name).items():
+            maps = on_black(shown, camera, method=method, view=view.name)
+            seen(maps)
+            for kind, image in maps.items():
                 path = folder / place_of(kind) / view.name.replace("/", "_")
                 path.parent.mkdir(parents=True, exist_ok=True)
                 if kind == "image":

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .lights import add_light_options, placed
 from .options import METHOD, add_scene_options, add_verbose, declare, positive, scene_options
 
 if TYPE_CHECKING:
@@ -38,8 +39,9 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--seed", type=int, help="Seed the samples with this (default: 0; for DIR its own).")
     parser.add_argument(
         "--envmap", type=Path, metavar="FILE",
-        help="Probe relighting by this .hdr or .exr file: latitude-longitude, Z up.",
+        help="Probe relighting by this .hdr or .exr file, which `relight` would take.",
     )  # fmt: skip
+    add_light_options(parser)
     parser.add_argument(
         "--picture", type=Path, metavar="PNG", help="Draw where effects matter here (default: probe-NAME.png)."
     )
@@ -108,12 +110,14 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
 
         run, model = read_trained(folder, device)
         run = run if options.seed is None else replace(run, seed=options.seed)
-        return folder.name, _probing(read_about(folder)["method"]).probe(run, model, light)
+        stood = None if light is None else placed(options, run.scene, light)[0]
+        return folder.name, _probing(read_about(folder)["method"]).probe(run, model, stood)
     from radiogs_datasets import load_scene
 
     scene, used = load_scene(options.subject, options=scene_options(options)), method(options.method)
     run = Run(scene, variant_of(used, {}), budget_of(used, options.preset), options.seed or 0, device)
-    return scene.name, _probing(options.method).probe(run, None, light)
+    stood = None if light is None else placed(options, scene, light)[0]
+    return scene.name, _probing(options.method).probe(run, None, stood)
 
 
 def _probing(name: str) -> "Probing":

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from radiogs_baselines.outputs.predictions import Predictions
     from radiogs_baselines.outputs.stanford_orb import Pair
+    from radiogs_core.scene.scene import Scene
 
     from ..scoring.metrics.protocol import Protocol
     from ..store.schema import MetricValue
@@ -48,6 +50,10 @@ def add_to(commands: "Commands") -> None:
         "--from", dest="code", metavar="CODE",
         help="Read the folder as this code writes it: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb"
         " or plain (default: recognised from its files).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--ground", choices=("white", "black"),
+        help="Read colours without a fourth channel on this ground (default: as the code writes them).",
     )  # fmt: skip
     add_scene_options(parser)
     parser.add_argument(
@@ -95,6 +101,12 @@ def score(options: argparse.Namespace) -> int:
 
 
 def _record(options: argparse.Namespace) -> dict[str, Any]:
+    if options.ground is not None and (_is_trained(options) or _are_pairs(options)):
+        raise UsageError(
+            "--ground goes with the folder of a code's images of a scene",
+            "A model is rendered on its own ground, and pairs of files name their masks.",
+            "Leave --ground out.",
+        )
     if _is_trained(options):
         return _model(options)
     return _pairs(options) if _are_pairs(options) else _folder(options)
@@ -170,10 +182,10 @@ def _protocols(name: str) -> list[Any]:
 
 
 def _folder(options: argparse.Namespace) -> dict[str, Any]:
-    from radiogs_baselines.outputs.reading import read_predictions
     from radiogs_datasets import load_scene
 
     from ..runs.progress import progress_for_stderr
+    from ..scoring.other_readings import with_other_readings
     from ..scoring.record import record_of, scored
     from ..scoring.score_files import score_predictions
 
@@ -183,7 +195,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
         )
     protocols = _protocols(options.protocol)
     scene = load_scene(options.scene, options=scene_options(options))
-    predictions = read_predictions(options.predictions, scene, options.code)
+    predictions = with_other_readings(_predictions(options, scene), scene)
     with progress_for_stderr() as progress:
         scores = score_predictions(
             predictions, scene, protocols, lambda done, total: progress.advance("scoring", done, total)
@@ -199,6 +211,14 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
         missing=predictions.missing,
         ignored=predictions.ignored,
     )
+
+
+def _predictions(options: argparse.Namespace, scene: "Scene") -> "Predictions":
+    """The predictions in the folder, on the ground that was named."""
+    from radiogs_baselines.outputs.reading import read_predictions
+
+    found = read_predictions(options.predictions, scene, options.code)
+    return found if options.ground is None else found.on_ground(options.ground)
 
 
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
@@ -292,7 +312,6 @@ def is_row_of_a_run(options: argparse.Namespace) -> bool:
 
 def score_into(options: argparse.Namespace) -> int:
     """Score the folder, enter the row, and rebuild and print the run's reports."""
-    from radiogs_baselines.outputs.reading import read_predictions
     from radiogs_datasets import load_scene
 
     from ..runs.progress import progress_for_stderr
@@ -310,12 +329,13 @@ def score_into(options: argparse.Namespace) -> int:
     require_same_protocol(options, sweep["protocol"])
     scene = load_scene(options.scene, options=scene_options(options))
     require_room(store, sweep, row, scene_in_run(store, sweep, scene))
-    predictions = read_predictions(options.predictions, scene, options.code)
+    predictions = _predictions(options, scene)
     with progress_for_stderr() as progress:
         sweep = add_row(
-            store, row, predictions, scene, checksum_now, lambda done, total: progress.advance("scoring", done, total)
-        )
-    for heading in ("remarks", "absent", "missing", "ignored"):
+            store, row, predictions, scene, checksum_now,
+            lambda done, total: progress.advance("scoring", done, total), say,
+        )  # fmt: skip
+    for heading in ("absent", "missing", "ignored"):
         for line in getattr(predictions, heading):
             say(f"{heading.removesuffix('s')}: {line}")
     write_and_show(store, sweep)

@@ -23,6 +23,7 @@ from ..scoring.evaluate import LIGHTS_SHOWN, SHOWN
 from ..scoring.kept_views import KeptViews, views_to_keep
 from ..scoring.light_maps import light_maps
 from ..scoring.metrics.protocols import protocol
+from ..scoring.other_readings import with_other_readings
 from ..scoring.score_files import score_predictions
 from ..scoring.score_maps import coverage, lit_views, truth
 from ..sources import code_digest
@@ -119,11 +120,13 @@ def add_row(
     scene: Scene,
     digest: Callable[[Scene], str],
     advance: Callable[[int, int], None] = lambda done, total: None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Sweep:
     """Score files under a run's protocol, store the result, and enter it in the run's manifest, which is returned.
 
-    ``digest`` digests the scene's files again; ``advance`` is called with (done, total) views. The cell is stored
-    before the manifest names it: where the process dies in between, the next ``run`` enters it, or the same call does.
+    ``digest`` digests the scene's files again; ``advance`` is called with (done, total) views, ``say`` with each remark
+    on how the files are read. The cell is stored before the manifest names it: where the process dies in between, the
+    next ``run`` enters it, or the same call does.
 
     Raises UsageError where the run has no such scene or seed, or has the row already; DataError for a folder without a
     run, for damaged files, and where the scene's files change meanwhile.
@@ -131,6 +134,9 @@ def add_row(
     sweep = read_sweep(store.folder)
     name = scene_in_run(store, sweep, scene)
     require_room(store, sweep, row, name)
+    predictions = with_other_readings(predictions, scene)
+    for remark in predictions.remarks:
+        say(f"remark: {remark}")
     result, arrays = scored_files(row, predictions, scene, name, sweep["protocol"], advance)
     require_unchanged(scene, digest)
     with changing_sweep(store) as write:
@@ -283,7 +289,8 @@ def digest_of(predictions: Predictions) -> str:
     for name, path in files_of(predictions).items():
         with path.open("rb") as file:
             digests[name] = hashlib.file_digest(file, "sha256").hexdigest()
-    return hashlib.sha256(canonical({"read_as": predictions.code, "files": digests})).hexdigest()
+    ground = {} if predictions.ground is None else {"ground": predictions.ground}
+    return hashlib.sha256(canonical({"read_as": predictions.code, "files": digests, **ground})).hexdigest()
 
 
 def formats_of(predictions: Predictions) -> list[str]:

@@ -4,7 +4,7 @@ Reading a map selects its part of the file, converts its colour space and remove
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,10 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
+from radiogs_datasets.lights import latitude_longitude
 
 from .files import Found
+from .rules import Ground
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,8 @@ class Predictions:
     """Files that are there but not read, with the reason if it is known."""
     remarks: tuple[str, ...]
     """Sentences on the layout that matter for its scores."""
+    ground: Ground | None = None
+    """The ground that was named in place of the layout's; None where none was."""
 
     @property
     def files(self) -> dict[str, dict[str, str]]:
@@ -67,6 +71,36 @@ class Predictions:
         others = {name: read_map(found, view, coverage, own) for name, found in files.items() if name != "alpha"}
         return others | alpha
 
+    def read_one(
+        self, name: str, view: View, coverage: Float[Tensor, "height width 1"]
+    ) -> Float[Tensor, "height width _"]:
+        """One map of a view, or ``relit/<light>``, as ``read`` and ``read_relit`` give it."""
+        if name.startswith("relit/"):
+            return self.read_relit(name.removeprefix("relit/"), view, coverage)
+        files = self.maps[view.name]
+        own = read_map(files["alpha"], view, coverage) if "alpha" in files and name == "normal" else coverage
+        return read_map(files[name], view, coverage, own)
+
+    def on_white(self, name: str, view: View) -> bool:
+        """Whether a white ground is taken away where a map of colours, or ``relit/<light>``, is read."""
+        light = name.removeprefix("relit/")
+        found = self.maps[view.name][name] if light == name else self.relit[light][view.name]
+        return found.rule.ground in ("white", "own coverage or white")
+
+    def on_ground(self, ground: Ground) -> "Predictions":
+        """The same with all maps of colours and values, but coverage and depth, on this ground.
+
+        A file with a fourth channel keeps its meaning where the layout reads coverage from it.
+        """
+
+        def placed(files: Mapping[str, Found]) -> dict[str, Found]:
+            return {name: _on(ground, found) for name, found in files.items()}
+
+        maps = {view: placed(files) for view, files in self.maps.items()}
+        relit = {light: placed(files) for light, files in self.relit.items()}
+        remark = f"colours are read on a {ground} ground (--ground)"
+        return replace(self, maps=maps, relit=relit, remarks=(*self.remarks, remark), ground=ground)
+
     def read_relit(
         self, light: str, view: View, coverage: Float[Tensor, "height width 1"]
     ) -> Float[Tensor, "height width 3"]:
@@ -79,6 +113,16 @@ class Predictions:
 
     def _relative(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
+
+
+def _on(ground: Ground, found: Found) -> Found:
+    """The file, read on another ground."""
+    rule = found.rule
+    if rule.map in ("alpha", "depth", "normal"):
+        return found
+    if rule.ground.startswith("own coverage"):
+        ground = "own coverage or white" if ground == "white" else "own coverage"
+    return replace(found, rule=replace(rule, ground=ground))
 
 
 def relightable(scene: Scene) -> dict[str, list[View]]:
@@ -117,12 +161,12 @@ def read_map(
     if stored.shape[2] < channels and stored.shape[2] != 1:
         raise DataError(f"{found.path} has {stored.shape[2]} channels, {channels} are needed")
     values = stored[..., :channels].expand(-1, -1, channels)
-    own = stored[..., 3:] if stored.shape[2] == 4 and rule.ground == "own coverage" else None
+    own = stored[..., 3:] if stored.shape[2] == 4 and rule.ground.startswith("own coverage") else None
     numbers = found.path.suffix in AS_NUMBERS
     if rule.encoding == "normal":
         covered = own if own is not None else coverage if alpha is None else alpha
         return _directions(values, numbers) * (covered > 0)
-    if rule.ground == "white":
+    if rule.ground == "white" or (rule.ground == "own coverage or white" and own is None):
         values = values - (1 - coverage)
         # Images keep negative values (darker than their ground), so that a white ground can be restored exactly.
         values = values if rule.encoding == "display" else values.clamp(min=0)
@@ -134,8 +178,10 @@ def read_map(
 
 
 def read_environment(path: Path) -> EnvironmentMap:
-    """The recovered light: linear RGB, Z up, centre column towards +X. Raises DataError for a damaged or negative
-    map."""
+    """The recovered light: linear RGB, Z up, centre column towards +X.
+
+    Raises DataError for a damaged or negative map, and for one that is not twice as wide as high.
+    """
     radiance = torch.from_numpy(_read(path)[..., :3].copy())
     if radiance.shape[2] != 3 or bool((radiance < 0).any()):
         raise DataError(
@@ -143,7 +189,7 @@ def read_environment(path: Path) -> EnvironmentMap:
             "A light map has three channels of radiance, and no negative value.",
             "Export it again.",
         )
-    return EnvironmentMap(radiance)
+    return EnvironmentMap(latitude_longitude(path, radiance)[0])
 
 
 def _directions(stored: Tensor, numbers: bool) -> Tensor:

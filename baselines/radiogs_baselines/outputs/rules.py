@@ -14,9 +14,9 @@ value     one number for each pixel (roughness, coverage, depth)
 radiance  linear radiance stored as display sRGB; in .exr and .npy files as linear radiance
 """
 
-Ground = Literal["black", "white", "own coverage"]
+Ground = Literal["black", "white", "own coverage", "own coverage or white"]
 """Background of a file. For "black" and "white" a fourth channel is ignored (some codes store the true mask there); for
-"own coverage" colours are straight if there is a fourth channel, and on black otherwise."""
+"own coverage" colours are straight if there is a fourth channel, and on black otherwise, or on white."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from radiogs_core.scene.scene import View
 from ..bounded_reading import as_float32, read_bytes, read_numpy
 from ..cameras.lens import ORDER, Lens
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
-from ..image_files import read_image
+from ..image_files import in_unit_range, levels_wanted, read_image, read_levels
 from ..image_structure import png_layout
 from ..options import TEST_EVERY, SceneOptions
 from ..view_maps import read_alpha, read_colour
@@ -229,7 +229,12 @@ def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
     return next((files[stem + end] for end in MASK_ENDINGS for stem in stems if stem + end in files), None)
 
 
-def _image(photo: Photo) -> Float[Tensor, "height width 3"]:
+def _image(photo: Photo) -> Tensor:
+    """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
+    if photo.lens.pinhole and levels_wanted() and not photo.has_alpha and not photo.ignores:
+        levels = read_levels(photo.image)
+        if levels.dtype == np.uint8 and levels.shape[2] == 3:
+            return torch.from_numpy(levels)
     image = read_colour(photo.image)
     image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
     return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
@@ -277,18 +282,20 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
 
     An alpha of 1 throughout says nothing: many programs add one when they save grey pictures. Raises DataError.
     """
-    image = torch.from_numpy(read_image(path))
-    grey, by_alpha = image[..., :3], image.shape[2] == 4 and bool((image[..., 3:] < 1).any())
-    if not by_alpha and not torch.equal(grey.amin(-1), grey.amax(-1)):
+    levels = read_levels(path)
+    by_alpha = levels.shape[2] == 4 and bool((levels[..., 3] < np.iinfo(levels.dtype).max).any())
+    if not by_alpha and any(
+        (levels[..., 0] != levels[..., place]).any() for place in range(1, min(3, levels.shape[2]))
+    ):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
-    mask = image[..., 3:] if by_alpha else image[..., :1]
+    mask = torch.from_numpy(in_unit_range(levels[..., 3:] if by_alpha else levels[..., :1]))
     if 0 < float(mask.max()) < 1.5 / 255:
         raise DataError(
             f"{path} is a mask of the levels 0 and 1",
             "Levels run to 255 (or 65535): the object would be all but transparent.",
             "Multiply its levels by 255.",
         )
-    return mask.contiguous()
+    return mask
 
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:

@@ -15,6 +15,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
 
 from ..image_files import read_hdr
+from ..lights import latitude_longitude
 
 TRAINING_LIGHT = "training"
 ARCHIVE_TRAINING_LIGHT = "sunset"
@@ -54,8 +55,11 @@ def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
 
 
 def read_light(path: Path) -> EnvironmentMap:
-    """The stored map, taken as Z up (``radiogs_core.scene.light``). Raises DataError for a damaged file."""
-    return EnvironmentMap(torch.from_numpy(read_hdr(path)))
+    """The stored map, taken as Z up (``radiogs_core.scene.light``).
+
+    Raises DataError for a damaged file, and for one that is no latitude-longitude map.
+    """
+    return EnvironmentMap(latitude_longitude(path, torch.from_numpy(read_hdr(path)))[0])
 
 
 def _archive_lights(folder: Path, relit: Set[str]) -> LightFiles:

@@ -1,7 +1,6 @@
 """The initial viewpoint of an interactive viewer, and the centre and arc of a turntable."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -12,7 +11,13 @@ from .camera import Camera
 from .scene import Scene
 
 UPRIGHT = 0.7
-"""Cosine between Z and the cameras' mean upward direction above which Z is up; captures may have other axes."""
+"""Cosine between Z and the cameras' mean upward direction above which Z is up where lights are stored by view."""
+
+NEARLY = math.cos(math.radians(10))
+"""Cosine between Z and the upward direction of a capture above which Z is up."""
+
+VAGUE = 0.5
+"""Length of the mean upward direction of cameras below which it does not tell what is up."""
 
 WIDE = math.radians(60)
 """Least angle between neighbouring cameras, in radians, for the side between them to count as not seen."""
@@ -40,9 +45,9 @@ class InitialViewpoint:
 
 
 def initial_viewpoint(scene: Scene, eye: Camera) -> InitialViewpoint:
-    """The viewpoint at the centre of the camera ``eye``; Z is up where the cameras of the scene are upright."""
+    """The viewpoint at the centre of the camera ``eye``, with the scene's ``upwards``."""
     cameras = [view.camera for view in (*scene.train, *scene.test)]
-    position, up = eye.centre.float().cpu(), upwards(cameras)
+    position, up = eye.centre.float().cpu(), upwards(scene)
     if not scene.surrounded:
         return InitialViewpoint(position, up)
     middle = scene.centre.float()
@@ -67,8 +72,40 @@ def _arc(
     return torch.stack([begin - 2 * torch.pi if begin > 0 else begin, end if end >= 0 else end + 2 * torch.pi])
 
 
-def upwards(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
-    """The unit mean upward direction of cameras, or Z if that is within UPRIGHT of it."""
-    mean = -torch.stack([camera.axes[:, 1].float().cpu() for camera in cameras]).mean(0)
-    mean = mean / mean.norm().clamp(min=1e-6)
-    return torch.tensor([0.0, 0.0, 1.0]) if mean[2] > UPRIGHT else mean
+def upwards(scene: Scene) -> Float[Tensor, "3"]:
+    """The unit upward direction of a scene's world.
+
+    Z where the scene has lights of its own, which are stored Z up. Else what the cameras tell: Z within UPRIGHT of
+    their mean upward direction where each view has a light in its camera's axes, and within NEARLY of it in captures,
+    whose worlds are turned anyhow. People hold cameras level, so up is the direction at right angles to all images'
+    rows; where the rows do not tell it, it is the mean.
+    """
+    z = torch.tensor([0.0, 0.0, 1.0])
+    if (scene.lights or scene.training_light is not None) and not scene.relight:
+        return z
+    axes = torch.stack([view.camera.axes.double().cpu() for view in (*scene.train, *scene.test)])
+    mean = -axes[..., 1].mean(0)
+    if scene.relight:
+        mean = (mean / mean.norm().clamp(min=1e-6)).float()
+        return z if mean[2] > UPRIGHT else mean
+    up = _across_rows(axes[..., 0], mean)
+    if up is None:
+        up = _sideways(axes) if float(mean.norm()) < VAGUE else mean / mean.norm()
+    return z if up is None or up[2] > NEARLY else up.float()
+
+
+def _across_rows(rows: Float[Tensor, "cameras 3"], mean: Float[Tensor, "3"]) -> Float[Tensor, "3"] | None:
+    """The direction at right angles to the rows of all images, on the side of ``mean``; None where it is not told."""
+    spread, directions = torch.linalg.eigh(rows.T @ rows / len(rows))
+    along = float(directions[:, 0] @ mean)
+    told = float(spread[1]) > 0.01 and float(spread[0]) < 0.2 * float(spread[1]) and abs(along) > 0.1
+    return directions[:, 0] * (1.0 if along > 0 else -1.0) if told else None
+
+
+def _sideways(axes: Float[Tensor, "cameras 3 3"]) -> Float[Tensor, "3"] | None:
+    """Up of photos that were all taken upright and stored lying; they look down on average. None where rows differ."""
+    rows = axes[..., 0].mean(0)
+    if float(rows.norm()) < 0.5:
+        return None
+    up = rows / rows.norm()
+    return up if float(axes[..., 2].mean(0) @ up) <= 0 else -up

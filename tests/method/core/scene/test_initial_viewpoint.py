@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.scene.initial_viewpoint import initial_viewpoint
+from radiogs_core.scene.initial_viewpoint import initial_viewpoint, upwards
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from scenes import look_at
 
@@ -70,3 +71,58 @@ def test_a_capture_has_an_upward_direction_of_its_own() -> None:
     up = initial_viewpoint(turned, turned.test[0].camera).up
     assert up @ torch.tensor([0.0, -1.0, 0.0]) > 0.9
     assert float(up.norm()) == pytest.approx(1)
+
+
+def posed(axes: list[torch.Tensor], **fields: object) -> Scene:
+    """Views whose cameras have these axes (columns: right, down, forward)."""
+    views = []
+    for place, each in enumerate(axes):
+        pose = torch.eye(4)
+        pose[:3, :3] = each
+        camera = look_at(torch.tensor([3.0, 0.0, 1.0]), torch.zeros(3), 8, 8.0)
+        views.append(View(f"{place}", replace(camera, camera_to_world=pose), {"image": lambda: torch.ones(8, 8, 3)}))
+    made = Scene("capture", "none", tuple(views[1:]), tuple(views[:1]), {}, None, "0")
+    return replace(made, **fields)  # type: ignore[arg-type]
+
+
+def level(azimuths: list[float], lowered: float, roll: int = 0) -> list[torch.Tensor]:
+    """Axes of cameras that look inwards from azimuths, ``lowered`` radians downwards, rolled by right angles."""
+    found = []
+    for azimuth in azimuths:
+        inwards = torch.tensor([-math.cos(azimuth), -math.sin(azimuth), 0.0])
+        z = torch.tensor([0.0, 0.0, 1.0])
+        forward = math.cos(lowered) * inwards - math.sin(lowered) * z
+        right = torch.linalg.cross(inwards, z)
+        frame = torch.stack([right, torch.linalg.cross(forward, right), forward], -1)
+        for _ in range(roll):
+            frame = torch.stack([frame[:, 1], -frame[:, 0], frame[:, 2]], -1)
+        found.append(frame)
+    return found
+
+
+TILT = torch.linalg.matrix_exp(torch.tensor([[0.0, 0.0, 0.6], [0.0, 0.0, 0.3], [-0.6, -0.3, 0.0]]))
+
+
+@pytest.mark.parametrize("turn", [TILT, TILT @ TILT @ TILT, torch.diag(torch.tensor([1.0, -1.0, -1.0]))])
+@pytest.mark.parametrize("azimuths", [[0.0, 0.6, 1.2, 1.9], [place * math.pi / 3 for place in range(6)]])
+def test_up_is_at_right_angles_to_the_rows_of_level_photos(turn: torch.Tensor, azimuths: list[float]) -> None:
+    """The mean upward direction of photos of one side leans towards the object."""
+    found = upwards(posed([turn @ each for each in level(azimuths, 0.7)]))
+    assert found.tolist() == pytest.approx(turn[:, 2].tolist(), abs=1e-5)
+
+
+@pytest.mark.parametrize("roll", [1, 3])
+def test_up_is_found_where_upright_photos_are_stored_lying(roll: int) -> None:
+    ring = [place * math.pi / 3 for place in range(6)]
+    found = upwards(posed([TILT @ each for each in level(ring, 0.4, roll)]))
+    assert found.tolist() == pytest.approx(TILT[:, 2].tolist(), abs=1e-5)
+
+
+def test_up_is_the_mean_on_a_line_and_z_where_the_scene_has_lights_of_its_own() -> None:
+    along = [TILT @ each for each in level([0.0] * 4, 0.0)]
+    assert upwards(posed(along)).tolist() == pytest.approx(TILT[:, 2].tolist(), abs=1e-5)
+    light = EnvironmentMap(torch.ones(2, 4, 3))
+    assert upwards(posed(along, lights={"sky": light})).tolist() == [0, 0, 1]
+    assert upwards(posed(along, training_light=light)).tolist() == [0, 0, 1]
+    slight = torch.linalg.matrix_exp(torch.tensor([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [-0.1, 0.0, 0.0]]))
+    assert upwards(posed([slight @ each for each in level([0.0, 1.0, 2.0], 0.3)])).tolist() == [0, 0, 1]
