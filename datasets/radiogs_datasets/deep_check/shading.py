@@ -1,6 +1,6 @@
 """Recorded lights against images: the true surfaces, shaded by a map of light, look like the views under that light.
 
-Light is gathered from 16 x 32 texels. Shadows are those of a coarse grid of the surface that the depth of the test views
+Light is gathered from 16 x 32 texels. Shadows are those of a coarse grid of the surface that the depth of test views
 shows; without depth there are none. Inter-reflection is left out.
 """
 
