@@ -23,11 +23,16 @@ USUAL_SPREAD = 0.03
 ALONE, TIMES = 0.15, 6.0
 """Gain of a single view, natural logarithm, and its multiple of the spread, from which on it is named."""
 
+ALONE_IN_CAPTURES = 0.6
+"""The same where the true surface is not known: cameras that expose each photo by itself differ by half as much."""
+
 VARIED = 0.12
 """Median deviation of gains over views from which on exposure varies."""
 
 EXPLAINED, SUSPECT = 0.5, 0.03
 """Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
+
+FEWEST_VIEWS = 4
 
 DARK = 0.01
 
@@ -52,8 +57,10 @@ class Pairs:
 
 def exposure(evidence: Evidence) -> Iterator[Finding]:
     """Views brighter, darker or of another tint than the others show the same points, and curves applied twice."""
-    pairs = _by_surface(evidence) or _by_matches(evidence)
-    if len(pairs) < 4:
+    pairs, alone = _by_surface(evidence), ALONE
+    if not pairs:
+        pairs, alone = _by_matches(evidence), ALONE_IN_CAPTURES
+    if len(pairs) < FEWEST_VIEWS:
         return
     told = set()
     for place, each in pairs.items():
@@ -65,22 +72,22 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
             told.add(place)
             what = f"its colours contradict those of other views: {says} explains it"
             yield Finding(evidence.looks[place].name, what, "warning")
-    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told})
+    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told}, alone)
 
 
-def _gains(evidence: Evidence, pairs: dict[int, Pairs]) -> Iterator[Finding]:
-    if len(pairs) < 4:
+def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterator[Finding]:
+    if len(pairs) < FEWEST_VIEWS:
         return
     places = list(pairs)
     gains = np.stack([pairs[place].gain() for place in places])
     apart = gains - np.median(gains, axis=0)
     spread = max(float(np.median(np.abs(apart).max(1))), USUAL_SPREAD)
-    if spread > VARIED:
+    if spread > VARIED * alone / ALONE:
         what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
         yield Finding("all views", what, "warning")
         return
     for place, gain in zip(places, apart, strict=True):
-        if np.abs(gain).max() > max(ALONE, TIMES * spread):
+        if np.abs(gain).max() > max(alone, TIMES * spread):
             tint = np.abs(gain - gain.mean()).max()
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
             what = (

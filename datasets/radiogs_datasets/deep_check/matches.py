@@ -36,6 +36,9 @@ the cameras."""
 FEWEST = 40
 """Matches of a view, or of all of them, below which nothing is said."""
 
+FEWEST_VIEWS = 4
+"""Views below which one pair, perhaps of one place, would decide."""
+
 TRIED_TOGETHER = 1500
 """Matches on which readings of all cameras are tried."""
 
@@ -158,6 +161,8 @@ def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[
 
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
     """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
+    if len(evidence.looks) < FEWEST_VIEWS:
+        return
     found = matched(evidence)
     if len(found.first) < FEWEST:
         return
