@@ -23,8 +23,8 @@ USUAL_SPREAD = 0.03
 ALONE, TIMES = 0.15, 6.0
 """Gain of a single view, natural logarithm, and its multiple of the spread, from which on it is named."""
 
-ALONE_IN_CAPTURES = 0.6
-"""The same where the true surface is not known: cameras that expose each photo by itself differ by half as much."""
+ALONE_IN_CAPTURES = 0.8
+"""The same where the true surface is not known: matches lie at highlights, and cameras expose each photo by itself."""
 
 VARIED = 0.12
 """Median deviation of gains over views from which on exposure varies."""

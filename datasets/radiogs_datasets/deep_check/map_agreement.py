@@ -53,14 +53,17 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
                       for place in range(len(truths))])  # fmt: skip
     usual = max(float(np.median(costs)), unit / 2)
     for place in np.flatnonzero(costs > TIMES * usual).tolist():
-        readings = [(says, read(truths[place].maps[name])) for says, read in _readings(name)]
-        readings += [
+        own = [(says, read(truths[place].maps[name])) for says, read in _readings(name)]
+        others = [
             (f"the map of {other.name}", other.maps[name])
             for other in truths
             if other is not truths[place] and other.maps[name].shape == truths[place].maps[name].shape
         ]
-        fits = [(says, _cost(surface, values, seen_by[place], place, read)) for says, read in readings]
+        fits = [(says, _cost(surface, values, seen_by[place], place, read)) for says, read in own]
         says, least = min(fits, key=lambda each: each[1])
+        if least >= EXPLAINED * costs[place]:  # a map of one colour but for details looks like any other view's
+            fits = [(says, _cost(surface, values, seen_by[place], place, read)) for says, read in others]
+            says, least = min(fits, key=lambda each: each[1], default=("", np.inf))
         what = f"its {name} contradicts that of the other views"
         yield Finding(
             truths[place].name,
