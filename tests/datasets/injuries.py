@@ -190,7 +190,7 @@ class Injury:
 def _light(folder: Path) -> str:
     """The first light for relighting that is not the same from all sides."""
     names = sorted(path.stem for path in (folder / "envmaps").glob("*.hdr") if path.stem != "training")
-    return "sunset" if "sunset" in names else names[0]
+    return next((name for name in ("sunset", "sky", "morning") if name in names), names[0])
 
 
 def _on_light(change: Callable[[Image], Image]) -> Callable[[Path], None]:
