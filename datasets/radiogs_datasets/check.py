@@ -2,10 +2,9 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 
@@ -14,6 +13,8 @@ from radiogs_core.scene.scene import Scene, View
 
 from .bounded_reading import read_bytes
 from .cameras.transforms import read_transforms
+from .deep_check import deep_findings
+from .findings import Finding, grouped
 from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
@@ -36,20 +37,7 @@ within about 6 degrees, as on a slider."""
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
 
-MOST_ALIKE, FIRST = 8, 3
-"""Findings of the same words that are listed one by one, and how many of more are named."""
-
-Severity = Literal["error", "warning"]
 Advance = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that is wrong: where (a file or a view), what, and whether the scene can be used all the same."""
-
-    place: str
-    what: str
-    severity: Severity = "error"
 
 
 @dataclass(frozen=True)
@@ -66,11 +54,16 @@ class Report:
 
 
 def check_scene(
-    name_or_path: str, options: SceneOptions = AS_STORED, advance: Advance = lambda done, total: None
+    name_or_path: str,
+    options: SceneOptions = AS_STORED,
+    advance: Advance = lambda done, total: None,
+    deep: bool = False,
 ) -> Report:
     """Decode every image below the scene's folder, load the scene as the options say, and look at its views.
 
-    ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such folder.
+    ``deep``: whether cameras, images and maps of a scene without errors are also held against one another
+    (``deep_check``). ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such
+    folder.
     """
     folder = scene_folder(name_or_path)
     findings = list(_damaged_files(folder, advance))
@@ -86,20 +79,9 @@ def check_scene(
         findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
         findings += [*_untrainable(scene), *_lights_without_maps(scene)]
         findings += _views(scene, advance)
+        if deep and not any(finding.severity == "error" for finding in findings):
+            findings += deep_findings(scene, advance)
     return Report(scene, tuple(grouped(findings)))
-
-
-def grouped(findings: Sequence[Finding]) -> Iterator[Finding]:
-    """Findings in their order, those of the same words in one where there are more than ``MOST_ALIKE``."""
-    alike: dict[tuple[str, Severity], list[str]] = defaultdict(list)
-    for finding in findings:
-        alike[finding.what, finding.severity].append(finding.place)
-    for (what, severity), places in alike.items():
-        if len(places) > MOST_ALIKE:
-            shown = ", ".join(places[:FIRST])
-            yield Finding(f"{len(places)} places", f"{what}; the first {FIRST}: {shown}", severity)
-        else:
-            yield from (Finding(place, what, severity) for place in places)
 
 
 def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:

@@ -38,6 +38,10 @@ def add_to(commands: "Commands") -> None:
     checking.set_defaults(command=check)
     checking.add_argument("scene", metavar="PATH", help="Check this scene, by name or folder.")
     add_scene_options(checking)
+    checking.add_argument(
+        "--deep", action="store_true",
+        help="Also hold cameras, images, maps and lights against one another (up to a minute or two).",
+    )  # fmt: skip
     checking.add_argument("--json", action="store_true", help="Print the findings as JSON.")
     converting = declare(
         actions, "convert", "Write a scene in another layout.", "datasets convert corner --to blender --out out/corner"
@@ -121,7 +125,8 @@ def check(options: argparse.Namespace) -> int:
     from .reporter import say, say_whole
 
     with progress_for_stderr() as progress:
-        report = check_scene(options.scene, scene_options(options), partial(progress.advance, "checking"))
+        told = partial(progress.advance, "checking")
+        report = check_scene(options.scene, scene_options(options), told, options.deep)
     scene = report.scene
     if options.json:
         found = [asdict(finding) for finding in report.findings]

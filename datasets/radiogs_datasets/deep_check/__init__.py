@@ -1,0 +1,57 @@
+"""The deep checks of a scene: which evidence there is, and in which order it is heard."""
+
+from collections.abc import Callable, Iterator, Mapping
+
+from radiogs_core.scene.scene import Scene
+
+from ..findings import Finding
+from .evidence import Advance, Evidence, gather
+from .exposure import exposure
+from .map_agreement import map_agreement
+from .matches import epipolar_agreement
+from .poses import poses
+from .radiance import radiance
+from .reprojection import reprojection
+from .shading import shading
+from .shape_maps import shape_maps
+from .silhouettes import silhouettes
+
+Check = Callable[[Evidence], Iterator[Finding]]
+
+OF_CAMERAS: Mapping[str, Check] = {
+    "poses": poses,
+    "silhouettes": silhouettes,
+    "reprojection": reprojection,
+    "matches": epipolar_agreement,
+}
+"""Checks of cameras, the surest first: a view that one of them has named is not named by the next."""
+
+OF_VALUES: Mapping[str, Check] = {
+    "shape maps": shape_maps,
+    "exposure": exposure,
+    "map agreement": map_agreement,
+    "radiance": radiance,
+    "shading": shading,
+}
+"""Checks of images and maps. A wrong camera would mislead them, so they are left out where all cameras are wrong."""
+
+
+WHOLE_MAPS = {"depth", "normal"}
+"""Places of findings that concern a map of all test views: what is wrong in all of them is no evidence afterwards."""
+
+
+def deep_findings(scene: Scene, advance: Advance = lambda done, total: None) -> Iterator[Finding]:
+    """Contradictions between the parts of a scene. Raises DataError for a damaged file."""
+    evidence = gather(scene, advance)
+    named: set[str] = set()
+    for check in OF_CAMERAS.values():
+        found = [] if "all views" in named else [each for each in check(evidence) if each.place not in named]
+        named |= {each.place for each in found}
+        yield from found
+    if "all views" not in named:
+        sound = evidence.without(named)
+        for check in OF_VALUES.values():
+            found = list(check(sound))
+            yield from found
+            for name in WHOLE_MAPS & {each.place for each in found}:
+                sound = sound.without_map(name)

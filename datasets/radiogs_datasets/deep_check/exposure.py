@@ -1,0 +1,146 @@
+"""Exposure, white balance and the transfer curve over views, by the colours of points that several views show."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..findings import Finding
+from .cameras import Array
+from .colours import DISPLAY, decoded
+from .evidence import Evidence
+from .matches import Matches, matched
+from .surface import sampled, seen, surface_of
+
+FEWEST = 25
+"""Points of a view below which nothing is said of it."""
+
+USUAL_SPREAD = 0.03
+"""Spread of gains over views, natural logarithm, that shading and few points explain."""
+
+ALONE, TIMES = 0.15, 6.0
+"""Gain of a single view, natural logarithm, and its multiple of the spread, from which on it is named."""
+
+ALONE_IN_CAPTURES = 0.8
+"""The same where the true surface is not known: matches lie at highlights, and cameras expose each photo by itself."""
+
+VARIED = 0.12
+"""Median deviation of gains over views from which on exposure varies."""
+
+EXPLAINED, SUSPECT = 0.5, 0.03
+"""Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
+
+FEWEST_VIEWS = 4
+
+DARK = 0.01
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Display colours of a view's points, and of the same points in other views [points, 3]."""
+
+    own: Array
+    other: Array
+
+    def gain(self) -> Array:
+        """Median ratio of linear colours by channel, as a natural logarithm."""
+        unclipped = (self.own.max(1) < 0.98) & (self.other.max(1) < 0.98)
+        ratio = np.log(decoded(self.own) + DARK) - np.log(decoded(self.other) + DARK)
+        return np.asarray(np.median(ratio[unclipped] if unclipped.sum() >= FEWEST else ratio, axis=0))
+
+    def difference(self, own: Array) -> float:
+        """Median difference of colours if the view's were others."""
+        return float(np.median(np.abs(own - self.other).mean(1)))
+
+
+def exposure(evidence: Evidence) -> Iterator[Finding]:
+    """Views brighter, darker or of another tint than the others show the same points, and curves applied twice."""
+    pairs, alone = _by_surface(evidence), ALONE
+    if not pairs:
+        pairs, alone = _by_matches(evidence), ALONE_IN_CAPTURES
+    if len(pairs) < FEWEST_VIEWS:
+        return
+    told = set()
+    for place, each in pairs.items():
+        own = each.difference(each.own)
+        if own < SUSPECT:
+            continue
+        says, least = min(((says, each.difference(read(each.own))) for says, read in DISPLAY), key=lambda one: one[1])
+        if least < EXPLAINED * own:
+            told.add(place)
+            what = f"its colours contradict those of other views: {says} explains it"
+            yield Finding(evidence.looks[place].name, what, "warning")
+    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told}, alone)
+
+
+def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterator[Finding]:
+    if len(pairs) < FEWEST_VIEWS:
+        return
+    places = list(pairs)
+    gains = np.stack([pairs[place].gain() for place in places])
+    apart = gains - np.median(gains, axis=0)
+    spread = max(float(np.median(np.abs(apart).max(1))), USUAL_SPREAD)
+    if spread > VARIED * alone / ALONE:
+        what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
+        yield Finding("all views", what, "warning")
+        return
+    for place, gain in zip(places, apart, strict=True):
+        if np.abs(gain).max() > max(alone, TIMES * spread):
+            tint = np.abs(gain - gain.mean()).max()
+            factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
+            what = (
+                f"white balance: red, green and blue are {factors} times those of other views"
+                if tint > ALONE / 2
+                else f"exposure: it is {np.exp(gain.mean()):.2f} times as bright as other views"
+            )
+            yield Finding(evidence.looks[place].name, what, "warning")
+
+
+def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
+    """Colours of each view's points against those of the test view whose depth the point is of."""
+    surface = surface_of(evidence.truths)
+    if surface is None:
+        return {}
+    colour = surface.values(evidence.truths, "image")
+    names = [truth.name for truth in evidence.truths]
+    pairs = {}
+    for place, look in enumerate(evidence.looks):
+        at, visible = seen(surface, evidence.cameras.take([place]))
+        own_view = names.index(look.name) if look.name in names and not look.trained else -1
+        visible &= surface.view != own_view
+        found, alpha = sampled(look, at[visible])
+        solid = alpha > 0.99
+        if int(solid.sum()) >= FEWEST:
+            pairs[place] = Pairs(found[solid], colour[visible][solid])
+    return pairs
+
+
+def _by_matches(evidence: Evidence) -> dict[int, Pairs]:
+    """Colours around matched points against those of the views that they match."""
+    matches = matched(evidence)
+    blurred = [cv2.GaussianBlur(look.image, (0, 0), 1.5) for look in evidence.looks]
+    pairs = {}
+    for place in np.unique(np.concatenate([matches.first, matches.second])):
+        own = _agreeing(evidence, matches.of(int(place)))
+        if len(own.first) >= FEWEST:
+            pairs[int(place)] = Pairs(
+                _colours(blurred, own.first, own.at_first), _colours(blurred, own.second, own.at_second)
+            )
+    return pairs
+
+
+def _agreeing(evidence: Evidence, matches: Matches) -> Matches:
+    cameras = evidence.cameras
+    return matches.some(np.flatnonzero(matches.agreeing(cameras.take(matches.first), cameras.take(matches.second))))
+
+
+def _colours(images: Sequence[object], view: NDArray[np.int64], at: Array) -> Array:
+    """Display colours of the pixels that points lie in."""
+    found = np.zeros((len(view), 3))
+    for place in np.unique(view):
+        chosen, image = view == place, np.asarray(images[place])
+        column, row = np.floor(at[chosen]).astype(int).T
+        found[chosen] = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)] / 255.0
+    return found

@@ -1,0 +1,212 @@
+"""Points that several images show: SIFT matches against the epipolar geometry of the cameras.
+
+The pairs of views are chosen by their images alone, so a wrong pose does not choose what it is tested with. Small
+images are enlarged first. Matches need neither masks nor truth; smooth objects have too few.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..findings import Finding
+from .cameras import Array, Cameras, best_reading
+from .evidence import Evidence, Look, evenly
+
+ENLARGED = 320
+"""Longest side to which small images are enlarged, by at most three times."""
+
+MOST_POINTS = 200
+MOST_MATCHED = 60
+"""Key points of a view, and views that are matched."""
+
+RATIO = 0.8
+"""Distance of a match by that of the second best (Lowe 2004)."""
+
+PARTNERS, FEWEST_SHARED = 5, 8
+"""Views with which a view shares most matches, and how many they have to share."""
+
+NEAR, NEAR_PIXELS = 1 / 300, 0.5
+"""Distance from the epipolar line, in longer sides of the image and at least in pixels, up to which a match agrees with
+the cameras."""
+
+FEWEST = 40
+"""Matches of a view, or of all of them, below which nothing is said."""
+
+FEWEST_VIEWS = 4
+"""Views below which one pair, perhaps of one place, would decide."""
+
+TRIED_TOGETHER = 1500
+"""Matches on which readings of all cameras are tried."""
+
+AGREEING = 0.45
+"""Share of the usual agreement of a view's matches below which other readings of its camera are tried."""
+
+WHOLE_AGREEING = 0.65
+"""The same for all views at once."""
+
+BETTER = 0.35
+"""Share of a view's matches by which another reading has to be ahead; half as much for all views."""
+
+NEARLY_USUAL = 0.75
+"""Share of the usual agreement that another reading of a view has to reach."""
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Matches between views: places of both, and their image points [matches, 2]."""
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    at_first: Array
+    at_second: Array
+
+    def some(self, chosen: NDArray[np.int64]) -> "Matches":
+        """Some of the matches."""
+        return Matches(self.first[chosen], self.second[chosen], self.at_first[chosen], self.at_second[chosen])
+
+    def of(self, place: int) -> "Matches":
+        """The matches of one view, which stands first in all of them."""
+        here, there = self.first == place, self.second == place
+        return Matches(
+            np.concatenate([self.first[here], self.second[there]]),
+            np.concatenate([self.second[here], self.first[there]]),
+            np.concatenate([self.at_first[here], self.at_second[there]]),
+            np.concatenate([self.at_second[here], self.at_first[there]]),
+        )
+
+    def agreeing(self, cameras: Cameras, others: Cameras) -> NDArray[np.bool_]:
+        """Which matches lie near each other's epipolar line and before both cameras; ``cameras`` are those of the
+        first, ``others`` those of the second view of each match."""
+        first = cameras.rays(self.at_first[:, None])[:, 0]
+        second = others.rays(self.at_second[:, None])[:, 0]
+        base = others.centre - cameras.centre
+        plane, other_plane = np.cross(base, first), np.cross(base, second)
+        line = np.einsum("mji,mj->mi", others.axes, plane)[:, :2] / others.focal
+        other_line = np.einsum("mji,mj->mi", cameras.axes, other_plane)[:, :2] / cameras.focal
+        slope = np.sqrt((line**2).sum(1) + (other_line**2).sum(1))
+        apart = np.abs((plane * second).sum(1)) / np.maximum(slope, 1e-12)
+        # base = s first - t second: the signs of s and t tell on which side of the cameras the point lies.
+        normal = np.cross(first, second)
+        ahead = (np.cross(base, second) * normal).sum(1) > -1e-9
+        other_ahead = (np.cross(base, first) * normal).sum(1) > -1e-9
+        return np.asarray((apart < np.maximum(NEAR * cameras.size.max(1), NEAR_PIXELS)) & ahead & other_ahead)
+
+
+@lru_cache(maxsize=1)
+def matched(evidence: Evidence) -> Matches:
+    """Matches of the views that share most; views that are not looked at have none."""
+    places = evenly(range(len(evidence.looks)), MOST_MATCHED)
+    described = {place: _described(evidence.looks[place]) for place in places}
+    shared = {
+        (one, other): _shared(described[one], described[other])
+        for number, one in enumerate(places)
+        for other in places[number + 1 :]
+    }
+    counts = np.zeros((len(evidence.looks), len(evidence.looks)), dtype=int)
+    for (one, other), (points, _) in shared.items():
+        counts[one, other] = counts[other, one] = len(points)
+    partners = np.argsort(-counts, axis=1)[:, :PARTNERS]
+    kept = [
+        (pair, points)
+        for pair, points in shared.items()
+        if counts[pair] >= FEWEST_SHARED and (pair[1] in partners[pair[0]] or pair[0] in partners[pair[1]])
+    ]
+    return Matches(
+        np.concatenate([np.full(len(points[0]), pair[0]) for pair, points in kept] or [np.zeros(0, np.int64)]),
+        np.concatenate([np.full(len(points[0]), pair[1]) for pair, points in kept] or [np.zeros(0, np.int64)]),
+        np.concatenate([points[0] for _, points in kept] or [np.zeros((0, 2))]),
+        np.concatenate([points[1] for _, points in kept] or [np.zeros((0, 2))]),
+    )
+
+
+def _described(look: Look) -> tuple[Array, NDArray[np.float32]]:
+    """Key points of a view in pixels of its reduced image, and their descriptors (RootSIFT)."""
+    grey = cv2.cvtColor(look.image, cv2.COLOR_RGB2GRAY)
+    factor = max(1.0, min(3.0, ENLARGED / max(grey.shape)))
+    mask = None
+    if look.alpha is not None:
+        grey = np.where(look.alpha > 0, grey, 0).astype(np.uint8)
+        mask = cv2.erode((look.alpha > 250).astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1)
+    if factor > 1:
+        size = (round(grey.shape[1] * factor), round(grey.shape[0] * factor))
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC)
+        mask = mask if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+    detector = cv2.SIFT_create(nfeatures=MOST_POINTS, contrastThreshold=0.02)  # type: ignore[attr-defined]
+    points, descriptors = detector.detectAndCompute(grey, mask)
+    if descriptors is None:
+        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
+    roots = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-9))
+    return (np.array([point.pt for point in points]) + 0.5) / factor, roots.astype(np.float32)
+
+
+def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[np.float32]]) -> tuple[Array, Array]:
+    """Image points that are each other's best match, and far better than the second best."""
+    if min(len(one[1]), len(other[1])) < 2:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    alike = one[1] @ other[1].T
+    best = alike.argmax(1)
+    rows = np.arange(len(alike))
+    highest = alike[rows, best]
+    alike[rows, best] = -1
+    distinct = (1 - highest) < RATIO**2 * (1 - alike.max(1))
+    alike[rows, best] = highest
+    mutual = alike.argmax(0)[best] == rows
+    chosen = distinct & mutual
+    return one[0][chosen], other[0][best[chosen]]
+
+
+def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
+    """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
+    if len(evidence.looks) < FEWEST_VIEWS:
+        return
+    found = matched(evidence)
+    if len(found.first) < FEWEST:
+        return
+    share = _share(found, evidence.cameras, evidence.cameras)
+    some = found.some(np.array(evenly(range(len(found.first)), TRIED_TOGETHER)))
+    better = best_reading(evidence.cameras, lambda cameras: 1 - _share(some, cameras, cameras), True)
+    if 1 - better.cost > share + BETTER / 2 and share < WHOLE_AGREEING:
+        yield Finding(
+            "all views",
+            f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
+            f" with {better.says} {100 * (1 - better.cost):.0f} %",
+            "warning",
+        )
+        return
+    yield from _single(evidence, found, share)
+
+
+def _share(found: Matches, cameras: Cameras, others: Cameras) -> float:
+    return float(found.agreeing(cameras.take(found.first), others.take(found.second)).mean())
+
+
+def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Finding]:
+    for place in np.unique(np.concatenate([found.first, found.second])):
+        own = found.of(int(place))
+        if len(own.first) < FEWEST:
+            continue
+        share = _share(own, evidence.cameras, evidence.cameras)
+        if share > AGREEING * usual:
+            continue
+        cameras = evidence.cameras.take(own.second)
+        others = [
+            (evidence.looks[other].name, evidence.cameras.take([other]))
+            for other in range(len(evidence.looks))
+            if other != place
+        ]
+        better = best_reading(evidence.cameras.take([int(place)]), partial(_missed, own, cameras), False, others)
+        if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
+            yield Finding(
+                evidence.looks[place].name,
+                f"points that other images show contradict its camera: {better.says} fits far better",
+                "warning",
+            )
+
+
+def _missed(own: Matches, others: Cameras, camera: Cameras) -> float:
+    """Share of one view's matches that do not agree with a camera."""
+    return 1 - float(own.agreeing(camera.take(np.zeros(len(own.first), dtype=np.int64)), others).mean())

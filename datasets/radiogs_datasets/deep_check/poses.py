@@ -1,0 +1,31 @@
+"""Two views of one pose whose images differ."""
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from ..findings import Finding
+from .evidence import Evidence, Look
+
+SAME_PLACE, SAME_DIRECTION = 1e-5, 1e-6
+"""Distance of two centres, in the cameras' distances from one another, and of two axes, below which poses are one."""
+
+DIFFERENT = 0.02
+"""Mean difference of two images of one pose, display sRGB, from which on one of them belongs elsewhere."""
+
+
+def poses(evidence: Evidence) -> Iterator[Finding]:
+    """Views with the pose of another view and a different image."""
+    cameras, looks = evidence.cameras, evidence.looks
+    apart = np.linalg.norm(cameras.centre[:, None] - cameras.centre[None], axis=-1)
+    turned = np.abs(cameras.axes[:, None] - cameras.axes[None]).max((-1, -2))
+    same = (apart <= SAME_PLACE * max(float(apart.max()), 1e-12)) & (turned < SAME_DIRECTION)
+    for one, other in np.argwhere(np.triu(same, 1)):
+        if looks[one].trained == looks[other].trained and _unlike(looks[one], looks[other]):
+            what = f"it has the pose of {looks[one].name}, but another image: one of the two poses is wrong"
+            yield Finding(looks[other].name, what, "warning")
+
+
+def _unlike(one: Look, other: Look) -> bool:
+    return one.image.shape == other.image.shape and bool(cv2.absdiff(one.image, other.image).mean() > 255 * DIFFERENT)

@@ -1,0 +1,60 @@
+"""Images against the true surface: a point of one view's depth map looks alike in the others."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from ..findings import Finding
+from .cameras import Array, Cameras, best_reading
+from .evidence import Evidence, Look
+from .surface import Surface, sampled, seen, surface_of
+
+MISSED = 0.25
+"""Difference of colour, display sRGB, that counts for a point where a view shows nothing; larger ones count as this."""
+
+FEWEST = 40
+"""Points below which a view says nothing."""
+
+SUSPECT, SUSPECT_FROM = 2.0, 0.01
+"""Times the median difference of all views, and what is added to it, from which on other readings of a view's camera
+are tried."""
+
+EXPLAINED = 0.5
+"""Share of a difference that another reading may leave."""
+
+
+def reprojection(evidence: Evidence) -> Iterator[Finding]:
+    """Cameras under which a view differs from the true surface, and which reading makes it alike."""
+    surface = surface_of(evidence.truths)
+    if surface is None:
+        return
+    colour = surface.values(evidence.truths, "image")
+    costs = np.array([
+        difference(surface, colour, look, evidence.cameras.take([place])) for place, look in enumerate(evidence.looks)
+    ])  # fmt: skip
+    usual = float(np.median(costs))
+    for place in np.flatnonzero(costs > SUSPECT * usual + SUSPECT_FROM).tolist():
+        look = evidence.looks[place]
+        others = [
+            (other.name, evidence.cameras.take([number]))
+            for number, other in enumerate(evidence.looks)
+            if number != place
+        ]
+        cost = partial(difference, surface, colour, look)
+        better = best_reading(evidence.cameras.take([int(place)]), cost, False, others)
+        if better.cost < EXPLAINED * costs[place]:
+            gain = 20 * np.log10(costs[place] / max(better.cost, 1e-6))
+            what = f"its image contradicts the surface of the test views: {better.says} fits {gain:.0f} dB better"
+            yield Finding(look.name, what, "warning")
+
+
+def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:
+    """Mean difference of display colour between the surface and a view under a camera; infinite if it shows few points
+    of it."""
+    at, visible = seen(surface, camera)
+    if int(visible.sum()) < FEWEST:
+        return np.inf
+    found, alpha = sampled(look, at[visible])
+    apart = np.abs(found - colour[visible]).mean(1).clip(max=MISSED)
+    return float(np.where(alpha > 0.5, apart, MISSED).mean())

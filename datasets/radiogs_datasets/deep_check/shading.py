@@ -1,0 +1,310 @@
+"""Recorded lights against images: the true surfaces, shaded by a map of light, look like the views under that light.
+
+Light is gathered from 16 x 32 texels. Shadows are those of a coarse grid of the surface that the depth of test views
+shows; without depth there are none. Inter-reflection is left out.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
+
+from ..findings import Finding
+from .cameras import Array
+from .colours import DISPLAY, LINEAR, decoded
+from .evidence import Evidence, Truth
+from .surface import inner, place_of, rays_of
+
+ROWS, COLUMNS = 16, 32
+"""Texels of the reduced maps of light."""
+
+POINTS_OF_A_VIEW = 90
+"""Points of a view that are shaded; fewer where there are many views."""
+
+MOST_POINTS = 480
+CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
+"""Cells of the longer side of the grid that hides light, cells of a step along a ray, and of the first one."""
+
+NORMAL_INCIDENCE = 0.04
+SMOOTHEST = 0.2
+"""Reflectance of the specular lobe, and the roughness below which a lobe is narrower than a texel of the light."""
+
+
+@dataclass(frozen=True)
+class Lit:
+    """Points [points, ...] and what they receive from each texel [points, texels]."""
+
+    view: NDArray[np.int64]
+    pixel: tuple[NDArray[np.int64], NDArray[np.int64]]
+    normal: Array
+    towards: Array
+    open: Array
+    """Solid angle of each texel if nothing hides it, else zero."""
+
+    def values(self, truths: Sequence[Truth], name: str) -> Array:
+        """A map's values at the points."""
+        return np.stack([
+            truths[view].maps[name][row, column] for view, row, column in zip(self.view, *self.pixel, strict=True)
+        ])  # fmt: skip
+
+    def diffuse(self, normal: Array | None = None) -> Array:
+        """Share of each texel's radiance in the irradiance by pi."""
+        return np.asarray(((self.normal if normal is None else normal) @ DIRECTIONS.T).clip(0) * self.open / np.pi)
+
+    def specular(self, roughness: Array) -> Array:
+        """Share of each texel's radiance that the specular lobe (GGX, reflectance 0.04) sends to the camera."""
+        width = roughness.clip(SMOOTHEST, 1)[:, None] ** 2
+        half = DIRECTIONS[None] + self.towards[:, None]
+        half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
+        high = np.einsum("pi,pdi->pd", self.normal, half).clip(0, 1)
+        turned = np.einsum("pi,pdi->pd", self.towards, half).clip(0, 1)
+        into = (self.normal @ DIRECTIONS.T).clip(0)
+        out = (self.normal * self.towards).sum(1).clip(1e-3, 1)[:, None]
+        lobe = width**2 / (np.pi * (high**2 * (width**2 - 1) + 1) ** 2)
+        fresnel = NORMAL_INCIDENCE + (1 - NORMAL_INCIDENCE) * (1 - turned) ** 5
+        masked = out * np.sqrt(width**2 + (1 - width**2) * into**2) + into * np.sqrt(width**2 + (1 - width**2) * out**2)
+        return np.asarray(lobe * fresnel * into / np.maximum(2 * masked, 1e-9) * self.open)
+
+
+DIRECTIONS: Array = texel_directions(ROWS, COLUMNS).reshape(-1, 3).numpy().astype(float)
+SOLID_ANGLES: Array = texel_solid_angles(ROWS, COLUMNS).expand(ROWS, COLUMNS).reshape(-1).numpy().astype(float)
+
+
+def reduced_light(light: EnvironmentMap) -> Array:
+    """Mean radiance over each of the texels [rows, columns, 3]."""
+    radiance = light.radiance.double().numpy()
+    height, width = radiance.shape[:2]
+    weight = np.broadcast_to(texel_solid_angles(height, width).double().numpy()[:, None], (height, width, 1))
+    total = cv2.resize(np.ascontiguousarray(radiance * weight), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
+    return np.asarray(total / cv2.resize(weight.copy(), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)[..., None])
+
+
+def lit_points(truths: Sequence[Truth]) -> Lit | None:
+    """Points of views that have normals; None if there are hardly any."""
+    some = [(place, truth) for place, truth in enumerate(truths) if "normal" in truth.maps]
+    most = min(POINTS_OF_A_VIEW, MOST_POINTS // max(len(some), 1))
+    parts, shown = [], []
+    for place, truth in some:
+        deep = "depth" in truth.maps
+        kept = (inner(truth) if deep else truth.solid) & (np.linalg.norm(truth.maps["normal"], axis=-1) > 0.5)
+        chosen = np.argwhere(kept)
+        chosen = chosen[np.random.default_rng(place).permutation(len(chosen))[:most]]
+        at = (chosen[:, 0], chosen[:, 1])
+        rays = rays_of(truth)
+        position = place_of(truth) + rays * truth.maps["depth"] if deep else np.zeros_like(rays)
+        if deep:
+            shown.append(position[truth.solid & (truth.maps["depth"][..., 0] > 0)])
+        towards = -rays[at] / np.linalg.norm(rays[at], axis=-1, keepdims=True)
+        parts.append((np.full(len(chosen), place), *at, truth.maps["normal"][at], towards, position[at]))
+    if sum(len(part[0]) for part in parts) < POINTS_OF_A_VIEW:
+        return None
+    view, row, column, normal, towards, position = (np.concatenate(each) for each in zip(*parts, strict=True))
+    facing = normal @ DIRECTIONS.T > 0
+    free = facing & ~_hidden(position, normal, facing, np.concatenate(shown)) if len(shown) == len(some) else facing
+    return Lit(view, (row, column), normal, towards, SOLID_ANGLES * free)
+
+
+def _hidden(position: Array, normal: Array, facing: NDArray[np.bool_], shown: Array) -> NDArray[np.bool_]:
+    """[points, texels]: whether a surface that the views show lies between a point and a texel that it faces."""
+    low, cell = shown.min(0), float(np.ptp(shown, axis=0).max()) / CELLS
+    cells = np.ceil(np.ptp(shown, axis=0) / cell).astype(int) + 3
+    grid = np.zeros(cells, dtype=bool)
+    grid[tuple((((shown - low) / cell).astype(int) + 1).T)] = True
+    filled, bounds = torch.from_numpy(grid.reshape(-1)), torch.from_numpy(cells)
+    point, texel = (torch.from_numpy(each) for each in np.nonzero(facing))
+    start = torch.from_numpy(((position - low) / cell + 1 + LEAVING * normal).astype(np.float32))[point]
+    step = torch.from_numpy((STRIDE * DIRECTIONS).astype(np.float32))[texel]
+    alive, blocked = torch.arange(len(start)), torch.zeros(len(start), dtype=torch.bool)
+    rows = torch.tensor([int(cells[1] * cells[2]), int(cells[2]), 1])
+    for number in range(1, int(2 * CELLS / STRIDE)):
+        at = (start[alive] + number * step[alive]).floor().long()
+        inside = ((at >= 0) & (at < bounds)).all(-1)
+        alive, at = alive[inside], at[inside]
+        hit = filled[(at * rows).sum(-1)]
+        blocked[alive[hit]] = True
+        alive = alive[~hit]
+        if not len(alive):
+            break
+    hidden = np.zeros(facing.shape, dtype=bool)
+    hidden[facing] = blocked.numpy()
+    return hidden
+
+
+DARK = 0.02
+"""Radiance below which ratios are noise, as a share of the mean; it is added to both sides."""
+
+MOST = 1.0
+"""Ratio of radiance, natural logarithm, that counts at most."""
+
+FITS = 0.72
+"""Share of the difference that another reading may leave."""
+
+WORST = 0.4
+"""Difference that is too large for this model of light to say anything, even with the reading that fits best."""
+
+LEAST = 0.03
+"""Difference that coarse light explains."""
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """Images under one light, and the surface that they show."""
+
+    name: str
+    """The image's map: ``image`` or ``relit/<light>``."""
+    light: str
+    radiance: Array
+    """Reduced map of light."""
+    display: Array
+    """Image at the points, display sRGB; empty where linear direct light was stored."""
+    indirect: Array
+    """Linear light of two or more surfaces at the points, or zero."""
+    direct: Array
+    """Linear light of one surface, as recorded or as the image without the indirect light."""
+
+
+@dataclass(frozen=True)
+class Materials:
+    """The surface at the points, and what it sends of each texel's light."""
+
+    albedo: Array
+    diffuse: Array
+    specular: Array
+
+    def shade(self, radiance: Array) -> Array:
+        """Linear direct light at the points under a map [rows, columns, 3]."""
+        texels = radiance.reshape(-1, 3)
+        return np.asarray(self.albedo * (self.diffuse @ texels) + self.specular @ texels)
+
+
+def shading(evidence: Evidence) -> Iterator[Finding]:
+    """Lights, albedo, roughness and images that contradict one another by how the true surfaces are shaded."""
+    truths = [truth for truth in evidence.truths if {"albedo", "normal"} <= truth.maps.keys()]
+    lit = lit_points(truths) if truths else None
+    if lit is None:
+        return
+    shaded = _shaded(evidence, truths, lit)
+    roughness = lit.values(truths, "roughness")[:, 0] if _all_have(truths, "roughness") else np.full(len(lit.view), 0.5)
+    materials = Materials(lit.values(truths, "albedo"), lit.diffuse(), lit.specular(roughness))
+    wrong = _materials(shaded, lit, materials, roughness)
+    if wrong is not None:
+        yield wrong
+        return
+    for each in shaded:
+        yield from _light(evidence, each, materials)
+
+
+def _all_have(truths: Sequence[Truth], name: str) -> bool:
+    return all(name in truth.maps for truth in truths)
+
+
+def _shaded(evidence: Evidence, truths: Sequence[Truth], lit: Lit) -> list[Shaded]:
+    scene = evidence.scene
+    lights = {f"relit/{name}": (name, light) for name, light in scene.lights.items()}
+    if scene.training_light is not None:
+        lights = {"image": ("the training light", scene.training_light)} | lights
+    found = []
+    for name, (light, radiance) in lights.items():
+        if not _all_have(truths, name):
+            continue
+        rest = "indirect" if name == "image" else f"{name}/indirect"
+        display = lit.values(truths, name)
+        indirect = lit.values(truths, rest) if _all_have(truths, rest) else np.zeros_like(display)
+        if name == "image" and _all_have(truths, "direct"):
+            direct, display = lit.values(truths, "direct"), display[:0]
+        else:
+            direct = decoded(display) - indirect
+        found.append(Shaded(name, light, reduced_light(radiance), display, indirect, direct))
+    return found
+
+
+def difference(shaded: Array, direct: Array, scaled: bool = True) -> float:
+    """Mean ratio of two radiances at the points, as a natural logarithm; ``scaled``: apart from a common factor."""
+    floor = DARK * max(float(direct.mean()), 1e-6)
+    factor = float(direct.clip(0).mean() / max(float(shaded.mean()), 1e-9)) if scaled else 1.0
+    ratio = np.log(factor * shaded.clip(0) + floor) - np.log(direct.clip(0) + floor)
+    ratio = ratio - np.median(ratio) if scaled else ratio
+    return float(np.abs(ratio).clip(max=MOST).mean())
+
+
+def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughness: Array) -> Finding | None:
+    """Albedo or roughness that contradicts the images under every light in the same way."""
+    if not shaded:
+        return None
+
+    def cost(read: Materials) -> float:
+        return float(np.mean([difference(read.shade(each.radiance), each.direct) for each in shaded]))
+
+    own = cost(materials)
+    tried = [
+        (f"its albedo has {says}", cost(replace(materials, albedo=read(materials.albedo)))) for says, read in LINEAR
+    ]
+    if float(np.median(roughness)) > 0.2:
+        for says, other in (
+            ("roughness is stored as 1 - roughness (glossiness)", 1 - roughness),
+            ("roughness is stored squared (alpha of GGX)", np.sqrt(roughness.clip(0))),
+            ("roughness is stored as its square root", roughness**2),
+        ):
+            tried.append((says, cost(replace(materials, specular=lit.specular(other)))))
+    says, least = min(tried, key=lambda each: each[1])
+    limit = FITS if "albedo" in says else ROUGHNESS_FITS
+    if least < limit * own and least < WORST and own > LEAST:
+        return Finding(
+            "albedo" if "albedo" in says else "roughness",
+            f"shading by the recorded lights contradicts the images: it fits if {says} (difference {least:.2f} instead"
+            f" of {own:.2f})",
+            "warning",
+        )
+    return None
+
+
+ROUGHNESS_FITS = 0.62
+"""The same for roughness, which decides less of an image."""
+
+
+def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[Finding]:
+    own = difference(materials.shade(each.radiance), each.direct)
+    tried = [(f"the light {says}", difference(materials.shade(radiance), each.direct))
+             for says, radiance in _turned(each.radiance)]  # fmt: skip
+    others = {name: light for name, light in evidence.scene.lights.items() if f"relit/{name}" != each.name}
+    if evidence.scene.training_light is not None and each.name != "image":
+        others["training"] = evidence.scene.training_light
+    tried += [(f"the light '{name}'", difference(materials.shade(reduced_light(light)), each.direct))
+              for name, light in others.items()]  # fmt: skip
+    if len(each.display):
+        tried += [
+            (f"the image with {says}",
+             difference(materials.shade(each.radiance), decoded(read(each.display)) - each.indirect))
+            for says, read in DISPLAY
+        ]  # fmt: skip
+    elif each.indirect.any():
+        tried.append(("direct and indirect light exchanged",
+                      difference(materials.shade(each.radiance), each.indirect)))  # fmt: skip
+    says, least = min(tried, key=lambda one: one[1])
+    if least < FITS * own and least < WORST and own > LEAST:
+        yield Finding(
+            each.name,
+            f"shading by {each.light} contradicts it: {says} fits far better (difference {least:.2f} instead of"
+            f" {own:.2f})",
+            "warning",
+        )
+
+
+def _turned(radiance: Array) -> Iterator[tuple[str, Array]]:
+    """The map turned about the vertical in steps of a texel, mirrored, upside down, or lying on its side."""
+    for texels in range(1, COLUMNS):
+        degrees = 360 * texels / COLUMNS
+        yield (
+            f"turned by {degrees if degrees <= 180 else degrees - 360:g} degrees about the vertical",
+            np.roll(radiance, texels, axis=1),
+        )
+    yield "mirrored left to right", radiance[:, ::-1]
+    yield "mirrored left to right and turned by 180 degrees", np.roll(radiance[:, ::-1], COLUMNS // 2, axis=1)
+    yield "upside down", radiance[::-1]
+    yield "upside down and mirrored", radiance[::-1, ::-1]
+    yield "with red and blue exchanged", radiance[..., ::-1]

@@ -1,0 +1,242 @@
+"""Outlines of the object against one another: every plane through two cameras that touches one outline touches both.
+
+The outermost planes through the line between two cameras touch the object, so both outlines touch them (epipolar
+tangency). The distance of an outline from the other's plane, in pixels, needs no shape, and its median over all pairs
+is below a tenth of a pixel in rendered scenes. Outlines that reach the border of their image are left out.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+from skimage.measure import find_contours
+
+from ..findings import Finding
+from .cameras import Array, Cameras, Reading, best_reading
+from .evidence import Evidence, Look, evenly
+
+CORNERS = 24
+"""Corners of an outline's convex hull that are kept."""
+
+SIDE = 256
+"""Longest side of the masks that outlines are taken from, pixels."""
+
+FEWEST = 5
+"""Outlines from which on one can be told from the others."""
+
+BORDER = 0.75
+"""Distance from the border of the image, in pixels, below which an outline is cut off."""
+
+FLOOR = 0.1
+"""Residual that edges of pixels alone explain, in pixels of the reduced mask."""
+
+WHOLE_RATIO, VIEW_RATIO = 1.5, 4.0
+"""Times the residual that another reading leaves (of all views), or times the median of all views (of one view), from
+which on outlines contradict their cameras."""
+
+EXPLAINED = 0.35
+"""Share of a view's residual that another reading of its camera may leave."""
+
+TRIED_TOGETHER = 16
+"""Views on which readings of all cameras are tried."""
+
+INVERTED_SHARE = 0.7
+"""Share of the masks that have to look inverted where no outline is complete."""
+
+UNEXPLAINED = 0.01
+"""Residual, in longer sides of the image, that is named though no other reading explains it."""
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """Views whose outline is complete."""
+
+    places: NDArray[np.int64]
+    """[views]: places in the evidence."""
+    cameras: Cameras
+    corners: Array
+    """[views, CORNERS, 2]: corners of the convex hull, pixels."""
+
+    def take(self, chosen: NDArray[np.int64]) -> "Outlines":
+        """Some of the outlines."""
+        return Outlines(self.places[chosen], self.cameras.take(chosen), self.corners[chosen])
+
+    def residual(self, cameras: Cameras) -> Array:
+        """[views, views, 2]: distance of outlines from one another's outermost planes, pixels; NaN without planes."""
+        return residuals(cameras, self.corners, cameras, self.corners, cameras.looked_at)
+
+
+def outline(alpha: NDArray[np.uint8]) -> tuple[Array, bool] | None:
+    """Corners of the convex hull of what is covered, and whether it is cut off; None if nothing is covered."""
+    height, width = alpha.shape
+    found = [line for line in find_contours(np.pad(alpha, 1).astype(float), 127.5) if len(line) >= 8]
+    if not found:
+        return None
+    points = np.concatenate(found)[:, ::-1] - 0.5
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except QhullError:
+        return None
+    cut = bool(((hull < BORDER) | (hull > np.array([width, height]) - BORDER)).any())
+    if len(hull) > CORNERS:
+        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
+    return np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)]), cut
+
+
+def outlined(look: Look, inverted: bool = False) -> Array | None:
+    """Corners of a view's outline in pixels of its reduced image; None without one, or where it is cut off."""
+    if look.alpha is None:
+        return None
+    alpha = 255 - look.alpha if inverted else look.alpha
+    height, width = alpha.shape
+    factor = min(1.0, SIDE / max(height, width))
+    if factor < 1:
+        size = (round(width * factor), round(height * factor))
+        alpha = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    found = outline(alpha)
+    if found is None or found[1]:
+        return None
+    return found[0] * np.array([width / alpha.shape[1], height / alpha.shape[0]])
+
+
+def outlines(evidence: Evidence) -> Outlines | None:
+    """The complete outlines of a scene's views; None if there are too few to compare."""
+    found = [(place, corners) for place, look in enumerate(evidence.looks) if (corners := outlined(look)) is not None]
+    if len(found) < FEWEST:
+        return None
+    places = np.array([place for place, _ in found])
+    return Outlines(places, evidence.cameras.take(places), np.stack([corners for _, corners in found]))
+
+
+def _ranges(cameras: Cameras, corners: Array, others: Cameras, middle: Array) -> tuple[Array, Array, Array]:
+    """Least and largest angle of an outline around the line to another camera [views, others], and pixels a radian."""
+    rays = cameras.rays(corners)
+    base = others.centre[None] - cameras.centre[:, None]
+    length = np.linalg.norm(base, axis=-1, keepdims=True)
+    base = base / np.maximum(length, 1e-12)
+    towards = (middle - cameras.centre)[:, None]
+    first = towards - (towards * base).sum(-1, keepdims=True) * base
+    first = first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-12)
+    along = np.einsum("vpi,voi->vop", rays, first)
+    across = np.einsum("vpi,voi->vop", rays, np.cross(base, first))
+    angle = np.arctan2(across, along)
+    low, high = angle.min(-1), angle.max(-1)
+    without = (length[..., 0] < 1e-9) | (high - low > 2.5)
+    low[without], high[without] = np.nan, np.nan
+    return low, high, np.hypot(along, across).mean(-1) * cameras.focal.mean(-1)[:, None]
+
+
+def residuals(cameras: Cameras, corners: Array, others: Cameras, other_corners: Array, middle: Array) -> Array:
+    """[views, others, 2]: distance of each outline from the outermost planes of the other, pixels; NaN where the line
+    between two cameras passes through the object, so that no plane touches it."""
+    low, high, scale = _ranges(cameras, corners, others, middle)
+    other_low, other_high, other_scale = _ranges(others, other_corners, cameras, middle)
+    apart = np.abs(np.stack([high + other_low.T, low + other_high.T], -1))
+    return np.asarray(apart * np.minimum(scale, other_scale.T)[..., None])
+
+
+def median(values: Array) -> float:
+    """Median of the finite values; infinite if fewer than half are finite."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if 2 * len(finite) >= values.size and len(finite) else np.inf
+
+
+def silhouettes(evidence: Evidence) -> Iterator[Finding]:
+    """Cameras and masks that the outlines of the other views contradict, all of them together and each by itself."""
+    known = outlines(evidence)
+    if known is None:
+        yield from _all_inverted(evidence)
+        return
+    unit = max(1.0, float(known.cameras.size.max()) / SIDE)
+    whole = known.residual(known.cameras)
+    level = median(whole)
+    better = _whole(known)
+    if level > WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit):
+        yield Finding(
+            "all views",
+            f"the outlines contradict the cameras: with {better.says} they meet within {better.cost:.2g} pixels"
+            f" instead of {_pixels(level)}",
+            "warning",
+        )
+    elif level > UNEXPLAINED * known.cameras.size.max():
+        yield Finding(
+            "all views",
+            f"the outlines contradict the cameras: they miss one another by {_pixels(level)} in the median, and no"
+            " usual mistake explains it",
+            "warning",
+        )
+    else:
+        yield from _single(evidence, known, whole, max(level, FLOOR * unit))
+        yield from _inverted(evidence, known, max(level, FLOOR * unit))
+
+
+def _pixels(residual: float) -> str:
+    return f"{residual:.2g}" if np.isfinite(residual) else "more than the image"
+
+
+def _whole(known: Outlines) -> Reading:
+    """The other reading of all cameras that fits best."""
+    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
+    return best_reading(some.cameras, lambda cameras: median(some.residual(cameras)), True)
+
+
+def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:
+    """Views whose outline contradicts the others, and which reading of its camera fits."""
+    each = np.array([median(row) for row in whole])
+    wrong = np.flatnonzero(each > VIEW_RATIO * level)
+    rest = known.take(np.flatnonzero(each <= VIEW_RATIO * level))
+    if len(rest.places) < FEWEST - 1:
+        return
+    for place in wrong:
+        own = known.take(np.array([place]))
+        others = [
+            (evidence.looks[known.places[other]].name, known.cameras.take([other]))
+            for other in range(len(known.places))
+            if other != place
+        ]
+        found = best_reading(own.cameras, partial(_misfit, own.corners, rest), False, others)
+        name = evidence.looks[known.places[place]].name
+        if found.cost < EXPLAINED * each[place]:
+            yield Finding(name, f"its outline contradicts the other views: {found.says} fits far better", "warning")
+        elif each[place] > UNEXPLAINED * known.cameras.size.max():
+            yield Finding(name, "its outline contradicts the other views, and no usual mistake explains it", "warning")
+
+
+def _misfit(corners: Array, rest: Outlines, camera: Cameras) -> float:
+    """Median distance, in pixels, of one outline under a camera from the planes that touch the others."""
+    return median(residuals(camera, corners, rest.cameras, rest.corners, rest.cameras.looked_at))
+
+
+def _inverted(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
+    """Views without a complete outline whose background's outline fits the others."""
+    for place in np.setdiff1d(np.arange(len(evidence.looks)), known.places):
+        look = evidence.looks[place]
+        corners = outlined(look, inverted=True)
+        if corners is not None and _misfit(corners[None], known, evidence.cameras.take([place])) < VIEW_RATIO * level:
+            yield Finding(look.name, "its mask is inverted: the outline of its background fits the others", "warning")
+
+
+def _all_inverted(evidence: Evidence) -> Iterator[Finding]:
+    """Masks that reach every border and leave out the middle, in nearly all views."""
+    masked = [place for place, look in enumerate(evidence.looks) if look.alpha is not None]
+    inverted = [
+        (place, corners)
+        for place in masked
+        if outlined(evidence.looks[place]) is None
+        and (corners := outlined(evidence.looks[place], inverted=True)) is not None
+    ]
+    if len(inverted) >= FEWEST and len(inverted) > INVERTED_SHARE * len(masked):
+        places = np.array([place for place, _ in inverted])
+        rest = Outlines(places, evidence.cameras.take(places), np.stack([corners for _, corners in inverted]))
+        left = median(rest.residual(rest.cameras))
+        if left < UNEXPLAINED * float(rest.cameras.size.max()):
+            yield Finding(
+                "all views",
+                f"the masks of {len(inverted)} of {len(masked)} views are inverted: they cover the border, and the"
+                f" outlines of the backgrounds meet within {left:.2g} pixels",
+                "warning",
+            )

@@ -1,0 +1,33 @@
+"""A thing that is wrong with a scene, and findings of the same words in one."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+MOST_ALIKE, FIRST = 8, 3
+"""Findings of the same words that are listed one by one, and how many of more are named."""
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong: where (a file or a view), what, and whether the scene can be used all the same."""
+
+    place: str
+    what: str
+    severity: Severity = "error"
+
+
+def grouped(findings: Sequence[Finding]) -> Iterator[Finding]:
+    """Findings in their order, those of the same words in one where there are more than ``MOST_ALIKE``."""
+    alike: dict[tuple[str, Severity], list[str]] = defaultdict(list)
+    for finding in findings:
+        alike[finding.what, finding.severity].append(finding.place)
+    for (what, severity), places in alike.items():
+        if len(places) > MOST_ALIKE:
+            shown = ", ".join(places[:FIRST])
+            yield Finding(f"{len(places)} places", f"{what}; the first {FIRST}: {shown}", severity)
+        else:
+            yield from (Finding(place, what, severity) for place in places)

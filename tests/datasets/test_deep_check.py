@@ -1,0 +1,84 @@
+"""The deep check is silent on sound scenes, and names what contradicts itself in injured ones."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from captured import write_capture
+from datasets.injuries import INJURIES, judged, said
+from radiogs_bench.cli import main
+from radiogs_datasets import load_scene
+from radiogs_datasets.deep_check.evidence import Evidence, gather
+from radiogs_datasets.deep_check.matches import epipolar_agreement
+from radiogs_datasets.deep_check.poses import poses
+from radiogs_datasets.deep_check.radiance import radiance
+from radiogs_datasets.deep_check.shape_maps import shape_maps
+from radiogs_datasets.deep_check.silhouettes import silhouettes
+from radiogs_datasets.findings import Finding
+from radiogs_datasets.registry import TINY
+
+Check = Callable[[Evidence], Iterator[Finding]]
+
+
+def injured(name: str, folder: Path, scene: str = "print") -> Path:
+    copy = folder / scene
+    shutil.copytree(TINY / scene, copy)
+    INJURIES[name].apply(copy)
+    return copy
+
+
+def test_the_table_has_at_least_48_injuries() -> None:
+    assert len(INJURIES) >= 48
+
+
+@pytest.mark.parametrize(
+    ("name", "check"),
+    [
+        ("focal length of all views 10 % too long", silhouettes),
+        ("one pose written twice", poses),
+        ("normals in the camera's frame, OpenGL", shape_maps),
+        ("depth along the ray", shape_maps),
+        ("all images with gamma twice", radiance),
+    ],
+)
+def test_one_kind_of_evidence_names_an_injury(tmp_path: Path, name: str, check: Check) -> None:
+    findings = list(check(gather(load_scene(str(injured(name, tmp_path))))))
+    assert judged(INJURIES[name], findings)[1], findings
+
+
+def test_a_sound_scene_has_no_finding_by_shape_or_radiance() -> None:
+    evidence = gather(load_scene("crowd"))
+    for check in (poses, silhouettes, shape_maps, radiance):
+        assert list(check(evidence)) == []
+
+
+@pytest.mark.slow
+def test_the_command_is_silent_on_a_sound_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["datasets", "check", "patchwork", "--deep", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["findings"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["training light turned by 90 degrees", "one image of another white balance"])
+def test_the_whole_check_names_an_injury(tmp_path: Path, name: str) -> None:
+    findings = said(injured(name, tmp_path, "patchwork"))
+    assert judged(INJURIES[name], findings)[1], findings
+
+
+@pytest.mark.slow
+def test_photos_without_masks_are_held_against_the_poses_by_their_matches(tmp_path: Path) -> None:
+    folder = write_capture(tmp_path / "capture", "print")
+    sound = gather(load_scene(str(folder)))
+    assert list(epipolar_agreement(sound)) == []
+    images, model = folder / "images", folder / "sparse/0/images.txt"
+    first, second = sorted(path.name for path in images.iterdir())[5:7]
+    for old, new in ((first, "aside"), (second, first), ("aside", second)):
+        (images / old).rename(images / new)
+    assert first in model.read_text()
+    findings = list(epipolar_agreement(gather(load_scene(str(folder)))))
+    places = {finding.place for finding in findings}
+    assert any(re.search(first.removesuffix(".png"), place) for place in places), findings
