@@ -21,6 +21,7 @@ from .options import (
     add_set,
     add_verbose,
     declare,
+    positive,
     scene_options,
     settings_from,
 )
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
 
+
+FRAMES = 36
+"""Pictures of a relit turntable."""
 
 COVERED = 0.5
 """Coverage from which a pixel counts as the model's."""
@@ -110,6 +114,11 @@ def _add_render_and_relight(commands: "Commands") -> None:
     relighting.add_argument(
         "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B",
         help="Multiply the recovered albedo by these factors (default: 1,1,1).",
+    )  # fmt: skip
+    relighting.add_argument(
+        "--turntable", type=positive, nargs="?", const=FRAMES, metavar="N",
+        help="Also write a turntable under the light, relit.gif, as `view` writes one, of N pictures"
+        f" (default: {FRAMES}).",
     )  # fmt: skip
     add_effects(relighting)
     for command in (rendering, relighting):
@@ -304,7 +313,38 @@ def relight(options: argparse.Namespace) -> int:
         )  # fmt: skip
         for sentence in shares.sentences():
             say(sentence)
+        if options.turntable is not None:
+            folder = options.folder / "relight" / mode / "relit" / lit
+            say(f"turntable: {write_turntable(about['method'], relit, run, options.folder, folder, options.turntable)}")
         return 0
+
+
+def write_turntable(method: str, relit: "Prepared", run: "Run", model_folder: Path, folder: Path, frames: int) -> Path:
+    """Write ``relit.gif`` into ``folder``: a relit model as ``view`` turns it, on black; returns its path.
+
+    Pictures have the longer side of a test view. Raises DataError for a model without surfels.
+    """
+    import torch
+    from PIL import Image
+
+    from ..export.trained_surfels import initial_viewpoint_in, surfels_in
+    from ..export.turntable import cameras_around, from_outside
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.maps import on_black
+
+    surfels = surfels_in(model_folder, None)
+    size = max(max(view.camera.width, view.camera.height) for view in (*run.scene.test, *run.scene.train))
+    seen_from = initial_viewpoint_in(model_folder, None) or from_outside(surfels)
+    pictures: list[Image.Image] = []
+    with progress_for_stderr() as progress:
+        for camera in cameras_around(surfels, frames, size, seen_from):
+            progress.advance("turntable", len(pictures), frames)
+            maps = on_black(relit, camera.to(run.device, torch.float32), method=method, view="of the turntable")
+            pictures.append(Image.fromarray((maps["image"] * 255).round().byte().cpu().numpy()))
+    path = folder / "relit.gif"
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=max(3600 // frames, 20), loop=0)
+    return path
 
 
 class LevelShares:

@@ -4,6 +4,7 @@ import json
 import math
 import shutil
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import OpenEXR
 import pytest
 import torch
+from PIL import Image, ImageSequence
 
 import radiogs_bench as rb
 from captured import TURNS, write_capture
@@ -245,6 +247,23 @@ def test_white_and_black_relit_views_are_said_with_their_share(
         said = capsys.readouterr().out
         assert ("% of the model's pixels in these views are" in said) == bool(word)
         assert f"are {word}" in said or not word
+
+
+def test_a_relit_turntable_turns_and_follows_the_light(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mean = {}
+    for name, level in (("dim", 0.2), ("bright", 0.8)):
+        write_hdr(tmp_path / f"{name}.hdr", np.full((4, 8, 3), level, np.float32))
+        assert main(["relight", str(trained), "--envmap", str(tmp_path / f"{name}.hdr"), "--turntable", "4"]) == 0
+        path = next(trained.rglob(f"{name}/relit.gif"))
+        assert f"turntable: {path}" in capsys.readouterr().out
+        with Image.open(path) as gif:
+            assert gif.n_frames == 4  # type: ignore[attr-defined]
+            frames = [np.asarray(frame.convert("RGB"), float) for frame in ImageSequence.Iterator(gif)]
+        assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(frames))
+        mean[name] = float(np.mean(frames))
+    assert mean["bright"] > 1.5 * mean["dim"] > 0
 
 
 @pytest.mark.parametrize(
