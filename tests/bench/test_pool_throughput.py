@@ -29,7 +29,7 @@ columns = ["nvs/psnr"]
 [[rows]]
 key = "ours"
 text = "Ours"
-budget = { geometry.steps = 5, inverse_iterations = 15 }
+budget = { geometry.steps = 3, inverse_iterations = 9 }
 """
 
 
