@@ -212,7 +212,7 @@ def test_factors_of_a_row_multiply_the_number_that_is_set() -> None:
     assert line["text"].startswith("N_s = 8 (paper: 32)")
     assert line["text"].endswith("(incident_samples = 16)")
     names = {cell.budget.name for place, cell in request.cells() if place["row"] == half.key}
-    assert names == {"smoke, incident_samples = 16, incident_samples x 0.5"}
+    assert names == {"smoke, incident_samples = 16, consistency_surfels x 0.5, incident_samples x 0.5"}
 
 
 def test_a_preset_with_settings_is_told_from_the_plain_one() -> None:
