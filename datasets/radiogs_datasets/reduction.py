@@ -26,7 +26,7 @@ MULTIPLIED = ("direct", "indirect")
 """Maps that are multiplied by coverage already; the others are averaged over what is covered."""
 
 WHOLLY = 0.999
-"""Share of a larger pixel that must be made of pixels that count, for it to count."""
+"""Share of a pixel, reduced or undistorted, that must be made of pixels that count, for it to count."""
 
 Size = tuple[int, int]
 """Height and width in pixels."""

@@ -20,6 +20,7 @@ from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted
 from ..image_files import in_unit_range, levels_wanted, read_image, read_levels
 from ..image_structure import png_layout
 from ..options import TEST_EVERY, SceneOptions
+from ..reduction import WHOLLY
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown
 
@@ -238,10 +239,6 @@ def _image(photo: Photo) -> Tensor:
     image = read_colour(photo.image)
     image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
     return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
-
-
-WHOLLY = 0.999
-"""Share of an undistorted pixel that must come from pixels that count."""
 
 
 def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
