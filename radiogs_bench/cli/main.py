@@ -17,7 +17,22 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import ExplainedError
 
 from ..errors import UNEXPECTED, Interrupted, exit_code, explain
-from . import bench, datasets, export, methods, model, probe, record, rehearse, run, score, status, stored, view
+from . import (
+    bench,
+    datasets,
+    export,
+    methods,
+    model,
+    probe,
+    record,
+    rehearse,
+    relight,
+    run,
+    score,
+    status,
+    stored,
+    view,
+)  # fmt: skip
 from .options import ExplainingParser, add_verbose
 from .reporter import complain
 
@@ -88,8 +103,8 @@ def build_parser() -> ExplainingParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for declare in (
         run.add_to, status.add_to, rehearse.add_to, stored.add_to, export.add_to, stored.add_gate, record.add_to,
-        methods.add_to, model.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to, bench.add_to,
-        _add_completion,
+        methods.add_to, model.add_to, relight.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to,
+        bench.add_to, _add_completion,
     ):  # fmt: skip
         declare(commands)
     return parser

@@ -10,7 +10,7 @@ from bench.chain_method import Chain
 from bench.fake_method import FAKE
 from radiogs.method import RADIOGS
 from radiogs.settings import RELIGHTING
-from radiogs_bench.cli.model import ONLY_MODE, chosen_mode
+from radiogs_bench.cli.relight import ONLY_MODE, chosen_mode
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_core.capabilities import RelightingModes, RelitInModes
