@@ -107,7 +107,8 @@ def test_a_published_table_is_planned_by_one_command_on_its_own_data_set(
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     planned = [event["cell"].split()[0] for event in events if event["event"] == "planned"]
     assert sorted(planned) == sorted(scenes * len(SUITES["views"].rows))
-    shutil.rmtree(root / "tensoir-ind")
+    for data_set in ("tensoir-ind", "synthetic4relight"):
+        shutil.rmtree(root / data_set)
     assert main(asked) == 3
     assert "needs scenes that are not here: armadillo, ficus, hotdog, lego" in capsys.readouterr().err
     assert main(["run", "forward-parity", "--as-published"]) == 2
