@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import torch
 
-from captured import write_capture
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -19,19 +18,6 @@ from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import read_jpeg
 from radiogs_datasets.options import SceneOptions
 from scenes import look_at
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_capture(tmp_path_factory.mktemp("kept") / "capture", every=4)
-
-
-@pytest.fixture
-def capture(kept: Path, tmp_path: Path) -> Path:
-    """12 photos with poses in COLMAP's text files; masks lie elsewhere."""
-    folder = Path(shutil.copytree(kept, tmp_path / "capture"))
-    shutil.move(folder / "masks", tmp_path / "masks")
-    return folder
 
 
 def frames(scene: Scene) -> list[dict]:
@@ -167,7 +153,7 @@ def test_llffs_poses_are_read(capture: Path) -> None:
             (two.camera.fx, two.camera.cx, two.camera.cy), rel=1e-5
         )
     assert check_scene(str(capture)).sound
-    masked = load_scene(str(capture), options=SceneOptions(mask_folder=str(capture.parent / "masks"), hold_out=3))
+    masked = load_scene(str(capture), options=SceneOptions(mask_folder=str(capture.parent / "kept_masks"), hold_out=3))
     assert masked.train[0].has("alpha")
     assert len(masked.test) == 4
     reduced(capture, lambda place: f"image{place:03}.png")
@@ -235,6 +221,6 @@ def test_rooms_and_streets_are_usable(capture: Path, along: bool) -> None:
     report = check_scene(str(capture))
     assert report.sound
     assert not any("look" in finding.what for finding in report.findings)
-    masks = SceneOptions(mask_folder=str(capture.parent / "masks"))
+    masks = SceneOptions(mask_folder=str(capture.parent / "kept_masks"))
     with_masks = check_scene(str(capture), masks)
     assert with_masks.sound == along  # an object that the cameras look away from has wrong poses

@@ -6,25 +6,11 @@ from pathlib import Path
 import cv2
 import pytest
 
-from captured import write_capture
 from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_capture(tmp_path_factory.mktemp("kept") / "capture", every=4)
-
-
-@pytest.fixture
-def capture(kept: Path, tmp_path: Path) -> Path:
-    """12 photos without their masks."""
-    folder = Path(shutil.copytree(kept, tmp_path / "capture"))
-    shutil.move(folder / "masks", tmp_path / "kept_masks")
-    return folder
 
 
 def said(folder: Path) -> list[str]:
