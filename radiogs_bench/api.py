@@ -47,7 +47,7 @@ from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption
 from .runs.kept_pace import KeptPace
-from .runs.preflight import read_everything
+from .runs.preflight import read_everything, say_contradictions
 from .runs.progress import progress_for_stderr
 from .runs.scene_digest import checksum_now
 from .runs.stages import Bench, facts_of, trained
@@ -239,7 +239,8 @@ class TrainingOptions(TypedDict, total=False):
     replace: bool
     """Whether another model in ``out`` is moved aside. Without it, ``train`` raises UsageError there."""
     say: Callable[[str], None]
-    """Receives the messages of a training, such as what was repaired in the scene's files. Default: none are shown."""
+    """Receives the messages of a training: what was repaired in files, and which views contradict the others.
+    Default: none are shown."""
 
 
 def train(
@@ -275,14 +276,14 @@ def train(
     run = Run(read, cell.variant, cell.budget, seed, on)
     if out is None:
         with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as nowhere:
-            return _trained(Store(Path(nowhere)), cell, run, used)
+            return _trained(Store(Path(nowhere)), cell, run, used, say)
     store = Store(Path(out))
     replaced = set_other_model_aside(store.folder, cell, options.get("replace", False))
     if replaced is not None:
         say(f"the files of the model that was here are in {replaced}")
     with store.keeping_tracebacks():
         name = str(read.folder or read.name) if isinstance(scene, Scene) else str(scene)
-        return _trained(store, cell, run, used, Origin(name, preset, changes))
+        return _trained(store, cell, run, used, say, Origin(name, preset, changes))
 
 
 def _usable(device: str) -> torch.device:
@@ -295,13 +296,16 @@ def _usable(device: str) -> torch.device:
     return found
 
 
-def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin | None = None) -> Model:
+def _trained(
+    store: Store, cell: Cell, run: Run, method: Method, say: Callable[[str], None], origin: Origin | None = None
+) -> Model:
     """The cell's model, trained in a store or read from it; its files are written there if it has an ``origin``."""
     use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
     scene = run.scene
     with saying_who_holds(str(store.folder)), progress_for_stderr() as progress, Interruption() as interruption:
         require_trainable(scene)
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
+        say_contradictions(scene, say)
         with KeptPace(progress, store, cell.key) as kept:
             bench = Bench(store, run.device, kept, interruption, lambda name: method, checksum_now)
             model, ledgers = trained(bench, cell, scene)

@@ -60,6 +60,11 @@ def known_names() -> tuple[str, ...]:
     return (*scene_names(), *forward_names(), HARD_CASES)
 
 
+def comes_with_package(folder: Path) -> bool:
+    """Whether a scene's folder is one of those that are committed with the package."""
+    return folder.parent in (TINY, FORWARD)
+
+
 def scene_kind(name_or_path: str) -> str | None:
     """The kind that a generated scene states, over which tables take means; None for any other scene, or for none.
 

@@ -1,6 +1,7 @@
 """Reads the scenes and compiles the kernels before anything is trained or timed."""
 
 import logging
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,6 +13,9 @@ from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
+from radiogs_datasets.deep_check import short_findings
+from radiogs_datasets.findings import grouped
+from radiogs_datasets.registry import comes_with_package
 from radiogs_datasets.soundness import require_trainable
 
 from ..errors import MethodFailed
@@ -54,6 +58,20 @@ def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
         advance(done, len(maps))
 
 
+def say_contradictions(scene: Scene, say: Callable[[str], None]) -> None:
+    """Say which views of a scene contradict the others by their poses or outlines, and how to learn more.
+
+    Scenes that come with the package do not: their tests check them, and far more closely.
+    """
+    if scene.folder is None or comes_with_package(scene.folder):
+        return
+    found = list(grouped(list(short_findings(scene))))
+    for finding in found:
+        say(f"warning: {scene.name}: {finding.place}: {finding.what}")
+    if found:
+        say(f"more on {scene.name}:  radiogs-bench datasets check {shlex.quote(str(scene.folder))} --deep")
+
+
 def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
     """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
     scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
@@ -62,6 +80,7 @@ def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> Non
         require_trainable(request.scenes[name])
     for scene in scenes:
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
+        say_contradictions(scene, progress.say)
     if scenes:
         for net in filter(complaint, request.lpips_networks()):
             progress.say(complaint(net))

@@ -5,12 +5,18 @@ import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from captured import write_capture
 from datasets.injuries import INJURIES, judged, said
+from radiogs_bench import api
 from radiogs_bench.cli import main
+from radiogs_bench.runs import preflight
+from radiogs_bench.runs.engines import run
+from radiogs_bench.runs.preflight import say_contradictions
+from radiogs_core.errors import UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.deep_check.evidence import Evidence, gather
 from radiogs_datasets.deep_check.matches import epipolar_agreement
@@ -19,6 +25,7 @@ from radiogs_datasets.deep_check.radiance import radiance
 from radiogs_datasets.deep_check.shape_maps import shape_maps
 from radiogs_datasets.deep_check.silhouettes import silhouettes
 from radiogs_datasets.findings import Finding
+from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 
 Check = Callable[[Evidence], Iterator[Finding]]
@@ -54,6 +61,41 @@ def test_a_sound_scene_has_no_finding_by_shape_or_radiance() -> None:
     evidence = gather(load_scene("crowd"))
     for check in (poses, silhouettes, shape_maps, radiance):
         assert list(check(evidence)) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "trains"), [("run ablations --rows ours --scenes", (run, "run_cells")), ("train", (api, "trained"))]
+)
+def test_contradictions_of_outlines_are_said_before_training(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    trains: tuple[ModuleType, str],
+) -> None:
+    def refuse(*given: object) -> None:
+        raise UsageError("training would begin here")
+
+    monkeypatch.setattr(*trains, refuse)
+    monkeypatch.setattr(preflight, "compile_kernels", lambda *given: None)
+    folder = injured("two training images swapped", tmp_path)
+    options = ["--preset", "smoke", "--long-side", "24", "--out", str(tmp_path / "out")]
+    assert main([*command.split(), str(folder), *options]) == 2
+    printed = capsys.readouterr()
+    said = printed.out + printed.err
+    assert "training would begin here" in said
+    assert "warning: print: train_005: its outline contradicts the other views: the camera of train_012" in said
+    assert f"radiogs-bench datasets check {folder} --deep" in said
+
+
+def test_nothing_is_said_of_sound_scenes_whatever_their_size(tmp_path: Path) -> None:
+    copy = tmp_path / "wire"
+    shutil.copytree(TINY / "wire", copy)
+    lines: list[str] = []
+    for side in (16, 48):
+        say_contradictions(load_scene(str(copy), options=SceneOptions(long_side=side)), lines.append)
+    say_contradictions(load_scene(str(write_capture(tmp_path / "capture", "print"))), lines.append)
+    assert lines == []
 
 
 @pytest.mark.slow

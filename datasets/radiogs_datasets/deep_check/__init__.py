@@ -40,6 +40,17 @@ WHOLE_MAPS = {"depth", "normal"}
 """Places of findings that concern a map of all test views: what is wrong in all of them is no evidence afterwards."""
 
 
+def short_findings(scene: Scene) -> Iterator[Finding]:
+    """The part of the deep checks that is done before a training: poses and outlines, which take no maps.
+
+    A scene whose first training view has no coverage has none. Raises DataError for a damaged file.
+    """
+    if scene.train[0].has("alpha"):
+        evidence = gather(scene, maps=False)
+        yield from poses(evidence)
+        yield from silhouettes(evidence)
+
+
 def deep_findings(scene: Scene, advance: Advance = lambda done, total: None) -> Iterator[Finding]:
     """Contradictions between the parts of a scene. Raises DataError for a damaged file."""
     evidence = gather(scene, advance)

@@ -96,11 +96,11 @@ class Evidence:
         return stacked([look.camera for look in self.looks])
 
 
-def gather(scene: Scene, advance: Advance = lambda done, total: None) -> Evidence:
-    """Read a scene's views at reduced size. Raises DataError for a damaged file."""
+def gather(scene: Scene, advance: Advance = lambda done, total: None, maps: bool = True) -> Evidence:
+    """Read a scene's views at reduced size, and, unless told otherwise, their maps. Raises DataError for damage."""
     views = [(view, True) for view in scene.train] + [(view, False) for view in scene.test]
     chosen = evenly(views, MOST_VIEWS)
-    mapped = evenly([view for view in scene.test if len(view.sources) > 2], MOST_TRUE_VIEWS)
+    mapped = evenly([view for view in scene.test if maps and len(view.sources) > 2], MOST_TRUE_VIEWS)
     total = len(chosen) + len(mapped)
     looks, truths = [], []
     for view, trained in chosen:
