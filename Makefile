@@ -45,9 +45,14 @@ extras: $(READY) ## Chromium and LaTeX (Debian, as root) and Ray, for the tests 
 	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[cluster]' \
 	|| echo "make extras: Ray could not be installed; its tests will skip themselves"
 
+# The walk of the documents, which has the longest tests, comes first: so two processes end at about the same time.
+WALKS := tests/bench/test_walked_documents.py
+SLOW = $(WALKS) $(filter-out $(WALKS),$(shell grep -rlE 'mark\.slow' --include='test_*.py' tests | sort))
+ALONE = $(shell grep -rlE 'mark\.alone' --include='test_*.py' tests | sort)
+
 test-slow: $(READY) ## the tests that take minutes; then those that compare speeds, with the machine to themselves
-	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal
-	$(BIN)/python -m pytest -m alone
+	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal $(SLOW)
+	$(BIN)/python -m pytest -m alone $(ALONE)
 
 GATE := $(BIN)/radiogs-bench run ablations --scenes corner --rows ours --threads 2
 SMOKE := --preset smoke --seeds 8

@@ -30,8 +30,10 @@ class SourceTree:
     """
 
     roots: Mapping[str, Path]
+    known_texts: dict[str, "Text"] = field(default_factory=dict, repr=False, compare=False)
+    """The modules that were read so far."""
     known_imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
-    """Imports of the modules that were read so far."""
+    """Imports of the modules that were read so far, as modules of the tree."""
     known_digests: dict[str, bytes] = field(default_factory=dict, repr=False, compare=False)
     """Digests of the modules that were read so far."""
 
@@ -75,11 +77,7 @@ class SourceTree:
     def imports(self, module: str) -> frozenset[str]:
         """Modules of the tree that a module imports, anywhere in its text."""
         if module not in self.known_imports:
-            path = self.file(module)
-            assert path is not None
-            package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-            named = (name for node in ast.walk(_parsed(path)) for name in _imported(node, package))
-            found = (self._module_of(source, name) for source, name in named)
+            found = (self._module_of(source, name) for source, name in self._text(module).imported)
             self.known_imports[module] = frozenset(each for each in found if each is not None)
         return self.known_imports[module]
 
@@ -88,7 +86,7 @@ class SourceTree:
         path, top = self.file(module), self.roots[module.split(".")[0]]
         assert path is not None
         around = [folder for folder in path.parents if folder.is_relative_to(top)]
-        patterns = {pattern for node in ast.walk(_parsed(path)) if (pattern := _pattern(node))}
+        patterns = self._text(module).patterns
         found = {file for folder in around for pattern in patterns for file in _matching(folder, pattern)}
         return sorted(file for file in found if file.suffix not in (".py", ".pyc"))
 
@@ -98,15 +96,22 @@ class SourceTree:
         The same, too, for every version of Python that reads the sources as the same syntax tree.
         """
         digest = hashlib.sha256()
-        for name, path in self.closure(*modules).items():
+        for name in self.closure(*modules):
             if name not in self.known_digests:
-                self.known_digests[name] = self._digest(name, path)
+                self.known_digests[name] = self._digest(name)
             digest.update(f"{name}\0".encode() + self.known_digests[name])
         return digest.hexdigest()[:20]
 
-    def _digest(self, module: str, path: Path) -> bytes:
+    def _text(self, module: str) -> "Text":
+        if module not in self.known_texts:
+            path = self.file(module)
+            assert path is not None
+            self.known_texts[module] = _read(module, path)
+        return self.known_texts[module]
+
+    def _digest(self, module: str) -> bytes:
         """SHA-256 over a module's statements, and names and bytes of its data files."""
-        digest = hashlib.sha256("".join(_statements(_parsed(path))).encode())
+        digest = self._text(module).statements.copy()
         top = self.roots[module.split(".")[0]]
         for file in self.data_files(module):
             content = file.read_bytes()
@@ -126,40 +131,67 @@ class SourceTree:
         return [".".join([module, *each.parts]) for each in inside if each.name != "__init__"]
 
 
-def _parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_bytes(), path.as_posix())
+@dataclass(frozen=True)
+class Text:
+    """The part of a module's text that decides a digest; its syntax tree, which is large, is not kept."""
+
+    imported: frozenset[tuple[str, str]]
+    """Modules that it imports, and the names imported from them."""
+    patterns: frozenset[str]
+    """Paths of files that its literals name."""
+    statements: "hashlib._Hash"
+    """SHA-256 over its statements."""
+
+
+def _read(module: str, path: Path) -> Text:
+    tree = ast.parse(path.read_bytes(), path.as_posix())
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    imported: set[tuple[str, str]] = set()
+    patterns: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imported.update(_imported(node, package))
+        elif isinstance(node, NAMING):
+            patterns.add(_pattern(node))
+    said: list[str] = []
+    _state(tree, said)
+    return Text(frozenset(imported), frozenset(patterns - {""}), hashlib.sha256("".join(said).encode()))
 
 
 LAYOUT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
 """Fields of syntax nodes that follow from others or decide nothing."""
 
 
-def _statements(node: ast.AST) -> Iterator[str]:
-    """A syntax tree as text without positions, docstrings and other strings that stand alone.
+def _state(node: ast.AST, said: list[str]) -> None:
+    """Append a syntax tree as text without positions, docstrings and other strings that stand alone.
 
     ``ast.dump`` differs between versions of Python: empty fields, which newer ones add, are left out here.
     """
-    yield f"{type(node).__name__}("
+    said.append(f"{type(node).__name__}(")
     for name in node._fields:
         value = getattr(node, name, None)
         if name in LAYOUT or value == [] or (value is None and not isinstance(node, ast.Constant)):
             continue
-        yield f"{name}="
+        said.append(f"{name}=")
         if isinstance(value, ast.AST):
-            yield from _statements(value)
+            _state(value, said)
         elif isinstance(value, list):
-            yield "["
+            said.append("[")
             for each in value:
                 if not _stands_alone(each):
-                    yield from _statements(each) if isinstance(each, ast.AST) else (repr(each),)
-            yield "]"
+                    _state(each, said) if isinstance(each, ast.AST) else said.append(repr(each))
+            said.append("]")
         else:
-            yield f"{type(value).__name__} {value!r}"
-    yield ")"
+            said.append(f"{type(value).__name__} {value!r}")
+    said.append(")")
 
 
 def _stands_alone(node: object) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+NAMING = (ast.Constant, ast.JoinedStr, ast.BinOp, ast.Call)
+"""Nodes that may name a path."""
 
 
 def _pattern(node: ast.AST) -> str:
@@ -208,11 +240,11 @@ def _matching(folder: Path, pattern: str) -> Iterator[Path]:
         yield from (path for path in folder.glob(pattern) if path.is_file())
 
 
-def _imported(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
+def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, str]]:
     """Imports of a statement: modules, and the names imported from them, which may be modules too."""
     if isinstance(node, ast.Import):
         yield from ((alias.name, "") for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
+    else:
         above = package.split(".")
         base = above[: len(above) - node.level + 1] if node.level else []
         source = ".".join([*base, *([node.module] if node.module else [])])

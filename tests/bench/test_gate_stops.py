@@ -80,32 +80,27 @@ CHANGES = {
 }
 
 
-WITHOUT_REPORTS = """
+RUN_AND_GATE = """
 import sys
 from radiogs_bench.cli import main, showing
 showing.write_and_show = lambda *given: None
-sys.exit(main(sys.argv[1:]))
+out, *further = sys.argv[1:]
+options = ["--preset", "smoke", "--threads", "1", "--long-side", "48"]
+assert main(["run", "suite.toml", *options, "--out", out]) == 0
+sys.exit(main(["gate", out, "--baseline", "baseline.json", *further]))
 """
-"""The program without tables and figures, which take longer than these trainings."""
-
-
-def run(sources: Path, folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """The program with another copy of its sources."""
-    found_first = os.pathsep.join([str(sources), str(sources / "method"), *sys.path])
-    command = [sys.executable, "-c", WITHOUT_REPORTS, *arguments]
-    environment = os.environ | {"PYTHONPATH": found_first}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+"""The two commands without tables and figures, which take longer than these trainings."""
 
 
 def gate(sources: Path, folder: Path, *further: str) -> "subprocess.CompletedProcess[str]":
     """Run the suite with a copy of the sources, from the beginning, and compare it with the baseline."""
-    out = f"results_of_{sources.name}"
     (folder / "suite.toml").write_text(SUITE)
-    done = run(
-        sources, folder, "run", "suite.toml", "--preset", "smoke", "--threads", "1", "--long-side", "48", "--out", out
-    )
-    assert done.returncode == 0, done.stderr
-    return run(sources, folder, "gate", out, "--baseline", "baseline.json", *further)
+    found_first = os.pathsep.join([str(sources), str(sources / "method"), *sys.path])
+    command = [sys.executable, "-c", RUN_AND_GATE, f"results_of_{sources.name}", *further]
+    environment = os.environ | {"PYTHONPATH": found_first}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert "AssertionError" not in done.stderr, done.stderr
+    return done
 
 
 def copied(folder: Path, name: str) -> Path:

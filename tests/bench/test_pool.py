@@ -79,7 +79,7 @@ def test_no_process_of_the_harness_runs_code_of_the_folder_where_it_is_started(t
 def run(folder: Path, *more: str) -> "subprocess.Popen[str]":
     command = [sys.executable, "-m", "radiogs_bench", "run", "ablations", "--scenes", "corner", "--preset", "smoke"]
     return subprocess.Popen(
-        [*command, "--rows", "ours,no-rad", "--seeds", "3", "--long-side", "32", "--out", str(folder), *more],
+        [*command, "--rows", "ours,no-rad", "--seeds", "2", "--long-side", "32", "--out", str(folder), *more],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         text=True,
