@@ -326,7 +326,7 @@ def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
 
 def _among_neighbours(log_albedo: Float[Tensor, "points 3"], near: _Pairs) -> Float[Tensor, "points 3"]:
     """Medians over each point's neighbours, channel by channel. ``near``: see ``_near_pairs``."""
-    return log_albedo[near.second.view(len(log_albedo), -1)].median(1).values
+    return log_albedo.index_select(0, near.second).view(len(log_albedo), -1, 3).median(1).values
 
 
 def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
@@ -338,8 +338,12 @@ def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
 
 
 def _differences(log_albedo: Float[Tensor, "points 3"], pairs: _Pairs) -> Float[Tensor, "pairs 3"]:
-    """Absolute differences of log-albedo, smoothed at zero."""
-    return ((log_albedo[pairs.first] - log_albedo[pairs.second]).square() + ROUNDING).sqrt()
+    """Absolute differences of log-albedo, smoothed at zero.
+
+    ``index_select``, whose gradient takes a fraction of the time of that of an index in brackets.
+    """
+    first, second = log_albedo.index_select(0, pairs.first), log_albedo.index_select(0, pairs.second)
+    return ((first - second).square() + ROUNDING).sqrt()
 
 
 def _mean(values: Float[Tensor, "pairs 3"], pairs: _Pairs) -> Float[Tensor, ""]:
