@@ -297,13 +297,17 @@ def show_request(
 def run_and_report(
     request: "Request", store: "Store", device: "torch.device", engine: "Engine", options: argparse.Namespace
 ) -> int:
-    """Run the missing cells; write and print the reports. Returns the exit code."""
+    """Run the missing cells; write and print the reports. Returns the exit code.
+
+    Raises NumericalFailure where suite ``stability`` finds errors beyond their tolerances.
+    """
     from ..runs.engines.run import run_request
     from ..runs.interruption import Interruption
     from ..runs.progress import SweepProgress, progress_for_stderr
     from ..runs.scene_digest import checksum_now
     from ..runs.stages import Bench
     from ..runs.sweep import steps_to_take
+    from ..suites.experiment import STABILITY
     from .events import EventProgress, emit
     from .growing import growing
 
@@ -331,6 +335,10 @@ def run_and_report(
     else:
         write_and_show(store, manifest)
         say_other_run(store, manifest)
+    if request.suite.experiment == STABILITY:
+        from ..runs.hard_cases import tolerances_kept
+
+        say_remarks([tolerances_kept(store, [cell.key for _, cell in cells])], options.json)
     return code
 
 

@@ -6,17 +6,19 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from radiogs_core.errors import DataError, UsageError, unknown
+from radiogs_core.errors import DataError, NumericalFailure, UsageError, unknown
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.values import Value
 from ..scoring.metrics_by_view import MetricsByView
+from ..store.folder import Store
 from ..store.provenance import reset_peaks, session
 from .cell import Cell
 from .result import EVALUATE, add_stage, empty_result
@@ -126,3 +128,51 @@ def arrays_of(axis: Axis, conditions: list[float], curves: Curves) -> dict[str, 
     for guard in sorted({guard for point in fired for guard in point}):
         arrays[f"guards/{guard}"] = [float(point[guard]) for point in fired]
     return {name: np.array(values, dtype=np.float32) for name, values in arrays.items()}
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The point of an axis at which an error takes the largest share of its tolerance."""
+
+    share: float
+    says: str
+    """Axis, kernel, what was computed, and the condition."""
+
+
+def tolerances_kept(store: Store, keys: Sequence[str]) -> str:
+    """A sentence on how near the errors of finished cells of suite ``stability`` come to their tolerances.
+
+    Raises NumericalFailure, with every axis that leaves its tolerance, if one does.
+    """
+    found = [_nearest(store, key) for key in keys if store.has_result(key)]
+    beyond = [each for each in found if not each.share < 1]
+    if beyond:
+        raise NumericalFailure(
+            f"float32 leaves its documented tolerance on {len(beyond)} of {len(found)} axes",
+            "; ".join(f"{each.says}: {each.share:.3g} times the tolerance" for each in beyond) + ".",
+            "figures/stability.png has the curves, docs/stability.md and radiogs_bench/runs/stability the tolerances.",
+        )
+    if not found:
+        return "No axis has been measured."
+    nearest = max(found, key=lambda each: each.share)
+    return (
+        f"{len(found)} of {len(found)} axes stay within their documented tolerances in float32;"
+        f" the nearest is {nearest.says}: {100 * nearest.share:.0f} % of the tolerance."
+    )
+
+
+def _nearest(store: Store, key: str) -> Nearest:
+    result = store.result(key)
+    assert result is not None
+    axis, _ = axis_and_points(result["cell"]["settings"])
+    found = []
+    with np.load(store.arrays_path(key)) as arrays:
+        for kernel in axis.kernels:
+            for task in TASKS:
+                curve = f"curve/{kernel}/{task}"
+                shares = np.nan_to_num(arrays[curve] / arrays[f"{curve} tolerance"], nan=np.inf)
+                place = int(shares.argmax())
+                what = "gradient" if task == "gradient" else "value"
+                says = f"{axis.label} = {arrays['conditions'][place]:.4g}, {what} of {kernel}"
+                found.append(Nearest(float(shares[place]), says))
+    return max(found, key=lambda each: each.share)

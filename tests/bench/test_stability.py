@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from bench.fake_method import CPU, FakeSweep, fake_cell
 from hard_cases import released
 from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
+from radiogs_bench.runs import hard_cases
 from radiogs_bench.runs.cell import evaluation_code
 from radiogs_bench.runs.hard_cases import AXES, axis_and_points, run_stability, stand_of
 from radiogs_bench.runs.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
@@ -200,16 +203,32 @@ settings = { aspect = 3 }
 """
 
 
-def test_a_suite_of_ones_own_draws_the_figure_and_report_rebuilds_it(tmp_path: Path) -> None:
+def test_a_suite_of_ones_own_draws_the_figure_and_report_rebuilds_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "two.toml").write_text(SUITE)
     out = tmp_path / "out"
     assert main(["run", str(tmp_path / "two.toml"), "--out", str(out)]) == 0
+    assert "2 of 2 axes stay within their documented tolerances in float32; the nearest is" in capsys.readouterr().out
     figure = out / "figures" / "stability.png"
     before = figure.read_bytes()
     figure.unlink()
     assert main(["report", str(out)]) == 0
     assert figure.read_bytes() == before
     assert not (out / "contact_sheet.png").exists()
+
+
+def test_an_error_beyond_its_tolerance_ends_the_run_with_exit_code_4_after_its_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gap = AXES["gap"]
+    strict = {"draw": replace(gap.kernels["draw"], gradient=lambda condition: 1e-12 if condition == 64 else 1.0)}
+    monkeypatch.setitem(hard_cases.AXES, "gap", replace(gap, kernels={**gap.kernels, **strict}))  # type: ignore[arg-type]
+    assert main(["run", "stability", "--rows", "gap,sun", "--out", str(tmp_path)]) == 4
+    said = capsys.readouterr().err
+    assert "float32 leaves its documented tolerance on 1 of 2 axes" in said
+    assert re.search(r"gap of depth in ulps = 64, gradient of draw: \S+ times the tolerance", said)
+    assert (tmp_path / "figures" / "stability.png").is_file()
 
 
 def test_the_suite_that_comes_with_the_package_ends_with_a_figure_and_claims_no_seconds_of_training(
