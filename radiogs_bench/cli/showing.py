@@ -31,7 +31,7 @@ from ..results.longer_run import records_of
 from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Request, Sweep, label, of_scenes, preset_text, read_sweep, state_of
+from ..runs.sweep import CellRef, Request, Sweep, label, of_scenes, preset_text, read_sweep, recipe_of_rows, state_of
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
@@ -274,8 +274,38 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int, want
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
+        for sentence in recorded_plan(
+            request, [place for (place, _), each in zip(cells, expected, strict=True) if each]
+        ):
+            say(sentence)
     for sentence in power_sentences(request, store, wanted):
         say(sentence)
+
+
+def recorded_plan(request: Request, missing: Sequence[CellRef]) -> list[str]:
+    """Sentences on what these cells took, and what the run could show, in the suite's record of the same preset, recipe
+    and protocol; none where there is no such record with all their rows."""
+    recipe, preset = recipe_of_rows(request.manifest([])["rows"]), preset_text(request.preset, request.settings)
+    sentences = []
+    for run in records_of(request.suite.name):
+        seconds = {row["key"]: row["seconds"] for row in run["rows"]}
+        known = [taken for ref in missing if (taken := seconds.get(ref["row"])) is not None]
+        alike = (run["recipe"], run["preset"], run["protocol"]) == (recipe, preset, request.protocol)
+        if not alike or len(known) < len(missing):
+            continue
+        smallest = [
+            f"{column['label']} {column['smallest']:.{column['decimals']}f} {column['unit']}".rstrip()
+            for column in run["columns"]
+            if column.get("smallest") is not None
+        ]
+        date, seeds = run["origin"].get("Date", "an unknown date"), count_of(len(run["seeds"]), "seed")
+        sentences.append(
+            f"In the record of {date}, training took {duration(sum(known))} for these cells, one after the other"
+            f" ({run['machine']}; a stage that rows share counts in each). Four of five such runs"
+            f" ({count_of(len(run['scenes']), 'scene')}, {seeds}) would resolve true differences of"
+            f" {', '.join(smallest) or 'an unknown size, for want of scenes or seeds'}."
+        )
+    return sentences
 
 
 def power_sentences(request: Request, store: Store, wanted: Mapping[str, float]) -> list[str]:

@@ -11,8 +11,10 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
+from radiogs_bench.cli.showing import show_plan
 from radiogs_bench.results import longer_run
-from radiogs_bench.results.longer_run import RECORDS, read_record, records_of
+from radiogs_bench.results.longer_run import RECORDS, read_record, records_of, write_record
+from radiogs_bench.runs.sweep import recipe_of_rows
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
@@ -82,6 +84,26 @@ def test_a_record_is_shown_beside_a_run_and_marked(
             assert (HEADING in text) == there, name
             assert ("the same sign here as in the record" in text) == there, name
         record.unlink(missing_ok=True)
+
+
+def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_could_show(
+    run: Path, record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    request = asked(2, replace(ABLATIONS, rows=ABLATIONS.rows[:2]))
+    (kept,) = read_record(record)
+    show_plan(request, Store(tmp_path / "new"), 1, 1, {})
+    assert "In the record" not in capsys.readouterr().out  # which is by another recipe
+    kept["recipe"] = recipe_of_rows(request.manifest([])["rows"])
+    for row, seconds in zip(kept["rows"], (300.0, 60.0), strict=True):
+        row["seconds"] = seconds
+    write_record(record, [kept])
+    show_plan(request, Store(tmp_path / "new"), 1, 1, {})
+    said = " ".join(capsys.readouterr().out.split())
+    assert "training took 12.0 min for these cells, one after the other" in said  # twice 300 + 60 seconds
+    (psnr,) = [column for column in kept["columns"] if column["key"] == "nvs/psnr"]
+    assert f"(1 scene, 2 seeds) would resolve true differences of NVS PSNR {psnr['smallest']:.2f} dB" in said
+    show_plan(asked(2), Store(tmp_path / "new"), 1, 1, {})
+    assert "In the record" not in capsys.readouterr().out  # which lacks rows
 
 
 def test_a_changed_record_is_refused_and_the_run_is_shown_without_it(
