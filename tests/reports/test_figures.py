@@ -32,7 +32,10 @@ from radiogs_reports.run_folder import write_figures, write_reports
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import short_number
 
-OF_A_SCENE = ("overview", "image", "albedo", "normal", "indirect", "relit", "illumination", "environment", "relighting")
+OF_A_SCENE = (
+    "overview", "image", "albedo", "roughness", "normal", "indirect", "relit", "illumination", "environment",
+    "relighting",
+)  # fmt: skip
 CONVERGENCE = ("convergence-losses", "convergence-metrics")
 NAMES = ("cost-seconds", "cost-rays", *CONVERGENCE, *(f"my_scene-{name}" for name in OF_A_SCENE))
 

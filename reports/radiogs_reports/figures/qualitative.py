@@ -12,7 +12,7 @@ from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row,
 from .crops import Window, away_from_edges, crop_place, outline
 from .views import SceneViews, scene_views
 
-SHOWN = ("image", "albedo", "normal", "indirect", "relit")
+SHOWN = ("image", "albedo", "roughness", "normal", "indirect", "relit")
 
 
 def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
