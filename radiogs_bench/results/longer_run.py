@@ -12,12 +12,15 @@ from typing import Any, cast
 
 from radiogs_baselines.published import values_beside
 from radiogs_core.errors import DataError, ExplainedError
+from radiogs_reports.analysis.chain import ChainReport, chain_report
+from radiogs_reports.analysis.crossed import CrossedReport, crossed_report
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.statistics import differences
 from radiogs_reports.summary import (
     CellSummary,
     LongerRun,
     RecordedCell,
+    RecordedGrid,
     RowSummary,
     Summary,
     is_doubted,
@@ -82,7 +85,20 @@ def recorded(made: Summary) -> LongerRun:
         published={row: dict(values) for row, values in made["published"].items() if row in made["cells"]},
         published_data=made["published_data"],
     )
+    if found := [each for each in (chain_report(made), crossed_report(made)) if each is not None]:
+        run["analyses"] = [_recorded_grid(each) for each in found]
     return cast(LongerRun, _six_digits(run))
+
+
+def _recorded_grid(report: ChainReport | CrossedReport) -> RecordedGrid:
+    grid = report.grid
+    return RecordedGrid(
+        title=grid.title,
+        note=grid.note,
+        sentences=list(report.sentences),
+        heads=list(grid.heads),
+        lines=[[item.text for item in line] for line in grid.rows],
+    )
 
 
 def _cell(made: Summary, row: str, column: str, cell: CellSummary) -> RecordedCell:

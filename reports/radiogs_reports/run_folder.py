@@ -7,6 +7,7 @@ from .analysis.audit import audit_report
 from .analysis.beside import beside_report
 from .analysis.chain import chain_report
 from .analysis.cost import cost_report
+from .analysis.crossed import crossed_report
 from .analysis.ladder import ladder_report
 from .analysis.published_order import order_report
 from .analysis.settling import settling_report
@@ -39,6 +40,7 @@ from .write.analyses import (
     cost_csv,
     cost_latex,
     cost_markdown,
+    crossed_csv,
     findings_latex,
     findings_markdown,
     ladder_csv,
@@ -157,6 +159,7 @@ def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
     """Title, findings and CSV of every analysis that the run allows, by file name."""
     audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
     chain, settling, beside = chain_report(summary), settling_report(summary), beside_report(summary)
+    crossed = crossed_report(summary)
     found: dict[str, tuple[str, Findings, str]] = {}
     if audit is not None:
         found["audit"] = "the audit of plans", audit, audit_csv(audit)
@@ -164,6 +167,8 @@ def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
         found["ladder"] = "the oracle ladder", ladder, ladder_csv(ladder)
     if chain is not None:
         found["chain"] = "what each step is worth", chain, chain_csv(chain)
+    if crossed is not None:
+        found["crossed"] = "what a setting is worth beside others", crossed, crossed_csv(crossed)
     if order is not None:
         found["published_order"] = "measured and published order", order, order_csv(order)
     if beside is not None:

@@ -299,6 +299,18 @@ class RunTable(TypedDict):
     machine: str
 
 
+class RecordedGrid(TypedDict):
+    """A table of derived values, as it was shown."""
+
+    title: str
+    note: str
+    """How to read it."""
+    sentences: list[str]
+    """Its findings."""
+    heads: list[str]
+    lines: list[list[str]]
+
+
 class LongerRun(RunTable):
     """A finished run in a record, which is committed with the project: the values of its table, to six digits."""
 
@@ -308,6 +320,8 @@ class LongerRun(RunTable):
     """Dates, commits and command by heading (``tables.caption.origin``)."""
     cells: dict[str, dict[str, RecordedCell]]
     """By row, then column."""
+    analyses: NotRequired[list[RecordedGrid]]
+    """What steps and pairs of rows are worth; absent where the run allows neither."""
 
 
 class OtherValues(TypedDict):

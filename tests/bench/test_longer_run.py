@@ -16,6 +16,7 @@ from radiogs_bench.results import longer_run
 from radiogs_bench.results.longer_run import RECORDS, read_record, records_of, write_record
 from radiogs_bench.runs.sweep import recipe_of_rows
 from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.consistency import RIVALS
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
 from radiogs_reports.tables.longer_run import HEADING
@@ -104,6 +105,22 @@ def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_coul
     assert f"(1 scene, 2 seeds) would resolve true differences of NVS PSNR {psnr['smallest']:.2f} dB" in said
     show_plan(asked(2), Store(tmp_path / "new"), 1, 1, {})
     assert "In the record" not in capsys.readouterr().out  # which lacks rows
+
+
+def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
+    sweep, request = FakeSweep(tmp_path / "run"), asked(2, replace(RIVALS, rows=RIVALS.rows[:4]))
+    cells = request.cells()
+    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    sweep.run([cell for _, cell in cells])
+    record, document = tmp_path / "rivals.json", tmp_path / "rivals.md"
+    assert main(["record", str(tmp_path / "run"), "--to", str(record), "--markdown", str(document)]) == 0
+    (kept,) = read_record(record)
+    (found,) = kept["analyses"]
+    assert [line[0] for line in found["lines"]] == [
+        *["radiometric_weight = 0.2 instead of 0.0"] * 2, *["materials.rates.light = 0.0 instead of 0.01"] * 2,
+    ]  # fmt: skip
+    written = document.read_text()
+    assert all(line in written for line in (found["title"], found["note"], *found["sentences"]))
 
 
 def test_a_changed_record_is_refused_and_the_run_is_shown_without_it(

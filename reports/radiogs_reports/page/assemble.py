@@ -15,6 +15,7 @@ from ..analysis.audit import audit_report
 from ..analysis.beside import beside_report
 from ..analysis.chain import chain_report
 from ..analysis.cost import cost_report
+from ..analysis.crossed import crossed_report
 from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
 from ..analysis.published_order import order_report
@@ -108,6 +109,7 @@ def _analyses(summary: Summary) -> Iterator[Analysis]:
         ("settling", "Time to quality", "Time to quality", settling_report(summary)),
         ("audit", "Audit", "What was left out, and what it cost", audit_report(summary)),
         ("chain", "Steps", "What each step is worth", chain_report(summary)),
+        ("crossed", "Pairs", "What a setting is worth beside others", crossed_report(summary)),
         ("ladder", "Ladder", "What each part is responsible for", ladder_report(summary)),
         ("order", "Published order", "Measured and published order", order_report(summary)),
     ):

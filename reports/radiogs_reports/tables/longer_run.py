@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from ..analysis.findings import Finding, measured, record_findings, record_sentences
 from ..analysis.grid import Grid, Item, name_item
-from ..summary import ColumnSummary, LongerRun, Summary
+from ..summary import ColumnSummary, LongerRun, RecordedGrid, Summary
 from ..wording import count_of, heading, number, signed
 from .caption import ORIGIN
 from .doubts import shown_verdict
@@ -180,6 +180,12 @@ def _claimed(found: Finding | None, column: ColumnSummary) -> Item:
     if found.excluded:
         remarks.append("the paper's size excluded")
     return Item(f"{measured(column, found.difference).strip()}: {'; '.join(remarks)}", found.difference["mean"])
+
+
+def grid_of(stored: RecordedGrid) -> Grid:
+    """A recorded table of derived values."""
+    lines = [[name_item(text) for text in line] for line in stored["lines"]]
+    return Grid("recorded", stored["title"], stored["note"], stored["heads"], lines)
 
 
 def by_scene(run: LongerRun, name: str) -> Grid:

@@ -9,6 +9,7 @@ from ..analysis.beside import BesideReport
 from ..analysis.chain import ChainReport
 from ..analysis.cost import CostReport
 from ..analysis.cost_knobs import doublings, steps
+from ..analysis.crossed import CrossedReport
 from ..analysis.efficiency import efficiencies
 from ..analysis.grid import Grid
 from ..analysis.ladder import LadderReport
@@ -148,6 +149,17 @@ def chain_csv(report: ChainReport) -> str:
         for worth in report.worth
         for before, row in pairwise(report.rows)
     ]
+    return csv_of(records)
+
+
+def crossed_csv(report: CrossedReport) -> str:
+    """One record per pair of rows and metric: the difference with the ends of its interval."""
+    records: list[dict[str, object]] = []
+    for each in report.found:
+        for (one, other, column), difference in report.differences.items():
+            if (one, other) in each.pairs:
+                named: dict[str, object] = {"setting": each.setting, "row": one, "instead_of": other, "metric": column}
+                records.append(named | estimate_fields("difference", difference))
     return csv_of(records)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ..summary import LongerRun, Summary
-from ..tables.longer_run import HEADING, LongerReport, claims, longer_report, longer_reports
+from ..tables.longer_run import HEADING, LongerReport, claims, grid_of, longer_report, longer_reports
 from .analyses import grid_markdown
 from .markdown import listed, without_markup
 from .suite import means_markdown
@@ -22,17 +22,19 @@ def below_a_run(summary: Summary) -> str:
 
 
 def record_document(runs: Sequence[LongerRun]) -> str:
-    """A record as a document: the paper's claims, and of each run its origin, table, and differences by scene."""
+    """A record as a document: the paper's claims, and of each run its origin, tables and differences by scene."""
     lines = [
         f"# {HEADING}",
         "",
         "Written by `radiogs-bench record` from the sealed record; the same record gives it anew.",
     ]
-    if (found := claims(runs)) is not None:
-        lines += ["", *grid_markdown(found)]
+    if (claimed := claims(runs)) is not None:
+        lines += ["", *grid_markdown(claimed)]
     for number, run in enumerate(runs):
         report = longer_report(run, f"record-{number}")
         lines += ["", f"## {report.title}", "", *_shown(report), *_legend(report)]
+        for found in run.get("analyses", []):
+            lines += [*grid_markdown(grid_of(found)), "", *(f"- {each}" for each in found["sentences"]), ""]
         lines += grid_markdown(report.by_scene)
     return without_markup("\n".join([*lines, ""]))
 
