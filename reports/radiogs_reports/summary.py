@@ -321,7 +321,7 @@ class LongerRun(RunTable):
     cells: dict[str, dict[str, RecordedCell]]
     """By row, then column."""
     analyses: NotRequired[list[RecordedGrid]]
-    """What steps and pairs of rows are worth; absent where the run allows neither."""
+    """The worth of steps and of pairs of rows; absent where the run allows neither."""
 
 
 class OtherValues(TypedDict):

@@ -24,7 +24,7 @@ class Crossed(NamedTuple):
     setting: str
     """Its dotted name."""
     values: tuple[Any, Any]
-    """That of the first row of each pair, and that of the second."""
+    """Its value in the first row of each pair, and in the second."""
     pairs: list[tuple[str, str]]
 
 
