@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,8 @@ from radiogs_core.errors import DataError
 from radiogs_reports.tables.longer_run import HEADING
 from radiogs_reports.write.longer_run import record_document
 
-DOCUMENTS = Path(__file__).parents[2] / "docs" / "records"
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = ROOT / "docs" / "records"
 
 
 @pytest.fixture(scope="module")
@@ -154,19 +156,40 @@ def test_the_document_of_a_record_is_written_again_from_the_record_alone(record:
 
 def test_the_committed_documents_are_those_of_the_committed_records() -> None:
     found = sorted(RECORDS.glob("*.json"))
-    assert [path.stem for path in found] == ["ablations"]
+    assert (
+        {path.stem for path in found} == {path.stem for path in DOCUMENTS.glob("*.md")} >= {"ablations", "departures"}
+    )
     for path in found:
         assert (DOCUMENTS / f"{path.stem}.md").read_text(encoding="utf-8") == record_document(read_record(path)), path
 
 
-def test_the_readmes_table_has_the_values_of_the_committed_record() -> None:
-    text = (DOCUMENTS.parents[1] / "README.md").read_text(encoding="utf-8")
-    block = text.partition("<!-- from records/ablations.md -->\n")[2].partition("<!-- end of record -->")[0]
-    of_no_rad = {
-        tuple(line.strip("| ").split(" | ")[2:])
-        for line in (DOCUMENTS / "ablations.md").read_text(encoding="utf-8").splitlines()
-        if line.startswith("| ablations | \u03bb_rad = 0 |")
-    }
-    _, _, *lines = block.splitlines()
-    assert len(lines) == 4
-    assert {tuple(line.strip("| ").split(" | ")) for line in lines} <= of_no_rad
+MARKED = re.compile(r"<!-- from (records/[\w-]+\.md) -->\n(.*?)<!-- end of record -->", re.DOTALL)
+"""A part of a document whose values are those of a record."""
+
+
+def marked() -> list[tuple[Path, str, str]]:
+    """Document, record and text of every such part."""
+    documents = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return [(path, *found) for path in documents for found in MARKED.findall(path.read_text(encoding="utf-8"))]
+
+
+def cells_of(line: str) -> set[str]:
+    return set(line.strip("| ").split(" | "))
+
+
+@pytest.mark.parametrize(("document", "record", "block"), marked(), ids=lambda value: getattr(value, "stem", None))
+def test_a_document_has_the_values_of_the_record_that_it_names(document: Path, record: str, block: str) -> None:
+    """Every line of a table is part of a line of the record, and every number of a sentence is in the record."""
+    text = (ROOT / "docs" / record).read_text(encoding="utf-8")
+    lines = [cells_of(line) for line in text.splitlines() if line.startswith("|")]
+    tables = [line for line in block.splitlines() if line.startswith("|")]
+    for line in tables[2:]:
+        assert any(cells_of(line) <= each for each in lines), f"{document}: {line}"
+    said = "\n".join(line for line in block.splitlines() if not line.startswith("|"))
+    for number in re.findall(r"[+-]?\d+\.\d+", said):
+        assert number in text, f"{document}: {number}"
+    assert tables or re.search(r"\d\.\d", said)
+
+
+def test_the_readme_has_a_table_of_a_record() -> None:
+    assert any(document.name == "README.md" and "|" in block for document, _, block in marked())
