@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -37,10 +37,18 @@ class LitSurfels:
     log_environment: Float[Tensor, "height width 3"]
     """Logarithm of the environment's linear radiance, [height, 2 height, 3] (see ``scene.light``)."""
 
-    @cached_property
+    @property
     def environment(self) -> Float[Tensor, "height width 3"]:
-        """Linear radiance of the recovered light. It is always positive, because its logarithm is learnt."""
-        return self.log_environment.exp()
+        """Linear radiance of the recovered light. It is always positive, because its logarithm is learnt.
+
+        It is computed once, and once more for readers with gradient if it was first read without: a step whose L_rad
+        has no weight reads it without.
+        """
+        kept: dict[bool, Tensor] = self.__dict__.setdefault("_environments", {})
+        with_gradient = torch.is_grad_enabled()
+        if with_gradient not in kept:
+            kept[with_gradient] = self.log_environment.exp()
+        return kept[with_gradient]
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors and values, without gradient history."""

@@ -186,6 +186,19 @@ def test_the_two_light_priors_respond_to_tint_and_to_noise() -> None:
     assert tint["light prior"] > 3 * speckle["light prior"]
 
 
+@pytest.mark.parametrize("shading", ["monte-carlo", "split-sum"])
+@pytest.mark.parametrize("weight", [0.0, 0.2])
+def test_the_images_alone_move_light_and_materials_with_and_without_l_rad(shading: str, weight: float) -> None:
+    """The light has no other loss here; L_rad traces its rays, and reads the light, at any weight."""
+    without_priors = {"materials.weights.light_prior": 0.0, "materials.weights.light_smoothness": 0.0}
+    variant = with_values(LEARNT, {"radiometric_weight": weight, "shading": shading, **without_priors})
+    stage = inverse_rendering(worn(), LATE, variant, TINTED + SPECKLED)
+    before = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
+    stage.step()
+    for name in ("log_environment", "albedo_logit", "roughness_logit", "sh"):
+        assert not torch.equal(stage.optimiser.tensors[name], before[name]), name
+
+
 def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
     """A surfel with the display values as its linear radiance and albedo is too bright."""
     display = srgb_encode(torch.tensor(COLOUR))
