@@ -128,6 +128,12 @@ def _both(key: str, text: str, values: Values, recipe: str) -> tuple[Row, ...]:
 LEARNT: Values = {"materials.rates.light": 0.01}
 """A light that was sought is learnt on in stage 2 at the paper's rate."""
 
+SOUGHT: Values = {
+    "materials.start.light": "least-variation",
+    "deviations": ["fixed-offset", "one-sided-rays", "spread-views"],
+}
+"""As printed, but for a light that is sought: the deviation ``start-light`` would put a constant one in its place."""
+
 RIVALS = Suite(
     name="rivals",
     title="Radiometric consistency beside the parts that may do the same",
@@ -146,13 +152,8 @@ RIVALS = Suite(
             {"materials.consistent_roughness": True}, recipe=RECOMMENDED,
         ),
         *_both(PRINTED, "printed", {}, PRINTED),
-        *_both(
-            "printed-held", "printed, light sought and held", {"materials.start.light": "least-variation"}, PRINTED
-        ),
-        *_both(
-            "printed-learnt", "printed, light sought and learnt on",
-            {"materials.start.light": "least-variation", **LEARNT}, PRINTED,
-        ),
+        *_both("printed-held", "printed, light sought and held", SOUGHT, PRINTED),
+        *_both("printed-learnt", "printed, light sought and learnt on", {**SOUGHT, **LEARNT}, PRINTED),
         *_both("printed-directions", "printed, two sets of directions", DEPARTURE_GROUPS["directions"][1], PRINTED),
         Row(
             "printed-roughness", "", "printed, L_rad has no gradient to roughness",

@@ -37,3 +37,22 @@ def test_rivals_and_lengths_have_every_setting_with_and_without_l_rad() -> None:
             by_others.setdefault(repr([values, row.budget]), set()).add(weight)
         alone = [weights for weights in by_others.values() if weights != {0.0, 0.2}]
         assert alone == ([{0.2}] * 2 if suite is RIVALS else [])
+
+
+def test_a_row_whose_light_is_sought_has_no_other_light_in_its_place() -> None:
+    for row in RIVALS.rows:
+        values = values_of(row)
+        deviations = values["deviations"]
+        assert isinstance(deviations, list)
+        sought = values["materials.start.light"] != "constant"
+        assert not (sought and "start-light" in deviations), row.key
+        assert sought == ("constant" not in row.text and (row.recipe != "printed" or "sought" in row.text))
+
+
+def test_light_alone_differs_between_printed_and_a_light_that_is_sought() -> None:
+    rows = {row.key: values_of(row) for row in RIVALS.rows}
+    for key in ("printed-held", "printed-learnt"):
+        changed = {name for name, value in rows[key].items() if value != rows["printed"][name]}
+        assert changed <= {"materials.start.light", "deviations", "materials.rates.light"}
+        left = set(rows["printed"]["deviations"]) - set(rows[key]["deviations"])  # type: ignore[call-overload]
+        assert left == {"start-light"}
