@@ -145,9 +145,12 @@ def _run(options: argparse.Namespace) -> int:
         chosen = as_published(chosen)
     chosen, remarks = with_overrides(chosen, options)
     engine = choose(options.engine, options.workers, options.ray_address, options.threads)
-    if options.dry_run and not options.scenes and (lines := plan_without_data(chosen, options.seeds)):
-        say_remarks(lines, options.json)
-        return 0
+    if options.dry_run and not options.scenes:
+        from .plan import plan_without_data
+
+        if lines := plan_without_data(chosen, options.seeds):
+            say_remarks(lines, options.json)
+            return 0
     folder = options.out or Path("out") / chosen.name
 
     from ..store.folder import Store
@@ -158,24 +161,11 @@ def _run(options: argparse.Namespace) -> int:
         return run_as_worker(request, store, device, options)
     say_remarks([*remarks, *repairs_of(request.scenes)], options.json)
     if options.dry_run:
-        return show_request(request, store, engine, options.json, options.difference)
+        from .plan import show_request
+
+        show_request(request, store, engine, options.json, options.difference)
+        return 0
     return run_and_report(request, store, device, engine, options)
-
-
-def plan_without_data(suite: "Suite", seeds: int) -> list[str]:
-    """Sentences on a run whose scenes have to be downloaded first; none where they are here."""
-    from ..suites.scenes import absent_scenes
-
-    absent = absent_scenes(suite)
-    if not absent:
-        return []
-    scenes, rows = len(suite.scenes), len(suite.rows)
-    return [
-        f"{suite.name}: {scenes} scenes x {rows} rows x {seeds} seeds: {scenes * rows * seeds} cells",
-        f"not here: {', '.join(absent)}. {suite.download}",
-        f"Fetch them:  radiogs-bench datasets fetch {suite.data_set} --data ROOT",
-        "Time and memory are known once a scene is here: `rehearse` measures them in minutes, on any of its scenes.",
-    ]
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -276,22 +266,6 @@ def say_remarks(remarks: Sequence[str], as_json: bool) -> None:
             emit("message", text=line)
         else:
             say(line)
-
-
-def show_request(
-    request: "Request", store: "Store", engine: "Engine", as_json: bool, difference: Mapping[str, float]
-) -> int:
-    """Print the cells, estimates of their time and memory, and what the run could show."""
-    from radiogs_core.kernels.runtime import workers
-
-    from ..runs.engines.run import CPU
-    from .showing import emit_plan, show_plan
-
-    if as_json:
-        emit_plan(request, store, difference)
-    else:
-        show_plan(request, store, *engine.cells_and_threads(workers(CPU)), difference)
-    return 0
 
 
 def run_and_report(

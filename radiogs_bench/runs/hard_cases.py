@@ -170,7 +170,8 @@ def _nearest(store: Store, key: str) -> Nearest:
         for kernel in axis.kernels:
             for task in TASKS:
                 curve = f"curve/{kernel}/{task}"
-                shares = np.nan_to_num(arrays[curve] / arrays[f"{curve} tolerance"], nan=np.inf)
+                shares = arrays[curve] / arrays[f"{curve} tolerance"]
+                shares = np.where(np.isnan(shares), np.inf, shares)
                 place = int(shares.argmax())
                 what = "gradient" if task == "gradient" else "value"
                 says = f"{axis.label} = {arrays['conditions'][place]:.4g}, {what} of {kernel}"

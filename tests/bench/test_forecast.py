@@ -8,7 +8,7 @@ import pytest
 
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs.settings import PRESETS, Variant
-from radiogs_bench.cli.showing import needs, show_plan, whole_memory, whole_time
+from radiogs_bench.cli.plan import needs, show_plan, whole_memory, whole_time
 from radiogs_bench.runs.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json

@@ -12,7 +12,7 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.cli.showing import show_plan
+from radiogs_bench.cli.plan import show_plan
 from radiogs_bench.results import longer_run
 from radiogs_bench.results.longer_run import RECORDS, read_record, records_of, write_record
 from radiogs_bench.runs.sweep import recipe_of_rows
