@@ -20,6 +20,7 @@ from ..runs.engines.choice import Engine
 from ..runs.engines.run import CPU
 from ..runs.forecast import Expected, forecast, total
 from ..runs.sweep import CellRef, Request, label, preset_text, recipe_of_rows, state_of
+from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..suites.scenes import absent_scenes
 from ..suites.suite import Suite
@@ -87,11 +88,11 @@ def recorded_plan(request: Request, missing: Sequence[CellRef]) -> list[str]:
     """Sentences on what these cells took, and what the run could show, in the suite's record of the same preset, recipe
     and protocol; none where there is no such record with all their rows."""
     recipe, preset = recipe_of_rows(request.manifest([])["rows"]), preset_text(request.preset, request.settings)
-    sentences = []
+    title, sentences = protocol(request.protocol).title, []
     for run in records_of(request.suite.name):
         seconds = {row["key"]: row["seconds"] for row in run["rows"]}
         known = [taken for ref in missing if (taken := seconds.get(ref["row"])) is not None]
-        alike = (run["recipe"], run["preset"], run["protocol"]) == (recipe, preset, request.protocol)
+        alike = (run["recipe"], run["preset"], run["protocol"]) == (recipe, preset, title)
         if not alike or len(known) < len(missing):
             continue
         smallest = [
