@@ -27,10 +27,13 @@ def browser() -> Iterator["playwright.Browser"]:
 
 
 class Watched:
-    """An opened page, and what it said and asked for."""
+    """An opened page, what it asked for, and what it said beyond the ``expected`` message."""
 
-    def __init__(self, browser: "playwright.Browser", path: Path, **settings: object) -> None:
+    def __init__(
+        self, browser: "playwright.Browser", path: Path, *, expected: str = OF_SCREENSHOTS, **settings: object
+    ) -> None:
         self.said: list[str] = []
+        self.expected = (OF_SCREENSHOTS, expected)
         self.asked: list[str] = []
         self.page = browser.new_page(**settings)
         self.page.set_default_timeout(10_000)
@@ -41,7 +44,7 @@ class Watched:
         self.own = path.as_uri()
 
     def heard(self, text: str) -> None:
-        if OF_SCREENSHOTS not in text:
+        if not any(part in text for part in self.expected):
             self.said.append(text)
 
     def column(self, table: str, place: int) -> list[str]:
@@ -53,7 +56,7 @@ class Watched:
     def close(self) -> None:
         """Leave, having checked that the page was quiet."""
         self.page.close()
-        assert self.said == []
+        assert self.said == [], self.said
         beside = self.own.removesuffix("report.html") + "report_files/"
         inside = (self.own, "data:", beside)
         assert [url for url in self.asked if not url.startswith(inside)] == []
