@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines mutants lint site gpu offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants lint site gpu offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -73,6 +73,9 @@ gate-baselines: $(READY) ## the baselines of `make gate` anew, after a change th
 	$(GATE) $(TINY) --out out/rerun-tiny
 	$(BIN)/radiogs-bench gate out/gate-smoke --baseline .github/gate-smoke.json --update --rerun out/rerun-smoke
 	$(BIN)/radiogs-bench gate out/gate-tiny --baseline .github/gate-tiny.json --update --rerun out/rerun-tiny
+
+measured: $(READY) ## records by age, and which of them this checkout would compute otherwise; NAME=ablations makes one anew
+	$(BIN)/python .ci/measured.py $(NAME)
 
 site: $(READY) ## the documentation as a site, in out/site
 	$(BIN)/python -m mkdocs build --strict --quiet

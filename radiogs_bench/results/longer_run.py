@@ -30,7 +30,7 @@ from radiogs_reports.tables.caption import origin
 from radiogs_reports.tables.doubts import shown_verdict
 
 from ..runs.rows_from_files import measured
-from ..runs.sweep import WITH, Sweep, finished_results
+from ..runs.sweep import WITH, Sweep, finished_results, label
 from ..store.folder import Store
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
@@ -54,7 +54,7 @@ def longer_run(store: Store, sweep: Sweep) -> LongerRun:
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))
     if "command" in made:
         made["command"] = _without_out(made["command"])
-    return recorded(made)
+    return LongerRun(**recorded(made), keys={label(ref): ref["key"] for ref in own["cells"]})
 
 
 def recorded(made: Summary) -> LongerRun:

@@ -18,6 +18,7 @@ from .figures.contact_sheet import write_contact_sheet
 from .figures.convergence import convergence_figures
 from .figures.cost import cost_figures, knob_figures
 from .figures.curves import curve_figures
+from .figures.effect_curves import effect_curve_figures
 from .figures.finetuning import finetuning_figures
 from .figures.ladder import ladder_figures
 from .figures.light import environment_figures, illumination_figures, relighting_figures
@@ -104,6 +105,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     figures = [
         *(knob_figures(summary) or cost_figures(summary)),
         *curve_figures(summary),
+        *effect_curve_figures(summary),
         *chain_figures(summary),
         *audit_figure(summary),
         *ladder_figures(summary),

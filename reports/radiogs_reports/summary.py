@@ -322,6 +322,8 @@ class LongerRun(RunTable):
     """By row, then column."""
     analyses: NotRequired[list[RecordedGrid]]
     """The worth of steps and of pairs of rows; absent where the run allows neither."""
+    keys: NotRequired[dict[str, str]]
+    """The key of every cell by its label; other sources, settings or scenes have other keys."""
 
 
 class OtherValues(TypedDict):

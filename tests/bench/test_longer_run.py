@@ -72,6 +72,8 @@ def test_a_record_holds_the_table_of_its_run_and_the_differences_of_each_scene(r
     assert cell["difference"] is not None
     assert cell["difference"]["mean"] == cell["by_scene"][0]
     assert kept["cells"]["ours"]["nvs/psnr"]["by_scene"] == []
+    assert sorted(kept["keys"].values()) == sorted(ref["key"] for ref in refs)
+    assert set(kept["keys"]) == {f"{ref['scene']} {ref['row']} seed {ref['seed']}" for ref in refs}
     assert record.stat().st_size < 20_000
 
 

@@ -1,4 +1,4 @@
-"""Curves over one number of the budget: what is drawn, and which runs have any."""
+"""Curves over one number of the budget, and of what a setting is worth: what is drawn, and which runs have any."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import pytest
 
 from made_up_run import run, summary
 from radiogs_reports.figures.curves import curve_figures
+from radiogs_reports.figures.effect_curves import effect_curve_figures
 from radiogs_reports.summary import Summary
 
 SETTINGS = (100, 300, 1000)
@@ -70,3 +71,31 @@ def test_rows_that_differ_in_two_numbers_are_no_curve() -> None:
         if each["row"] == "ours-300":
             each["made_from"]["budget"]["incident_samples"] = 64
     assert curve_figures(made) == []
+
+
+def test_pairs_of_curves_show_their_means_over_scenes_and_the_band_of_their_differences() -> None:
+    made = made_up({"ours": {"weight": 0.2}, "no rad": {"weight": 0.0}})
+    for each in made["runs"]:
+        each["made_from"]["budget"]["name"] = "tiny"
+        if (each["row"], each["scene"]) == ("ours-300", "two"):
+            each["metrics"]["nvs/psnr"] += 1.0
+    (sketch,) = effect_curve_figures(made)
+    assert sketch.name == "effect-curves-1"
+    assert "weight = 0.2 less 0.0" in sketch.caption
+    above, below = (sketch.figure.axes[place] for place in (0, 2))
+    ours, other = above.get_lines()
+    assert ours.get_ydata() == pytest.approx([5.0, np.log10(300) + 3.5, 7.5])
+    assert other.get_ydata() == pytest.approx([15.0, np.log10(300) + 13.0, 17.5])
+    assert (ours.get_linestyle(), other.get_linestyle()) == ("-", "--")
+    assert below.get_lines()[0].get_ydata() == pytest.approx([-10.0, -9.5, -10.0])
+    band = below.collections[0].get_paths()[0].vertices
+    assert {round(y, 2) for x, y in band if x == 300} == {round(-9.5 - 0.5 * 12.706, 2), round(-9.5 + 0.5 * 12.706, 2)}
+    assert {y for x, y in band if x != 300} == {-10.0}
+    assert [axes.yaxis_inverted() for axes in sketch.figure.axes] == [False, True, False, True]
+
+
+def test_curves_that_differ_in_more_than_one_setting_are_no_pairs() -> None:
+    assert (
+        effect_curve_figures(made_up({"ours": {"weight": 0.2, "rate": 1}, "no rad": {"weight": 0.0, "rate": 2}})) == []
+    )
+    assert effect_curve_figures(made_up({"ours": {"weight": 0.2}})) == []
