@@ -13,12 +13,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
-from radiogs_core.on_surfels.trained import INCIDENT, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
+from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
+from radiogs_core.transport.maps import incident_maps, shaded_maps, split_sum_maps
 from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -142,7 +142,9 @@ class Renderer:
             return split_sum_maps(camera, surfels, PrefilteredLight(environment, self.masking), self.straight)
         specular_at = self.model.plan.specular_among(surfels.albedo)
         maps = shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at, self.straight)
-        return maps | {INCIDENT: incident_map(camera, surfels, self.incident)} if INCIDENT in further else maps
+        if set(ARRIVING).isdisjoint(further):
+            return maps
+        return maps | incident_maps(camera, surfels, self.incident, environment)
 
 
 @torch.no_grad()

@@ -49,6 +49,9 @@ from .shown_surfels import surfel_arrays
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are stored with the result."""
 
+ARRIVING = ("incident", "incident_direct")
+"""Maps of incident light, indirect and direct, that are stored with it where a method offers them."""
+
 LIGHTS_SHOWN = 4
 """Relit maps of the shown view are stored for this many lights, the first ones."""
 
@@ -220,9 +223,8 @@ class _Evaluator:
         """Score every test view under the recovered light, and keep the maps that are compared over all views."""
         whole = ("albedo", "alpha") if self.rules.depth is None else ("albedo", "alpha", "depth")
         for view in self.scene.test:
-            wanted = view is self.shown or compared_indirect(self.rules) == "incident"
-            further = ("incident",) if wanted and "incident" in prepared.offers else ()
-            maps = self.rendered(prepared, view, *further)
+            wanted = {compared_indirect(self.rules), *(ARRIVING if view is self.shown else ())}
+            maps = self.rendered(prepared, view, *(name for name in ARRIVING if name in wanted & {*prepared.offers}))
             self.given |= maps.keys()
             score_view(self.scores, view, maps, self.scene.extent)
             if (roughness := mean_roughness(view, maps)) is not None:
@@ -230,7 +232,7 @@ class _Evaluator:
             self.views.rendered(view, {name: image for name, image in maps.items() if name != "albedo"})
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
-                self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
+                self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, *ARRIVING) if name in maps}
             self.count()
         if self.scope.timed and prepared.timed:
             self.measure("nvs", prepared, self.scene.test)
@@ -329,6 +331,10 @@ class _Evaluator:
             self.arrays |= {"render/relit": image, "truth/relit": target}
         if view is self.shown and list(self.lit).index(light) < LIGHTS_SHOWN:
             self.arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
+            indirect = f"relit/{light}/indirect"
+            if "indirect" in maps and view.has(indirect) and compared_indirect(self.rules) == "indirect":
+                name = f"relit_indirect/{light}"
+                self.arrays |= {f"render/{name}": maps["indirect"], f"truth/{name}": truth(view, indirect)}
 
 
 def few_views(scene: Scene, count: int) -> Sequence[View]:

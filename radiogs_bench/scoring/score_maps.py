@@ -158,9 +158,10 @@ def coverage(view: View) -> Float[Tensor, "height width 1"]:
 
 
 def truth(view: View, name: str) -> Image:
-    """A ground-truth map on black."""
+    """A ground-truth map on black; ``relit/<light>/indirect`` is stored as ``indirect`` is."""
     image = view.read(name)
-    return image if name in MULTIPLIED else image * coverage(view)
+    multiplied = name in MULTIPLIED or (name.startswith("relit/") and name.endswith("/indirect"))
+    return image if multiplied else image * coverage(view)
 
 
 def displayed(linear: Image) -> Image:

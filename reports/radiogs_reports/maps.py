@@ -95,8 +95,10 @@ KINDS: Mapping[str, Kind] = {
     "roughness": Kind("roughness", as_is),
     "depth": Kind("depth, near is bright", as_is),
     "indirect": Kind(f"indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
-    "incident": Kind(f"incident light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
+    "incident": Kind(f"incident indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
+    "incident_direct": Kind("incident direct light", display),
     "relit": Kind("relit", as_is),
+    "relit_indirect": Kind(f"relit, indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
 }
 """Kinds of maps by name, in the order in which they are shown."""
 

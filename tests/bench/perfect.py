@@ -26,8 +26,8 @@ def view_with(place: int, names: Mapping[str, int]) -> View:
     alpha = torch.zeros(SIZE, SIZE, 1)
     alpha[:, :12], alpha[:, :6] = 0.6, 1.0
     maps["alpha"] = alpha
-    for name in ("direct", "indirect"):
-        if name in maps:
+    for name in maps:
+        if name in ("direct", "indirect") or name.endswith("/indirect"):
             maps[name] = maps[name] * alpha
     if "normal" in maps:
         maps["normal"] = torch.nn.functional.normalize(maps["normal"], dim=-1) * (alpha > 0)
@@ -46,7 +46,7 @@ def scene_of(*views: View) -> Scene:
 KINDS = {
     "image": MapKind("display"),
     "alpha": MapKind("data"),
-    **dict.fromkeys(("albedo", "indirect", "incident"), MapKind("linear")),
+    **dict.fromkeys(("albedo", "indirect", "incident", "incident_direct"), MapKind("linear")),
     **dict.fromkeys(("normal", "roughness", "depth"), MapKind("data")),
 }
 
@@ -105,7 +105,7 @@ class Own:
 
     timed = True
     offers = KINDS
-    default = frozenset(KINDS) - {"incident"}
+    default = frozenset(KINDS) - {"incident", "incident_direct"}
 
     def __init__(self, model: Perfect) -> None:
         self.model = model
@@ -118,21 +118,21 @@ class Own:
         maps["albedo"] = maps["albedo"] / SCALE
         depth = truth(view, "depth") if view.has("depth") else torch.zeros(SIZE, SIZE, 1)
         maps |= {"alpha": view.read("alpha"), "depth": depth / 3}
-        if "incident" in further:
-            maps["incident"] = torch.full((SIZE, SIZE, 3), 0.2)
+        maps |= {name: torch.full((SIZE, SIZE, 3), 0.2) for name in ("incident", "incident_direct") if name in further}
         return {name: image + wrong.get(name, 0.0) for name, image in maps.items()}
 
 
 class Relit:
-    """Under one of the scene's lights."""
+    """Under one of the scene's lights; it shows indirect light where the scene knows it."""
 
     timed = True
-    offers: Mapping[str, MapKind] = {name: KINDS[name] for name in ("image", "alpha")}
+    offers: Mapping[str, MapKind] = {name: KINDS[name] for name in ("image", "alpha", "indirect")}
     default = frozenset(offers)
 
     def __init__(self, model: Perfect, light: str) -> None:
         self.model, self.name = model, f"relit/{light}"
 
     def render(self, camera: Camera, *further: str) -> dict[str, torch.Tensor]:
-        view = self.model.view(camera)
-        return {"image": truth(view, self.name) + self.model.wrong.get(self.name, 0.0), "alpha": view.read("alpha")}
+        view, indirect = self.model.view(camera), f"{self.name}/indirect"
+        maps = {"image": truth(view, self.name) + self.model.wrong.get(self.name, 0.0), "alpha": view.read("alpha")}
+        return maps | {"indirect": truth(view, indirect) if view.has(indirect) else torch.zeros(SIZE, SIZE, 3)}

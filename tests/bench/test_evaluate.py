@@ -141,17 +141,30 @@ def test_maps_without_truth_are_absent_and_maps_that_some_views_lack_are_named()
 
 
 def test_the_arrays_are_what_the_contact_sheet_shows() -> None:
-    scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
+    known = EVERYTHING | {"relit/sun/indirect": 3}
+    scene = scene_of(view_with(0, known), view_with(1, known))
     found = values(scene)
-    names = {"image", "albedo", "normal", "roughness", "indirect", "relit", "relit/sun", "relit/sky"}
+    names = {
+        "image", "albedo", "normal", "roughness", "indirect", "relit", "relit/sun", "relit/sky", "relit_indirect/sun",
+    }  # fmt: skip
     assert found.arrays.keys() == {
         "render/incident",
+        "render/incident_direct",
         *(f"{side}/{name}" for side in ("render", "truth") for name in names),
     }
+    stored = scene.test[1].read("relit/sun/indirect").numpy()
+    assert found.arrays["truth/relit_indirect/sun"] == pytest.approx(stored)
     assert (found.shown_view, found.shown_light) == ("view_1", "sun")
     for name in names:
         assert found.arrays[f"render/{name}"] == pytest.approx(found.arrays[f"truth/{name}"], abs=1e-6)
         assert found.arrays[f"render/{name}"].dtype == np.float32
+
+
+def test_indirect_light_under_further_lights_is_not_shown_where_the_protocol_compares_what_arrives() -> None:
+    known = EVERYTHING | {"relit/sun/indirect": 3}
+    found = values(scene_of(view_with(0, known)), rules="radiogs")
+    assert "render/relit/sun" in found.arrays
+    assert not any("relit_indirect" in name for name in found.arrays)
 
 
 def test_straight_maps_are_multiplied_by_coverage_once() -> None:
@@ -187,7 +200,8 @@ def test_display_is_clipped() -> None:
 def test_every_protocol_has_a_value_or_a_reason_for_every_task(rules: str) -> None:
     model = Perfect(scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2))), {"image": 0.01})
     found = scored(model, rules)
-    assert model.asked == ["incident"] * (2 if rules == "radiogs" else 1)  # of the view that is shown, always
+    of_shown = ["incident", "incident_direct"]  # of the view that is shown, always
+    assert sorted(model.asked) == sorted([*of_shown, "incident"] if rules == "radiogs" else of_shown)
     tasks = {name.split("/")[0] for name in found.metrics}
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight"}
     for metric in found.metrics.values():

@@ -248,7 +248,7 @@ def test_missing_ground_truth_leaves_a_labelled_frame(
     assert len(tiles) == 4 * 3
     assert [place // 3 for place, axes in enumerate(tiles) if axes.texts] == absent
     assert [axes.get_ylabel() for axes in tiles[::3]] == [
-        "all light", "direct", "indirect light x 4", "incident light x 4",
+        "all light", "direct", "indirect light x 4", "incident indirect light x 4",
     ]  # fmt: skip
 
 
@@ -263,6 +263,22 @@ def test_the_relighting_figure_has_a_line_per_light_and_holds_the_stored_picture
         sides = [stored[0][f"truth/relit/{light}"], *(each[f"render/relit/{light}"] for each in stored)]
         for axes, image in zip(tiles[3 * line :], sides, strict=False):
             assert np.array_equal(axes.images[0].get_array(), np.rint(image * 255))
+
+
+def test_indirect_light_under_several_lights_has_a_figure_of_its_own_brighter_than_it_is(tmp_path: Path) -> None:
+    made = two_rows()
+    folder = write_run(tmp_path, made)
+    level = 0.05
+    for seed, name in ((0, "abc"), (1, "def")):
+        kept = arrays(seed)
+        kept |= {f"{side}/relit_indirect/{light}": np.full((16, 16, 3), level, np.float32)
+                 for side in ("truth", "render") for light in LIGHTS}  # fmt: skip
+        np.savez(folder / "cells" / f"{name}.npz", allow_pickle=False, **kept)
+    relit, indirect = relighting_figures(made, folder)
+    assert (relit.name, indirect.name) == ("my_scene-relighting", "my_scene-relighting_indirect")
+    assert len(indirect.figure.axes) == 3 * len(LIGHTS)
+    shown = round(255 * float(display(np.array(4 * level))))
+    assert all((axes.images[0].get_array() == shown).all() for axes in indirect.figure.axes)
 
 
 def test_many_rows_continue_below_and_none_is_lost(tmp_path: Path) -> None:

@@ -21,11 +21,15 @@ from ..surfels.surfels import Surfels
 from ..transport.splatting import Splat
 from .model import SurfelModel
 
-INCIDENT = "incident"
-"""Name of the map of mean incident indirect radiance; it is rendered on request, under the recovered light only."""
+ARRIVING = INCIDENT, INCIDENT_DIRECT = "incident", "incident_direct"
+"""Names of the maps of mean incident radiance, indirect and direct; they are rendered on request, under the recovered
+light only."""
 
-SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
-"""Maps of a model that can also render ``incident``."""
+SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {
+    **STANDARD_MAPS,
+    **dict.fromkeys(ARRIVING, MapKind("linear")),
+}
+"""Maps of a model that can also render the incident light."""
 
 ModelT = TypeVar("ModelT", bound=SurfelModel)
 
@@ -95,8 +99,9 @@ class Renderer(Protocol):
         """Maps by name, [height, width, channels], on black: those without extra cost, and those of ``further``.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
-        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (z-depth, world
-        units): one channel. normal: unit, in the world; zero where nothing is covered.
+        hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo: linear.
+        roughness, alpha, depth (z-depth, world units): one channel. normal: unit, in the world; zero where nothing is
+        covered.
         """
 
 
@@ -109,7 +114,7 @@ class Shown:
         self, renderer: Renderer, offers: Mapping[str, MapKind] = STANDARD_MAPS, remarks: tuple[str, ...] = ()
     ) -> None:
         self.renderer, self.offers, self.remarks = renderer, offers, remarks
-        self.default = frozenset(offers) - {INCIDENT}
+        self.default = frozenset(offers).difference(ARRIVING)
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of one view; see ``contract.Prepared.render``."""

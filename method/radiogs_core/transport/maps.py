@@ -7,6 +7,7 @@ from torch import Tensor
 from ..kernels.image.display import displayed
 from ..kernels.rasterize.rasterize import blend
 from ..scene.camera import Camera
+from ..scene.light import EnvironmentMap
 from ..surfels.surfels import Surfels
 from .incident import Incident
 from .splatting import (
@@ -76,15 +77,28 @@ def radiance_maps(
     return {"image": displayed(raster.features, raster.alpha, straight).clamp(0, 1), "alpha": raster.alpha[..., None]}
 
 
-@torch.no_grad()
-def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[Tensor, "height width 3"]:
-    """Mean incident indirect radiance over each surfel's hemisphere, as an image; linear RGB, on black.
-
-    The released RadioGS code writes this map as ``light_indirect``: it has neither cosine nor albedo.
+def mean_incident(
+    incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+    """Mean over each point's directions of L_ind and of V L_env, linear RGB: the paper's incident radiance, "the mean
+    value of the samples" (appendix, illumination components). It has neither cosine nor albedo. Zero without weight.
     """
     weight = incident.weight[..., None]
-    arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
-    return splat(camera, surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
+    total = weight.sum(1)
+    share = weight / torch.where(total > 0, total, 1.0)[:, None]
+    direct = incident.visibility[..., None] * EnvironmentMap(environment).lookup(incident.direction)
+    return (share * incident.radiance).sum(1), (share * direct).sum(1)
+
+
+@torch.no_grad()
+def incident_maps(
+    camera: Camera, surfels: Surfels, incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> dict[str, Float[Tensor, "height width 3"]]:
+    """The mean incident radiance of surfels as images, ``incident`` (indirect; the released RadioGS code writes it as
+    ``light_indirect``) and ``incident_direct``; linear RGB, on black.
+    """
+    indirect, direct = mean_incident(incident, environment)
+    return dict(splat(camera, surfels, {"incident": indirect, "incident_direct": direct}, depth_unit=1.0).images)
 
 
 @torch.no_grad()

@@ -1,4 +1,4 @@
-"""Values with and without a setting, and their differences, against a number of the budget such as the steps of a stage.
+"""Values with and without a setting, and their differences, against a number of the budget such as a stage's steps.
 
 Drawn where curves (``curves.py``) come in pairs of rows that differ in one other setting alone (``crossed.py``).
 """

@@ -88,7 +88,7 @@ def _figure(views: SceneViews) -> Sketch:
     return Sketch(file_name(views.scene, "environment"), caption, figure, on_page=True, images=True)
 
 
-COMPONENTS = ("image", "direct", "indirect", "incident")
+COMPONENTS = ("image", "direct", "indirect", "incident_direct", "incident")
 LABELS = {"image": "all light", "direct": "direct"}
 
 
@@ -146,7 +146,8 @@ def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
         " radiance; a lower bound where the image is clipped."
     )
     if "incident" in names:
-        caption += " Incident: mean indirect radiance over each surfel's hemisphere."
+        caption += " Incident: mean indirect radiance over each surfel's hemisphere"
+        caption += ", and mean visible light." if "incident_direct" in names else "."
     return Sketch(file_name(views.scene, "illumination"), caption, figure)
 
 
@@ -164,24 +165,32 @@ def _illumination_band(
         name_row(line, LABELS.get(name) or maps.KINDS[name].label)
 
 
-PREFIX = "relit/"
-"""Prefix of the names of relit maps; the light's name follows."""
+RELIT, RELIT_INDIRECT = "relit", "relit_indirect"
+"""Kinds of relit maps; the light's name follows after a slash."""
 
 
 def relighting_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """A figure for every scene with a view under several lights; a single light is shown in the grids of maps."""
-    return [_relit(views) for views in scene_views(summary, out) if len(lights(views)) > 1]
+    """Figures for every scene with a view under several lights: the view, and its indirect light where that is known.
+
+    A single light is shown in the grids of maps.
+    """
+    return [
+        _relit(views, kind)
+        for views in scene_views(summary, out)
+        for kind in (RELIT, RELIT_INDIRECT)
+        if len(lights(views, kind)) > 1
+    ]
 
 
-def lights(views: SceneViews) -> list[str]:
-    """Lights with a ground truth under which every row keeps the view, in the scene's order."""
-    known = [name.removeprefix(PREFIX) for name in views.truth if name.startswith(PREFIX)]
-    return [light for light in known if all(f"{PREFIX}{light}" in found for _, found in views.rows)]
+def lights(views: SceneViews, kind: str) -> list[str]:
+    """Lights with a true map of this kind under which every row keeps the map, in the scene's order."""
+    known = [name.partition("/")[2] for name in views.truth if name.startswith(f"{kind}/")]
+    return [light for light in known if all(f"{kind}/{light}" in found for _, found in views.rows)]
 
 
-def _relit(views: SceneViews) -> Sketch:
-    names = lights(views)
-    bands = views.bands()
+def _relit(views: SceneViews, kind: str) -> Sketch:
+    names = lights(views, kind)
+    bands, shown = views.bands(), maps.KINDS[kind].shown
     with rc_context(STYLE):
         figure = blank(TILE * (len(bands[0].rows) + 1) + 0.4, (TILE * len(names) + 0.4) * len(bands))
         grid = figure.subplots(len(names) * len(bands), len(bands[0].rows) + 1, squeeze=False)
@@ -189,12 +198,14 @@ def _relit(views: SceneViews) -> Sketch:
             for column, (label, found) in enumerate([("truth", band.truth), *band.rows]):
                 grid[start, column].set_title(wrapped(label))
                 for line, light in enumerate(names, start):
-                    show(grid[line, column], found[f"{PREFIX}{light}"])
+                    show(grid[line, column], shown(found[f"{kind}/{light}"]))
             for line, light in enumerate(names, start):
                 name_row(grid[line, 0], plain(light))
         hide_empty(grid)
     caption = (
-        f"{views.scene}, view {views.view}, relit: a line per light, none of them the light of the training views."
-        " Where the true albedo is known, albedo is aligned with it first, as for the values of the table."
+        f"{views.scene}, view {views.view}, {maps.KINDS[kind].label}: a line per light, none of them the light of the"
+        " training views. Where the true albedo is known, albedo is aligned with it first, as for the values of the"
+        " table."
     )
-    return Sketch(file_name(views.scene, "relighting"), caption, figure)
+    name = "relighting" if kind == RELIT else "relighting_indirect"
+    return Sketch(file_name(views.scene, name), caption, figure)

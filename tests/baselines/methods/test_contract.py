@@ -19,7 +19,8 @@ from radiogs_core.contract import Method, Prepared, Trained
 from radiogs_core.errors import DataError
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget
 
-WITH_INCIDENT = {"gi-gs", "irgs", "r3dg", "svg-ir"}
+ARRIVING = {"gi-gs": ("incident",), **dict.fromkeys(("irgs", "r3dg", "svg-ir"), ("incident", "incident_direct"))}
+"""Maps of incident light by method."""
 """Methods with a map of incident indirect light under the recovered light."""
 
 BALL_SEEN, FLOOR_SEEN = SCENE.test[0].camera, looking_down(size=5)
@@ -87,12 +88,11 @@ def test_maps_match_their_declaration(name: str, relit: bool) -> None:
     torch.testing.assert_close(length, torch.ones_like(length))
     assert float(maps["image"].min()) >= 0
     assert float(maps["image"].max()) <= 1
-    further = {"incident"} if name in WITH_INCIDENT and not relit else set()
+    further = () if relit else ARRIVING.get(name, ())
     assert set(shown.offers) == {*shown.default, *further}
-    with_incident = shown.render(camera, "incident")
+    with_incident = shown.render(camera, *further)
     assert set(with_incident) == {*shown.default, *further}
-    if further:
-        assert float(with_incident["incident"].max()) > 0
+    assert all(float(with_incident[each].max()) > 0 for each in further)
 
 
 @pytest.mark.parametrize("name", MODELS)

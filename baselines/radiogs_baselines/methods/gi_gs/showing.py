@@ -9,10 +9,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Prepared, Run
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.on_surfels.trained import (
-    SHOWN_WITH_INCIDENT,
+    INCIDENT,
     Shown,
     TrainedOnSurfels,
     blended_maps,
@@ -32,6 +32,9 @@ from .shading import Shader
 
 Maps = dict[str, Float[Tensor, "height width _"]]
 
+SHOWN = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
+"""Maps under the recovered light; what is incident comes from other pixels alone."""
+
 
 class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
     """A trained model and its run; see ``radiogs_core.contract.Trained``."""
@@ -43,7 +46,7 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
         """Rendering under the recovered light, shaded as in training."""
         own = self._shader(self.run.variant.occlusion, self.run.variant.indirect)
         light = SplitSumLight(PrefilteredLight(self.model.environment.detach(), self.run.variant.masking)).ready()
-        return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), SHOWN_WITH_INCIDENT)
+        return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), SHOWN)
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]

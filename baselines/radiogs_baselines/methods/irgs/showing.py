@@ -15,6 +15,7 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from radiogs_core.on_surfels.trained import (
+    ARRIVING,
     SHOWN_WITH_INCIDENT,
     Shown,
     TrainedOnSurfels,
@@ -28,6 +29,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.maps import mean_incident
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -153,30 +155,30 @@ class Renderer:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
-        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world z-depth): one
-        channel. normal: unit in the world, zero where empty.
+        hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo: linear.
+        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
         """
         seen = seen_surfels(camera, self.surfels, self.albedo, {})
-        radiance = self._radiance(camera, seen)
+        radiance = self._radiance(camera, seen, () if set(ARRIVING).isdisjoint(further) else ARRIVING)
         return {
             **radiance,
             "image": displayed(radiance["direct"] + radiance["indirect"], seen.alpha, self.straight).clamp(0, 1),
             **blended_maps(seen),
         }
 
-    def _radiance(self, camera: Camera, seen: Splat) -> Maps:
-        """Maps ``direct``, ``indirect`` and ``incident``, shaded in batches of at most ``RAYS_AT_ONCE`` rays."""
+    def _radiance(self, camera: Camera, seen: Splat, arriving: tuple[str, ...]) -> Maps:
+        """Maps ``direct``, ``indirect`` and ``arriving`` (all of ``ARRIVING`` or none), shaded in batches of at most
+        ``RAYS_AT_ONCE`` rays."""
         generator = torch.Generator(seen.alpha.device).manual_seed(self.seed)
-        names = ("direct", "indirect", "incident")
+        names = ("direct", "indirect", *arriving)
         maps = {name: torch.zeros(seen.alpha.numel(), 3, device=seen.alpha.device) for name in names}
         for pixels in covered_pixels(seen).split(max(1, RAYS_AT_ONCE // self.light.samples)):
             points = seen_points(camera, seen, pixels)
             incident = self.light.on(points, generator)
             shaded = shade_points(points, incident, self.light.environment)
-            alpha, weight = seen.alpha.flatten()[pixels, None], incident.weight[..., None]
-            total = weight.sum(1)
-            arriving = (weight * incident.radiance).sum(1) / torch.where(total > 0, total, 1.0)
-            for name, values in zip(names, (shaded.direct, shaded.indirect, arriving), strict=True):
+            alpha = seen.alpha.flatten()[pixels, None]
+            means = mean_incident(incident, self.light.environment) if arriving else ()
+            for name, values in zip(names, (shaded.direct, shaded.indirect, *means), strict=True):
                 maps[name][pixels] = alpha * values
         return {name: values.view(*seen.alpha.shape, 3) for name, values in maps.items()}
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.on_surfels.trained import (
-    INCIDENT,
+    ARRIVING,
     SHOWN_WITH_INCIDENT,
     Shown,
     TrainedOnSurfels,
@@ -24,7 +24,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.maps import incident_map, shaded_maps
+from radiogs_core.transport.maps import incident_maps, shaded_maps
 
 from .local_light import arriving
 from .model import Model
@@ -87,9 +87,9 @@ class Renderer:
     def render(self, camera: Camera, *further: str) -> Maps:
         """Maps of one view; see ``on_surfels.trained.Renderer``."""
         maps = shaded_maps(camera, self.surfels, self.albedo, self.incident, self.environment, straight=self.straight)
-        if INCIDENT in further:
-            maps[INCIDENT] = incident_map(camera, self.surfels, self.incident)
-        return maps
+        if set(ARRIVING).isdisjoint(further):
+            return maps
+        return maps | incident_maps(camera, self.surfels, self.incident, self.environment)
 
 
 PAPER = PRESETS["paper"]

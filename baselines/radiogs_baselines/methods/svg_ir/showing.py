@@ -13,10 +13,11 @@ from torch import Tensor
 
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.trained import SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
+from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.maps import mean_incident
 from radiogs_core.transport.splatting import splat, towards
 
 from .model import Model
@@ -102,21 +103,23 @@ class Renderer:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
-        surfel's hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world
-        z-depth): one channel. normal: blended vertex normals, unit in the world, zero where empty.
+        surfel's hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo:
+        linear. roughness, alpha, depth (world z-depth): one channel. normal: blended vertex normals, unit in the world,
+        zero where empty.
         """
         surfels = self.model.surfels
         camera = camera.to(surfels.centre.device, surfels.centre.dtype)
         seen = splat(camera, surfels, {}, depth_unit=1.0)
         projection = surfels.seen_by(camera, radiance=False)
-        shaded = self._shaded(camera, torch.nonzero(projection.lists.touched)[:, 0])
-        blended = blend_vertices(projection, surfels, torch.cat([shaded, self.materials], -1), self.distance)
-        direct, indirect, incident, albedo, roughness, normal = blended.split([3, 3, 3, 3, 1, 3], -1)
+        arriving = () if set(ARRIVING).isdisjoint(further) else ARRIVING
+        shaded = self._shaded(camera, torch.nonzero(projection.lists.touched)[:, 0], bool(arriving))
+        blended = blend_vertices(projection, surfels, torch.cat([self.materials, shaded], -1), self.distance)
+        albedo, roughness, normal, direct, indirect, *means = blended.split([3, 1, 3, 3, 3, *(3 for _ in arriving)], -1)
         return {
             "image": displayed(direct + indirect, seen.alpha, self.straight).clamp(0, 1),
             "direct": direct,
             "indirect": indirect,
-            "incident": incident,
+            **dict(zip(arriving, means, strict=True)),
             "albedo": albedo,
             "roughness": roughness,
             "alpha": seen.alpha[..., None],
@@ -124,15 +127,15 @@ class Renderer:
             "depth": seen.depth[..., None],
         }
 
-    def _shaded(self, camera: Camera, index: Tensor) -> Float[Tensor, "surfels vertices 9"]:
-        """Direct, indirect and incident radiance of the vertices of the surfels ``index``; zero for all others."""
+    def _shaded(self, camera: Camera, index: Tensor, arriving: bool) -> Float[Tensor, "surfels vertices channels"]:
+        """Direct and indirect radiance of the vertices of the surfels ``index``, then the mean incident radiance,
+        indirect and direct, if ``arriving``; zero for all others."""
         incident = self.lit.table.incident(index, self.lit.factor)
         outgoing = towards(camera, self.model.surfels)[index]
         direct, indirect = shade_vertices(self.materials[index], incident, outgoing, self.lit.environment)
-        weight = incident.weight[..., None]
-        arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
-        shaded = torch.cat([direct, indirect, arriving[:, None].expand_as(direct)], -1)
-        return shaded.new_zeros(*self.materials.shape[:2], 9).index_copy(0, index, shaded)
+        means = mean_incident(incident, self.lit.environment) if arriving else ()
+        shaded = torch.cat([direct, indirect, *(each[:, None].expand_as(direct) for each in means)], -1)
+        return shaded.new_zeros(*self.materials.shape[:2], shaded.shape[-1]).index_copy(0, index, shaded)
 
 
 PAPER = PRESETS["paper"]

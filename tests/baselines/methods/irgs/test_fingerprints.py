@@ -39,6 +39,8 @@ def test_indirect_light_is_the_radiance_of_the_hit_surfel_times_its_opacity(opac
     solid = together(FLOOR, sheet(ABOVE, DOWN, radiance=radiance))
     torch.testing.assert_close(own(veiled, grey())["incident"], torch.full((3,), opacity * radiance), rtol=1e-3, atol=0)
     torch.testing.assert_close(own(solid, grey())["incident"], torch.full((3,), radiance), rtol=1e-5, atol=0)
+    arriving = own(veiled, grey())["incident_direct"]
+    torch.testing.assert_close(arriving, torch.full((3,), 1 - opacity), rtol=1e-3, atol=1e-6)
     # Light of 0.7 from everywhere, whatever sends it: the floor looks the same.
     torch.testing.assert_close(own(solid, grey())["indirect"], own(FLOOR, grey(radiance))["direct"], rtol=1e-4, atol=0)
     assert torch.equal(own(solid, grey(), "none")["indirect"], torch.zeros(3))

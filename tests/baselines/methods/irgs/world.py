@@ -88,6 +88,6 @@ def relit(surfels: Surfels, light: EnvironmentMap, hit_albedo: Tensor, indirect:
 
 def middle(renderer: Renderer) -> dict[str, Tensor]:
     """Values of the middle pixel of ``looking_down``, divided by its coverage."""
-    maps = renderer.render(looking_down(dtype=renderer.surfels.centre.dtype))
+    maps = renderer.render(looking_down(dtype=renderer.surfels.centre.dtype), "incident")
     seen = {name: values[1, 1] for name, values in maps.items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident")}
+    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident", "incident_direct")}

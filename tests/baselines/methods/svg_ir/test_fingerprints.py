@@ -61,6 +61,7 @@ def test_the_ratio_scales_only_the_radiance_of_the_table() -> None:
         assert float(one[name].min()) > 0.01
         torch.testing.assert_close(twice[name], 2 * one[name])
     assert torch.equal(twice["direct"], one["direct"])
+    assert torch.equal(twice["incident_direct"], one["incident_direct"])
 
 
 def test_direct_light_is_multiplied_by_visibility() -> None:

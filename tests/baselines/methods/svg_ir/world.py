@@ -55,8 +55,8 @@ def shown(model: Model, table: Table, environment: Tensor, factor: Tensor | floa
     """The middle pixel of every map, divided by its coverage."""
     lit = Lit(environment, table, factor)
     renderer = Renderer(model, materials_of(model, model.albedo), lit, DISTANCE)
-    seen = {name: values[1, 1] for name, values in renderer.render(looking_down(0.002)).items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident")}
+    seen = {name: values[1, 1] for name, values in renderer.render(looking_down(0.002), "incident").items()}
+    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident", "incident_direct")}
 
 
 def own(surfels: Surfels, ratio: float = 1.0, samples: int = 64, **changes: Any) -> dict[str, Tensor]:
