@@ -12,8 +12,12 @@ from typing import Any, cast
 
 from radiogs_baselines.published import values_beside
 from radiogs_core.errors import DataError, ExplainedError
+from radiogs_reports.analysis.audit import AuditReport, audit_report
 from radiogs_reports.analysis.chain import ChainReport, chain_report
+from radiogs_reports.analysis.cost import CostReport, cost_report
 from radiogs_reports.analysis.crossed import CrossedReport, crossed_report
+from radiogs_reports.analysis.ladder import LadderReport, ladder_report
+from radiogs_reports.analysis.published_order import OrderReport, order_report
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.statistics import differences
 from radiogs_reports.summary import (
@@ -42,6 +46,12 @@ RECORD_SCHEMA = "radiogs-bench/record/1"
 
 RECORDS = Path(__file__).parents[1] / "records"
 """The project's own records, one for each suite that has any."""
+
+
+ANALYSES = (audit_report, ladder_report, chain_report, crossed_report, order_report, cost_report)
+"""What a record keeps beside the table, each where its rows allow it."""
+
+Report = AuditReport | LadderReport | ChainReport | CrossedReport | OrderReport | CostReport
 
 
 def longer_run(store: Store, sweep: Sweep) -> LongerRun:
@@ -85,20 +95,25 @@ def recorded(made: Summary) -> LongerRun:
         published={row: dict(values) for row, values in made["published"].items() if row in made["cells"]},
         published_data=made["published_data"],
     )
-    if found := [each for each in (chain_report(made), crossed_report(made)) if each is not None]:
-        run["analyses"] = [_recorded_grid(each) for each in found]
+    reports = [report for analysis in ANALYSES if (report := analysis(made)) is not None]
+    if found := [grid for report in reports for grid in _recorded_grids(report)]:
+        run["analyses"] = found
     return cast(LongerRun, _six_digits(run))
 
 
-def _recorded_grid(report: ChainReport | CrossedReport) -> RecordedGrid:
-    grid = report.grid
-    return RecordedGrid(
-        title=grid.title,
-        note=grid.note,
-        sentences=list(report.sentences),
-        heads=list(grid.heads),
-        lines=[[item.text for item in line] for line in grid.rows],
-    )
+def _recorded_grids(report: Report) -> list[RecordedGrid]:
+    """The tables of a report, the first one with its sentences, but for one that the table's note already has."""
+    grids = report.grids if isinstance(report, CostReport) else [report.grid]
+    return [
+        RecordedGrid(
+            title=grid.title,
+            note=grid.note,
+            sentences=[] if number else [each for each in report.sentences if each != grid.note],
+            heads=list(grid.heads),
+            lines=[[item.text for item in line] for line in grid.rows],
+        )
+        for number, grid in enumerate(grids)
+    ]
 
 
 def _cell(made: Summary, row: str, column: str, cell: CellSummary) -> RecordedCell:

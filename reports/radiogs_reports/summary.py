@@ -321,7 +321,8 @@ class LongerRun(RunTable):
     cells: dict[str, dict[str, RecordedCell]]
     """By row, then column."""
     analyses: NotRequired[list[RecordedGrid]]
-    """The worth of steps and of pairs of rows; absent where the run allows neither."""
+    """What its rows allow beside the table: an audit of effects, a ladder of truths, the worth of steps, of pairs of
+    rows and of knobs, the order of methods; absent where they allow none."""
     keys: NotRequired[dict[str, str]]
     """The key of every cell by its label; other sources, settings or scenes have other keys."""
 

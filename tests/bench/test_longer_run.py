@@ -15,10 +15,10 @@ from radiogs_bench.cli import main
 from radiogs_bench.cli.plan import show_plan
 from radiogs_bench.results import longer_run
 from radiogs_bench.results.longer_run import RECORDS, read_record, records_of, write_record
-from radiogs_bench.runs.sweep import recipe_of_rows
+from radiogs_bench.runs.sweep import read_sweep, recipe_of_rows
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.consistency import RIVALS
-from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.paper import ABLATIONS, NS
 from radiogs_core.errors import DataError
 from radiogs_reports.tables.longer_run import HEADING
 from radiogs_reports.write.longer_run import record_document
@@ -125,6 +125,17 @@ def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
     ]  # fmt: skip
     written = document.read_text()
     assert all(line in written for line in (found["title"], found["note"], *found["sentences"]))
+
+
+def test_a_record_keeps_what_turning_a_knob_gains_and_costs(tmp_path: Path) -> None:
+    sweep, request = FakeSweep(tmp_path), asked(2, NS)
+    cells = request.cells()
+    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    sweep.run([cell for _, cell in cells])
+    found = longer_run.longer_run(sweep.store, read_sweep(tmp_path))["analyses"]
+    assert len(found) > 1
+    assert found[0]["sentences"]
+    assert not any(each["sentences"] for each in found[1:])
 
 
 def test_a_changed_record_is_refused_and_the_run_is_shown_without_it(
