@@ -49,7 +49,7 @@ RECORDS = Path(__file__).parents[1] / "records"
 
 
 ANALYSES = (audit_report, ladder_report, chain_report, crossed_report, order_report, cost_report)
-"""What a record keeps beside the table, each where its rows allow it."""
+"""Analyses that a record keeps beside the table, each where its rows allow it."""
 
 Report = AuditReport | LadderReport | ChainReport | CrossedReport | OrderReport | CostReport
 

@@ -321,8 +321,8 @@ class LongerRun(RunTable):
     cells: dict[str, dict[str, RecordedCell]]
     """By row, then column."""
     analyses: NotRequired[list[RecordedGrid]]
-    """What its rows allow beside the table: an audit of effects, a ladder of truths, the worth of steps, of pairs of
-    rows and of knobs, the order of methods; absent where they allow none."""
+    """Tables beside the main one: an audit of effects, a ladder of truths, the worth of steps, of pairs of rows and of
+    knobs, the order of methods; absent where its rows allow none."""
     keys: NotRequired[dict[str, str]]
     """The key of every cell by its label; other sources, settings or scenes have other keys."""
 
