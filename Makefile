@@ -26,7 +26,7 @@ $(READY): $(INSTALLED)
 ablations: $(INSTALLED) ## the paper's ablation table on eight scenes of the package, and a longer run beside it
 	$(BIN)/radiogs-bench run ablations --workers 2
 
-lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code, plain words
+lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code, plain words, values without a command
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -34,6 +34,7 @@ lint: $(READY) ## style, types, which room may import which, how large functions
 	$(BIN)/python .ci/structure.py
 	$(BIN)/python .ci/code_links.py
 	$(BIN)/python .ci/plain_words.py
+	$(BIN)/python .ci/values.py
 
 test: lint ## lint, then every test that is fast, in two processes (those for a GPU skip themselves)
 	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile
