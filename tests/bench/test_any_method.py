@@ -190,6 +190,7 @@ def test_every_experiment_has_its_reports_for_another_method_alone(
     assert (tmp_path / f"{suite}.csv").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", NAMES)
 def test_a_model_of_another_method_is_trained_rendered_and_exported(
     names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

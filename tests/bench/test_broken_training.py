@@ -12,6 +12,7 @@ from radiogs_bench.store.folder import Store
 BROKEN_AT, SURFEL = 3, 17
 
 
+@pytest.mark.slow
 def test_a_nan_injected_into_one_surfel_is_named_and_its_state_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

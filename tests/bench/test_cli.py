@@ -296,6 +296,7 @@ def test_a_second_run_begins_no_cell_and_shows_the_same_table(
     assert main(["report", str(tmp_path), "--columns", "nvs/psnr"]) == 2
 
 
+@pytest.mark.slow
 def test_a_run_is_compared_with_another_of_the_same_protocol_and_rows(
     run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

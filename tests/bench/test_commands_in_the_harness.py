@@ -59,6 +59,7 @@ def run(out: Path, *arguments: str) -> int:
     return main([*RUN, "--out", str(out), *arguments])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_metric_is_that_of_scoring_the_folder(
     layout: str, shelf: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -108,6 +109,7 @@ def test_a_crashing_cell_fails_alone_and_runs_again_once_repaired(
     assert set(results(out)) == {"radiogs", "gs-ir-stand-in"}
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_command_and_its_children_and_the_run_goes_on_later(
     shelf: Callable[[str], Path], tmp_path: Path
 ) -> None:

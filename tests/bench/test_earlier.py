@@ -53,6 +53,7 @@ def train(folder: Path, *further: str) -> int:
     return main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(folder), *further])
 
 
+@pytest.mark.slow
 def test_a_finished_model_is_replaced_only_with_force(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,6 +75,7 @@ def test_a_finished_model_is_replaced_only_with_force(
     assert read_about(tmp_path)["seed"] == 1
 
 
+@pytest.mark.slow
 def test_training_from_python_keeps_what_the_command_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(substitutes, fake_method.FAKE.name, fake_method.FAKE)
     assert train(tmp_path / "shell") == 0

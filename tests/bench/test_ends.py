@@ -51,6 +51,7 @@ def run(made: Path, tmp_path: Path) -> Path:
     return shutil.copytree(made, tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_run_reports_itself_where_another_was_started_in_its_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -70,6 +71,7 @@ def test_a_run_reports_itself_where_another_was_started_in_its_folder(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_reports_do_not_overwrite_what_links_lead_to(run: Path, tmp_path: Path) -> None:
     """Audit M18."""
     mine = tmp_path / "mine"
@@ -93,6 +95,7 @@ def test_a_folder_of_reports_that_is_a_link_is_refused(
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bound", "first"), [(100, ".md"), (18_000, ".png"), (30_000, "sheet"), (200_000, ".html")])
 def test_reports_that_do_not_fit_on_the_disk_are_explained_and_made_later(
     bound: int, first: str, run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

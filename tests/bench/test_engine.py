@@ -151,6 +151,7 @@ def test_a_cell_of_another_process_is_waited_for(
     assert capsys.readouterr().err.count(": started") == 4  # theirs was never started here
 
 
+@pytest.mark.slow
 def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: Path) -> None:
     """Both end, every cell is there, and no stage was begun twice."""
     program = (

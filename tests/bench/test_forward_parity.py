@@ -90,6 +90,7 @@ def test_a_scene_whose_surfaces_or_light_are_not_known_is_refused() -> None:
         known_scene(replace(scene, training_light=None), 0.5)
 
 
+@pytest.mark.slow
 def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     scene = load_scene("furnace-0.5")
     cost = replace(PRESETS["smoke"], finetune_iterations=80, finetune_surfels=400, finetune_samples=48)

@@ -31,6 +31,7 @@ def tried(folder: Path, what: str, within: Sequence[str] = ()) -> list[dict[str,
     return attempts
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_sweep_and_loses_nothing(tmp_path: Path) -> None:
     reason = why_nothing_can_be_mounted(tmp_path)
     if reason is not None:
@@ -39,6 +40,7 @@ def test_a_full_disk_stops_the_sweep_and_loses_nothing(tmp_path: Path) -> None:
     assert {attempt["finished"] for attempt in attempts} == {0, 1, 2, 3, 4, 5}
 
 
+@pytest.mark.slow
 def test_files_that_may_not_grow_stop_the_sweep_and_lose_nothing(tmp_path: Path) -> None:
     """Needs no rights; the kernel refuses in the middle of a file."""
     attempts = tried(tmp_path, "size")

@@ -17,6 +17,7 @@ from radiogs_bench.lab.steps.growth import Axis
 from radiogs_bench.lab.steps.growth_table import growth_table, ranged, within
 
 
+@pytest.mark.slow
 def test_the_command_fits_what_it_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -132,6 +132,7 @@ def test_kernels_that_count_no_bytes_have_a_row_all_the_same(capsys: pytest.Capt
     assert "split-sum" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = tmp_path / "kernels.json"
     assert main(["bench", "kernels", "--kernels", "shade", "--repetitions", "1", "--json", str(record)]) == 0

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 
+@pytest.mark.slow
 def test_a_sweep_killed_at_any_write_ends_with_the_same_table(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "bench.kill_everywhere", str(tmp_path)]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)

@@ -85,6 +85,7 @@ def test_training_ends_with_the_scores_of_the_model(folder: Path, capsys: pytest
     assert f"{ended['nvs/psnr']:.4f}" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path: Path) -> None:
     """But for 8 bits of the images and 11 of the maps."""
     ended, light = metrics_of(folder / "score.json"), sorted(load_scene("convex").lights)[0]
@@ -102,6 +103,7 @@ def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path
     assert "nvs/psnr" not in relit
 
 
+@pytest.mark.slow
 def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
     assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path)]) == 0
     assert not (tmp_path / "score.json").exists()
@@ -178,6 +180,7 @@ def test_a_mesh_that_cannot_be_made_is_explained(
     assert complaint in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_relighting_a_scene_without_masks_says_what_it_is_worth(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -70,6 +70,7 @@ def put_surfels(name: str, value: object) -> Callable[[dict[str, Any]], None]:
     return lambda product: product["surfels"].update({name: value})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "what"),
     [
@@ -303,6 +304,7 @@ def test_a_cube_map_relights_as_what_it_shows_and_other_shapes_are_refused(
         rb.open_model(trained).prepared(EnvironmentMap(torch.rand(8, 8, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", ["Y down", "Y up", "X up", "tilted"])
 def test_one_light_stands_alike_in_every_world_of_a_capture(tmp_path: Path, world: str) -> None:
     """The sky's top was taken for +Z of the capture's world; COLMAP's worlds have Y down, or any direction."""

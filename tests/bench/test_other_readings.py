@@ -166,6 +166,7 @@ def test_a_ground_is_named(tmp_path: Path, scene: Scene, colour: tuple[float, ..
     assert ("write them on black" in found) == (colour[0] != 1)
 
 
+@pytest.mark.slow
 def test_images_on_white_score_as_on_black_with_the_option(
     tmp_path: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,6 +12,8 @@ import pytest
 
 from radiogs_bench.store.seal import sealed, strict_json
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "own_method"
 

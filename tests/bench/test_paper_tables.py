@@ -96,6 +96,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, PaperTable]:
     return run_on(tmp_path_factory.mktemp("whole"), tensoir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenes", "settings"),
     [

@@ -72,6 +72,7 @@ def test_8_bits_change_scores_by_their_rounding_error(trained: Path, ended: dict
     assert abs(found["roughness/mse"] - ended["roughness/mse"]) < most
 
 
+@pytest.mark.slow
 def test_a_layout_on_white_scores_new_views_as_a_protocol_on_white_does(trained: Path, tmp_path: Path) -> None:
     """Relit views and materials do not: they are compared where the prediction is solid, which no file says."""
     found = exported(trained, tmp_path, "tensoir", 16, "tensoir")

@@ -45,6 +45,7 @@ def recorded(folder: Path) -> dict[str, Any]:
     return record
 
 
+@pytest.mark.slow
 def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["corner", "--preset", "smoke", "--as", "3x40x32", "--test-views", "2", "--forecast-for", "rtx-4090"]
     look = fit_geometry.largest_contribution

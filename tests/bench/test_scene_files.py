@@ -57,6 +57,7 @@ def train(scene: Scene, folder: Path, score: Callable[..., Evaluation] = evaluat
     return cell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [SceneOptions(), SceneOptions(reduce=2)], ids=["as stored", "reduced"])
 def test_unchanged_files_agree_with_the_checksum(scene: Scene, options: SceneOptions) -> None:
     for each in (scene, load_scene(str(scene.folder), options=options), load_scene("corner"), load_scene("hard-cases")):
@@ -125,6 +126,7 @@ def test_a_scene_whose_checksum_was_of_other_files_is_refused(scene: Scene, tmp_
         train(replace(scene, checksum="1" * 64), tmp_path / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rgba.png", "depth.exr"])
 def test_a_file_that_was_changed_and_put_back_is_not_decoded(kind: str, scene: Scene, tmp_path: Path) -> None:
     """Audit M1: between two digests nobody saw it, and what was made of it was kept."""

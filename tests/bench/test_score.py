@@ -54,6 +54,7 @@ def test_the_code_of_a_folder_is_recognised_from_its_files(code: str, folders: d
     assert likely_codes(folders[code]) == [code]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", list(WRITERS))
 def test_the_same_prediction_scores_the_same_in_every_layout(code: str, folders: dict[str, Path], scene: Scene) -> None:
     ours, reference = figures(folders[code], scene), figures(folders["plain"], scene)
@@ -113,6 +114,7 @@ def test_the_iteration_with_the_largest_number_is_read(scene: Scene, tmp_path: P
     assert "ours_20000" in str(found.path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "first"),
     [
@@ -210,6 +212,7 @@ def test_normals_in_any_encoding_are_directions(folders: dict[str, Path], scene:
     torch.testing.assert_close(normal.norm(dim=-1)[solid], torch.ones(int(solid.sum())), rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_record(
     folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,6 +71,7 @@ def cell_of_row(run: Path, row: str = "GS-IR, 30k") -> dict[str, Any]:
     return json.loads((run / "cells" / f"{place['key']}.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_row_from_files_has_the_metrics_of_score_in_the_tables(run: Path, files: Path, tmp_path: Path) -> None:
     assert into(run, files) == 0
     record = tmp_path / "score.json"
@@ -87,6 +88,7 @@ def test_a_row_from_files_has_the_metrics_of_score_in_the_tables(run: Path, file
     assert "PNG of 8 bits" in page
 
 
+@pytest.mark.slow
 def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, files: Path) -> None:
     into(run, files)
     summary = json.loads((run / "summary.json").read_text())
@@ -105,6 +107,7 @@ def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, 
     assert len(lines) == len(SUITE.columns)
 
 
+@pytest.mark.slow
 def test_a_row_of_one_scene_beside_means_of_two_is_marked_in_its_cells(files: Path, tmp_path: Path) -> None:
     request = replace(REQUEST, scenes={"corner": SCENE, "convex": load_scene("convex")})
     store, cells = Store(tmp_path / "two"), request.cells()
@@ -122,6 +125,7 @@ def test_a_row_of_one_scene_beside_means_of_two_is_marked_in_its_cells(files: Pa
     assert not any(row.cells[0].marks for row in measured_rows)
 
 
+@pytest.mark.slow
 def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Path) -> None:
     assert into(run, files) == 0
     before = cell_of_row(run)
@@ -171,6 +175,7 @@ def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(r
         assert with_rows_from_files(store, changed, checksums)[0]["rows"] == fresh["rows"]  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_status_verify_and_export_read_the_row(run: Path, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     into(run, files)
     assert main(["report", str(run)]) == 0

@@ -174,6 +174,7 @@ def test_a_path_that_leads_out_of_the_folder_counts_as_missing(tmp_path: Path) -
     assert pair.lacking == ("../secret.png", "../secret.png")
 
 
+@pytest.mark.slow
 def test_the_published_example_scores_what_its_own_log_says(
     shared_data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -126,6 +126,7 @@ def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
 SHADED = "radiogs_core.kernels.shade.shade_source"
 
 
+@pytest.mark.slow
 def test_prose_and_layout_change_no_key(copies: SourceTree, unchanged: dict[str, str]) -> None:
     """In every module at once: a comment, a blank line, another docstring of the module, another width of lines."""
     reworded = {}

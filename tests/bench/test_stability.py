@@ -231,6 +231,7 @@ def test_an_error_beyond_its_tolerance_ends_the_run_with_exit_code_4_after_its_r
     assert (tmp_path / "figures" / "stability.png").is_file()
 
 
+@pytest.mark.slow
 def test_the_suite_that_comes_with_the_package_ends_with_a_figure_and_claims_no_seconds_of_training(
     tmp_path: Path,
 ) -> None:

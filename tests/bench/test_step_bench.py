@@ -142,6 +142,7 @@ def test_processor_time_has_no_ticks_while_the_stack_is_looked_at() -> None:
     assert len(seen) > 1000
 
 
+@pytest.mark.slow
 def test_the_worker_imports_nothing_of_the_kit_that_it_does_not_measure() -> None:
     """Another checkout's kit may lack what evaluation and kernel benches of this one import."""
     code = "import sys, radiogs_bench.lab.steps.worker; print(*(name for name in sys.modules if 'bench' in name))"

@@ -114,6 +114,7 @@ def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_p
     assert steps_to_take(store, []) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 3, 50])
 def test_shards_are_every_cell_once_and_share_no_first_stage(count: int) -> None:
     whole = asked(4)

@@ -48,6 +48,7 @@ def test_watch_follows_a_training_until_it_ends(
     assert said[2:] == ["stopped"]
 
 
+@pytest.mark.slow
 def test_a_training_keeps_its_pace_while_it_works_and_status_names_its_model_afterwards(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ CPU = torch.device("cpu")
 LITTLE = with_values(PRESETS["smoke"], {"geometry.steps": 12, "inverse_iterations": 9, "geometry.initial_surfels": 100})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", ["all", "auto"])
 def test_a_training_compiles_nothing_that_warming_up_has_not(effects: str) -> None:
     """Blending is compiled for its number of channels; a probe blends as many images as there are plans to compare."""

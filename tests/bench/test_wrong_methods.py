@@ -223,6 +223,7 @@ def facts_beside(folder: Path, *others: Chain) -> Mapping[str, Any]:
     return stored["facts"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODD)
 def test_a_method_changes_nothing_of_another_row(name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     places: list[Run] = []
@@ -316,6 +317,7 @@ class Nameless(Exception):
         raise ValueError("no text")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error", [asyncio.CancelledError, KeyboardInterrupt, GeneratorExit, BaseException, SystemExit, Nameless]
 )
@@ -466,6 +468,7 @@ def values(store: Store, chain: Chain) -> Any:
         return result["metrics"], result["losses"], {name: arrays[name].tobytes() for name in arrays}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_every_call_with_every_wrong_outcome_leaves_other_rows_as_they_are(call: str, tmp_path: Path) -> None:
     """A cell whose call has a wrong outcome ends with a result or a record of its failure."""

@@ -115,6 +115,7 @@ def test_there_is_something_to_check() -> None:
     assert len(SYMBOLS) > 5
 
 
+@pytest.mark.slow
 def test_the_tests_of_the_walks_pass(changed: Path) -> None:
     tests = sorted(target for target in MADE if target.startswith("tests/"))
     assert len(tests) == 3
@@ -122,6 +123,7 @@ def test_the_tests_of_the_walks_pass(changed: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_the_mutant_of_the_walk_is_noticed(changed: Path) -> None:
     mutant = tomllib.loads((changed / ".ci/mutants.toml").read_text(encoding="utf-8"))["mutant"][-1]
     assert mutant["file"] in MADE
@@ -143,11 +145,13 @@ def test_the_changed_tree_has_no_finding_once_its_imports_are_sorted(changed: Pa
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_the_changed_tree_keeps_the_structure(changed: Path) -> None:
     done = python(changed, ".ci/structure.py")
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_the_suite_of_the_walk_is_one_that_can_be_run(changed: Path) -> None:
     (suite,) = (target for target in MADE if target.endswith(".toml"))
     done = python(changed, "-m", "radiogs_bench", "run", suite, "--dry-run", "--preset", "smoke", "--out", "out")

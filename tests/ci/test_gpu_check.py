@@ -90,6 +90,7 @@ def test_its_commands_are_ones_that_the_program_has(check: ModuleType, tmp_path:
                 assert not word.startswith("--") or word in done.stdout, (part.name, word)
 
 
+@pytest.mark.slow
 def test_a_part_runs_in_full_with_the_cpu_in_the_place_of_a_card(check: ModuleType, tmp_path: Path) -> None:
     parts = {part.name: part for part in check.parts("cpu", tmp_path)}
     frames = parts["frame speed"]

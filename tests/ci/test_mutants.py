@@ -148,6 +148,7 @@ def sampling() -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_drawn_mutants_apply_are_python_and_are_the_same_for_a_seed(
     mutants: ModuleType, sampling: ModuleType, tmp_path: Path
 ) -> None:

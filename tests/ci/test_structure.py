@@ -142,6 +142,7 @@ def test_what_a_test_may_not_reach_for_is_found(structure: ModuleType, text: str
     assert [each.partition(" ")[2] for each in found] == ([said] if said else [])
 
 
+@pytest.mark.slow
 def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
     tree = installed()
     modules = list(tree.closure(*OURS))

@@ -149,6 +149,7 @@ def test_a_generated_scene_that_was_moved_does_not_know_the_surfaces_of_before(
     assert load_scene(str(corner)).surfaces is None
 
 
+@pytest.mark.slow
 def test_every_miniature_knows_its_surfaces() -> None:
     assert all(load_scene(name).surfaces is not None for name in (*scene_names(), "corner-128"))
 

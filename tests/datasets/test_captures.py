@@ -386,6 +386,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", list(MISTAKES))
 def test_a_mistake_is_one_clear_error(mistake: str, tmp_path: Path) -> None:
     folder = capture(tmp_path / "eine Szene ü", "PINHOLE")

@@ -42,6 +42,7 @@ def test_the_table_has_at_least_48_injuries() -> None:
     assert len(INJURIES) >= 48
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "check"),
     [
@@ -63,6 +64,7 @@ def test_a_sound_scene_has_no_finding_by_shape_or_radiance() -> None:
         assert list(check(evidence)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "trains"), [("run ablations --rows ours --scenes", (run, "run_cells")), ("train", (api, "trained"))]
 )

@@ -179,6 +179,7 @@ MISTAKES: dict[str, tuple[str, Callable[[Path], None], str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", list(MISTAKES))
 def test_a_mistake_is_one_clear_error(mistake: str, folder: Callable[[str], Path]) -> None:
     layout, make, words = MISTAKES[mistake]

@@ -79,6 +79,7 @@ def test_the_miniatures_come_with_the_package_and_are_small() -> None:
     assert sum(sizes) < 40_000_000
 
 
+@pytest.mark.slow
 def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
     pictures = Pictures()
     assert (len(scene.train), len(scene.test)) == (RECIPES[scene.name].train, pictures.test)
@@ -94,6 +95,7 @@ def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
             assert view.read(name).dtype == torch.float32
 
 
+@pytest.mark.slow
 def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
     pattern_on_a_curve = np.array(
         [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
@@ -229,6 +231,7 @@ def test_red_light_falls_on_the_white_box() -> None:
         assert float((albedo.max(-1).values - albedo.min(-1).values).max()) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in scene_names() if name not in ("corner", "convex")])
 def test_the_object_is_wholly_in_every_picture(name: str) -> None:
     scene = load_scene(name)
@@ -244,6 +247,7 @@ def test_the_maps_of_the_glossware_show_its_roughness() -> None:
         assert 0.28 < float(roughness.max()) <= 0.3 + HALF_LEVEL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", ["training", "sunset", "overcast"])
 def test_convex_images_are_the_quadrature_of_the_brdf_under_the_stored_light(light: str) -> None:
     """Camera, normals, light's orientation, BRDF and transfer curve at once, in float64, without sampling."""

@@ -62,6 +62,7 @@ def capture(folder: Path, ending: str, image: np.ndarray, mask: str = "") -> Sce
     return load_scene(str(folder), options=SceneOptions(long_side=32, mask_folder=masks))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "kind", "channels", "mask"),
     [

@@ -19,6 +19,7 @@ from radiogs_datasets.reduction import every, smaller
 from radiogs_datasets.registry import TINY, forward_names, scene_names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*scene_names(), *forward_names()])
 def test_every_generated_scene_knows_its_surfaces(name: str) -> None:
     samples = load_scene(name).true_surfaces(0.4)

@@ -137,6 +137,7 @@ def whole_render(parameters: Values, frozen: Frozen, pulls: list[Tensor]) -> Ten
     return torch.stack([(image * pull).sum() for image, pull in zip(images, pulls, strict=True)]).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.case(42)
 @pytest.mark.parametrize("seed", range(5))
 def test_gradients_of_the_whole_renderer_are_central_differences(seed: int) -> None:

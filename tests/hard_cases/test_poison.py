@@ -123,6 +123,7 @@ def ending(slot: str, value: float, seed: int) -> str:
     pytest.fail(f"{value} in {slot} (seed {seed}) is neither named, nor left out, nor right")
 
 
+@pytest.mark.slow
 @pytest.mark.case(13)
 @pytest.mark.parametrize("slot", SLOTS)
 def test_poison_is_named_left_out_or_right(slot: str) -> None:

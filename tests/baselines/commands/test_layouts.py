@@ -21,6 +21,7 @@ BY_NAME = ("r3dg", "svg-ir")
 """Their results under eval/ are named by the last part of a view's image, the same for all views of this layout."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_code_is_trained_rendered_and_relit(
     layout: str, convex: Scene, predicted: dict[str, Maps], pantry: Callable[[str], Path], tmp_path: Path

@@ -159,6 +159,7 @@ def test_case_44_the_same_seed_gives_the_same_model_on_any_number_of_threads(nam
     assert same(first, second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "turned"),
     [

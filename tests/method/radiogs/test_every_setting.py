@@ -67,6 +67,7 @@ def assert_trains_or_is_refused(name: str, number: float) -> None:
 SCHEDULES = [name for name in numbers() if ".schedule." in name or name.endswith(("_from", "end_share"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 @pytest.mark.parametrize("name", SCHEDULES)
 def test_both_ends_of_every_share_of_a_schedule_train(name: str, number: float) -> None:

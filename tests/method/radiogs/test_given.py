@@ -74,6 +74,7 @@ def start_of(surfels: Surfels) -> Start:
     return Start(surfels, torch.zeros(4, 8, 3), dict.fromkeys(names, 0.01))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [*PARTS, None])
 def test_given_parts_are_frozen_and_the_others_are_learnt(initialised: dict[str, Any], part: Part | None) -> None:
     stage = inverse(initialised, *([part] if part else []))
@@ -148,6 +149,7 @@ def test_the_nearest_sample_at_a_crease_has_the_same_normal() -> None:
     assert torch.allclose(found, torch.tensor([LEFT.albedo, RIGHT.albedo]), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_given_indirect_light_of_a_furnace_does_not_depend_on_the_depth_of_a_surfel() -> None:
     """In a furnace of albedo 1/2 with an emission of 0.1, a radiance of 0.2 arrives from all directions."""
     known = known_scene(furnace("furnace-0.5"), 0.25)
@@ -206,6 +208,7 @@ def test_relighting_does_not_use_given_indirect_light(initialised: dict[str, Any
     assert torch.equal(*lit)
 
 
+@pytest.mark.slow
 def test_a_run_with_given_indirect_light_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
     whole = inverse(initialised, "light", "indirect")
     for step in range(8):

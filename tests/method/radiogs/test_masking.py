@@ -56,6 +56,7 @@ def varied(masking: Masking) -> float:
     return float(made.images("roughness", 0.0)[0].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("found", [of_stage_1, of_stage_2, consistency_of_stage_2, rendered, relit, varied])
 def test_the_exact_masking_changes_what_is_shaded_by_the_split_sum(found: Callable[[Masking], float]) -> None:
     schlick, exact = found("schlick"), found("height-correlated")

@@ -31,7 +31,7 @@ BUDGET = replace(
 Sizes = tuple[Measured, dict[str, MemoryPhase]]
 
 
-@pytest.fixture(scope="module", params=[0.03, pytest.param(0.012, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[pytest.param(each, marks=pytest.mark.slow) for each in (0.03, 0.012)])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     found = measured(request.param, BUDGET, SIDE)
     plan = memory_of(Variant(), BUDGET, found.surfels, TrainingImages(VIEWS, SIDE, SIDE), found.hits)

@@ -72,6 +72,7 @@ def trained(device: torch.device) -> dict[str, torch.Tensor]:
     return {name: value.held if isinstance(value, There) else value.detach() for name, value in learnt.items()}
 
 
+@pytest.mark.slow
 def test_both_stages_learn_the_same_on_a_device_and_on_the_host() -> None:
     with cpu_as_cuda():
         expected = trained(CPU)
@@ -81,6 +82,7 @@ def test_both_stages_learn_the_same_on_a_device_and_on_the_host() -> None:
         torch.testing.assert_close(found[name], value, rtol=1e-5, atol=1e-6, msg=name)
 
 
+@pytest.mark.slow
 def test_a_step_rarely_waits_for_the_device() -> None:
     def fewest(stage: Initialisation | InverseRendering, account: Account) -> int:
         found = []

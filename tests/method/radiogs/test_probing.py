@@ -101,6 +101,7 @@ def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed
     assert bounces_needed(found, decay) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", ["niche", "knot"])
 def test_patterned_walls_around_an_object_need_more_than_one_bounce(name: str, seed: int) -> None:
@@ -151,6 +152,7 @@ LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
 any additional directions, also from those of an even light."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "light", "verdict"),
     [
@@ -212,6 +214,7 @@ def test_the_number_of_bounces_follows_from_the_decay() -> None:
     assert Decay((0.0, 0.0)).needed(1.0, 0.1) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_relighting_by_a_sun_of_half_a_degree_keeps_its_shadow(seed: int) -> None:
     """One of 94 000 directions over a hemisphere hits the sun: a probe has to draw directions from the light too."""

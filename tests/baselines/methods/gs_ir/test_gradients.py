@@ -230,6 +230,7 @@ def test_each_loss_and_its_gradients_equal_the_formulas(term: str) -> None:
         assert float((ours[name] - theirs[name]).abs().max()) < 1e-6 * float(theirs[name].abs().max()), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("areas", ["exact", "approximate"])
 @pytest.mark.parametrize("term", TERMS)
 def test_gradients_equal_central_differences(term: str, areas: TexelAreas) -> None:

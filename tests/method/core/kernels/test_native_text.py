@@ -40,6 +40,7 @@ def test_a_section_holds_those_that_it_includes_and_says_where_its_lines_come_fr
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:compile_aot_module:UserWarning")  # of -march=native
 def test_a_message_of_the_compiler_names_the_file_and_its_line(
     package: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]

@@ -50,6 +50,7 @@ def sky_share(height: float) -> float:
     return float(1 - met.mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("albedo", [0.5, 0.8])
 def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float) -> None:
     scene = replace(furnace("furnace-0.5"), surfaces=partial(walls, albedo))

@@ -42,6 +42,7 @@ def along_normals(surfels: Surfels) -> torch.Tensor:
     return surfel_radiance(surfels.sh, surfels.frame[..., 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("albedo", [0.2, 0.5])
 def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float) -> None:
     room = surfels_of_room(1.0, 0.3, albedo)

@@ -123,6 +123,7 @@ def soft_light() -> torch.Tensor:
     return (0.5 + share[..., None] * torch.tensor([1.0, 0.9, 0.8])).float()
 
 
+@pytest.mark.slow
 def test_the_slow_change_of_light_over_a_single_ball_is_found_by_points_far_apart() -> None:
     """Neighbours differ by noise alone under any light: without far points the shading stays in the albedo."""
     use_threads(1)

@@ -74,6 +74,7 @@ def _depth_of_a_sphere(view: SmallView, radius: float) -> torch.Tensor:
     return torch.where(view.covered & (under > 0), (-b - under.clamp(min=0).sqrt()) / a, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["occluder", "wire"])
 def test_hardly_a_point_starts_beside_thin_things(name: str) -> None:
     """Plain floor below bars and plates looks alike at many depths: few near views agree on wrong ones."""

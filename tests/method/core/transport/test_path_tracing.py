@@ -148,6 +148,7 @@ def irradiance(surfels: Surfels, direction: Tensor, weight: Tensor, radiance: Te
     return (flow[..., None] * radiance).sum(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("albedo", [0.4, 0.9])
 def test_matt_surfaces_have_the_light_of_many_bounces(albedo: float) -> None:
     """Without lobes both solve the same equation, one by chance and one surfel by surfel."""

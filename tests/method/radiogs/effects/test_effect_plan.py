@@ -67,6 +67,7 @@ def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_b
     assert not instruments.work["rays"]
 
 
+@pytest.mark.slow
 def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]) -> None:
     whole, _ = work_of(initialised)
     assert whole["rays"] > 0
@@ -82,6 +83,7 @@ def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]
     assert whole["rays"] - seldom["rays"] == cached * surfels
 
 
+@pytest.mark.slow
 def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -> None:
     named = work_of(initialised)[1].optimiser.tensors
     full = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
@@ -154,6 +156,7 @@ def test_cached_light_is_kept_after_a_probe_removed_all_rays(initialised: dict[s
     assert all(torch.equal(value, getattr(after, name)) for name, value in vars(before).items())
 
 
+@pytest.mark.slow
 def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
@@ -178,6 +181,7 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
         assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
 def test_a_plan_with_other_rays_renews_the_cached_light_unless_it_is_precomputed(
     initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool

@@ -108,6 +108,7 @@ def probes_of(variant: Variant) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_every_probe_uses_the_runs_variant() -> None:
     ours, released = probes_of(Variant()), probes_of(Variant(deviations=RELEASED))
     samples = PRESETS["smoke"].incident_samples
