@@ -115,4 +115,5 @@ def _finish(column: ColumnSummary, above: Axes, below: Axes) -> None:
         if column["direction"] == "down":
             axes.invert_yaxis()
     below.axhline(0, color="black", linewidth=0.6)
+    below.tick_params(labelbottom=True)
     above.set_title(metric_title(column))
