@@ -30,15 +30,15 @@ def data_root() -> Path | None:
 
 
 @contextmanager
-def using_data_root(root: Path | None) -> Iterator[None]:
+def using_data_root(root: Path | None, *, planned: bool = False) -> Iterator[None]:
     """With ``root`` as the root of data, in this process and those that it starts; None: as it is.
 
-    Raises DataError if there is no such folder.
+    Raises DataError if there is no such folder, unless it is only ``planned``.
     """
     if root is None:
         yield
         return
-    if not root.is_dir():
+    if not planned and not root.is_dir():
         raise DataError(f"there is no folder '{root}'", "It was to hold the data.", "Make it, or name another.")
     before = os.environ.get(DATA_VARIABLE)
     os.environ[DATA_VARIABLE] = str(root.resolve())

@@ -87,7 +87,7 @@ def execute(options: argparse.Namespace) -> int:
         return int(options.command(options))
     from radiogs_datasets.data_root import using_data_root
 
-    with using_data_root(options.data):
+    with using_data_root(options.data, planned=getattr(options, "dry_run", False)):
         return int(options.command(options))
 
 

@@ -234,10 +234,11 @@ def power_lines(baseline: Mapping[str, Any]) -> Iterator[str]:
                 f"{group}: {metric}: a mean loss of {_size(metric, loss)} ({direction}), seeds: {len(values)};"
                 f" a rerun differs by {_size(metric, Paired([0.0], noise).rerun)}"
             )
-    yield (
-        f"Found with 80 % probability, where losses of all seeds are alike; at most {ERROR_RATE:.0%} of gates over an"
-        " unchanged tree on another machine find a loss that is none."
-    )
+    if baseline["reruns"]:
+        yield (
+            f"Found with 80 % probability, where losses of all seeds are alike; at most {ERROR_RATE:.0%} of gates over"
+            " an unchanged tree on another machine find a loss that is none."
+        )
 
 
 def _remark(name: str, now: Mapping[str, float], before: Mapping[str, float], same: bool) -> Iterator[Change]:

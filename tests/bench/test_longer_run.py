@@ -91,6 +91,25 @@ def test_a_record_is_shown_beside_a_run_and_marked(
         record.unlink(missing_ok=True)
 
 
+def test_the_terminal_names_records_by_other_recipes_and_none_of_other_rows(
+    run: Path, record: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (kept,) = read_record(record)
+    kept["recipe"] = "half the steps"
+    write_record(record, [kept])
+    assert main(["report", str(run), "--no-pictures"]) == 0
+    said = capsys.readouterr().out
+    assert HEADING not in said
+    assert "The page also shows longer runs by half the steps" in said
+    for row in kept["rows"]:
+        row["key"] = f"other-{row['key']}"
+    kept["cells"] = {f"other-{key}": cells for key, cells in kept["cells"].items()}
+    kept["published"], kept["reference"] = {}, f"other-{kept['reference']}"
+    write_record(record, [kept])
+    assert main(["report", str(run), "--no-pictures"]) == 0
+    assert "longer run" not in capsys.readouterr().out
+
+
 def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_could_show(
     run: Path, record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,3 +102,15 @@ def test_without_a_root_the_message_names_the_variable(monkeypatch: pytest.Monke
     with using_data_root(tmp_path):
         assert data_root() == tmp_path
     assert data_root() is None
+
+
+def test_a_folder_that_is_still_to_be_made_is_enough_for_a_plan(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("RADIOGS_BENCH_DATA", raising=False)
+    absent = str(tmp_path / "data")
+    planned = ["run", "tensoir", "--data", absent, "--device", "cuda", "--out", str(tmp_path / "out")]
+    assert main([*planned, "--dry-run"]) == 0
+    assert "not here: armadillo" in capsys.readouterr().out
+    assert main(planned) == 3
+    assert f"there is no folder '{absent}'" in capsys.readouterr().err
