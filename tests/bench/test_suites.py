@@ -157,7 +157,6 @@ def truth() -> Scene:
     return replace(SCENE, training_light=light, surfaces=load_scene("convex").surfaces)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("each", SUITES.values(), ids=SUITES)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str, truth: Scene) -> None:

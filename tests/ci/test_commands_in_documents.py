@@ -34,7 +34,6 @@ def test_there_are_many() -> None:
     assert len({arguments.split()[0] for _, arguments in commands()}) > 12
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("document", "arguments"), commands())
 def test_the_command_line_takes_it(document: str, arguments: str) -> None:
     numbered = re.sub(r"\bN\b", "3", arguments)

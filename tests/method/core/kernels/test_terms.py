@@ -112,7 +112,6 @@ def ours(terms: Terms, camera: Camera, aim: Aim, tensors: Sequence[Tensor]) -> d
     return image_terms(terms, camera, aim, Blended(*tensors[:4]), tensors[4:split], tensors[split:])
 
 
-@pytest.mark.slow
 @in_every_arrangement
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(("height", "width"), SIZES)
