@@ -72,7 +72,8 @@ def prepared(command: str) -> str | None:
     command = re.sub(r"\bNAME\b", "'a row'", command)
     command = re.sub(r"\bROOT\b", "data", command)
     command = command.replace("path/to/suite.toml", f"{ROOT / 'docs/examples/rays_or_surfels.toml'} --rows ours")
-    command = command.replace("pip install", "pip install --target site --quiet").replace(" -e docs/", f" {ROOT}/docs/")
+    here = "pip install --no-build-isolation --target site --quiet"  # the build tool is installed: no index is asked
+    command = command.replace("pip install", here).replace(" -e docs/", f" {ROOT}/docs/")
     if TAKES_PRESET.search(command):
         command = re.sub(r"--preset \w+", "", command) + " --preset smoke"
     return command
