@@ -57,7 +57,10 @@ def listed() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for name, run in sorted(runs, key=lambda each: each[1]["origin"]["Date"]):
             recorded = run.get("keys", {})
-            why = staleness(recorded, planned_keys(run, folder) if recorded else {})
+            try:
+                why = staleness(recorded, planned_keys(run, folder) if recorded else {})
+            except subprocess.CalledProcessError as failed:
+                why = f"its command fails: {failed.stderr.strip().partition(chr(10))[0]}"
             stale += bool(why)
             origin = run["origin"]
             made = f"{origin['Date']}  {origin['Commit']}  {name}, {recipe_of(run)}"

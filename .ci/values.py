@@ -18,29 +18,13 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 
 MARKED = re.compile(
-    r"<!-- (?:from (records)/|(measured) |(rehearsal) ).*?<!-- end of (?:record|measured|rehearsal) -->|```.*?```",
-    re.DOTALL,
+    r"<!-- (?:from records/|measured |rehearsal ).*?<!-- end of (?:record|measured|rehearsal) -->|```.*?```", re.DOTALL
 )
 """A part whose values a command writes or a test compares; a block of code."""
 
 UNITS = (
-    "dB",
-    "degrees",
-    "degree",
-    "deg",
-    "°",
-    "ms",
-    "s",
-    "seconds",
-    "minutes",
-    "hours",
-    "kB",
-    "MB",
-    "GB",
-    "MiB",
-    "GiB",
-    "%",
-)
+    "dB", "degrees", "degree", "deg", "°", "ms", "s", "seconds", "minutes", "hours", "kB", "MB", "GB", "MiB", "GiB", "%",
+)  # fmt: skip
 
 VALUE = re.compile(rf"(?<![\w.])[+-]?\d[\d,]*(?:\.\d+)?[ -]?(?:{'|'.join(UNITS)})(?!\w)")
 """A number with its unit."""

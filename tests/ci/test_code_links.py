@@ -1,22 +1,16 @@
 """The check of links to lines of code finds what has moved, and sets it right."""
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / ".ci" / "code_links.py"
+from ci_scripts import script
 
 
 @pytest.fixture(scope="module")
 def links() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("code_links", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("code_links")
 
 
 def test_links_follow_what_they_name(links: ModuleType, tmp_path: Path) -> None:

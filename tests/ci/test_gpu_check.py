@@ -1,6 +1,5 @@
 """`make gpu` says when there is no card, keeps what each part said, and goes on where it stopped; and the bundle."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -11,17 +10,9 @@ from types import ModuleType
 import pytest
 import torch
 
+from ci_scripts import script
+
 ROOT = Path(__file__).parents[2]
-
-
-def script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / ".ci" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up by name
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")

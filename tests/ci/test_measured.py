@@ -1,25 +1,21 @@
 """The list of records says which of them this checkout would compute otherwise, and a record is made anew as it was."""
 
-import importlib.util
+import subprocess
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 
+from ci_scripts import script
 from radiogs_bench.results.longer_run import write_record
 
-SCRIPT = Path(__file__).parents[2] / ".ci" / "measured.py"
 COMMAND = "radiogs-bench run ablations --preset smoke --scenes corner --rows ours,no-rad"
 
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("measured", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = script("measured")
     monkeypatch.setattr(module, "RECORDS", tmp_path)
     return module
 
@@ -42,6 +38,19 @@ def test_a_record_is_current_until_the_key_of_a_cell_changes(
         "2026-11-27  abc  a, recommended: 1 of 2 cells would be computed otherwise, such as corner ours seed 0",
         "2026-11-28  abc  b, recommended: current",
     ]
+
+
+def test_a_command_that_no_longer_runs_makes_its_record_stale(
+    measured: ModuleType, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_record(tmp_path / "a.json", [made({"corner ours seed 0": "key"})])
+
+    def failing(run: Any, folder: str) -> dict[str, str]:
+        raise subprocess.CalledProcessError(2, "run", stderr="error: unknown suite 'ablations'\nThere are: none\n")
+
+    monkeypatch.setattr(measured, "planned_keys", failing)
+    assert measured.listed() == 1
+    assert "its command fails: error: unknown suite 'ablations'\n" in capfd.readouterr().out
 
 
 def test_a_record_without_keys_or_with_fewer_cells_than_its_command_is_stale(measured: ModuleType) -> None:

@@ -1,29 +1,21 @@
 """The list of mutants is true, and the check of them tells what lives from what dies, on a house of one function."""
 
 import ast
-import importlib.util
 import re
 import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from ci_scripts import script
+
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / ".ci" / "mutants.py"
 
 
 @pytest.fixture(scope="module")
 def mutants() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("mutants", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # Dataclasses look their module up by name.
-    sys.modules["mutants"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script("mutants")
 
 
 def test_every_mutant_still_applies_once_and_its_tests_are_there(mutants: ModuleType) -> None:
@@ -139,13 +131,7 @@ def test_tests_have_a_limit_of_time_for_each_of_them(
 
 @pytest.fixture(scope="module")
 def sampling() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("sample_mutants", ROOT / ".ci" / "sample_mutants.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["sample_mutants"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script("sample_mutants")
 
 
 @pytest.mark.slow

@@ -1,22 +1,16 @@
 """The check of how sentences open finds the forbidden openings, with their lines, and nothing else."""
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / ".ci" / "plain_words.py"
+from ci_scripts import script
 
 
 @pytest.fixture(scope="module")
 def words() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("plain_words", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("plain_words")
 
 
 @pytest.mark.parametrize("opening", ["Of", "What", "That of", "Those of", "The same of"])

@@ -1,24 +1,17 @@
 """The check of the house's structure finds what it is there for, on packages that are made to have it."""
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from ci_scripts import script
 from radiogs_bench.sources import OURS, SourceTree, installed
-
-SCRIPT = Path(__file__).parents[2] / ".ci" / "structure.py"
 
 
 @pytest.fixture(scope="module")
 def structure() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("structure", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("structure")
 
 
 def house(folder: Path, fill: int = 5, **texts: str) -> SourceTree:

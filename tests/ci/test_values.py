@@ -1,22 +1,15 @@
 """The check of measured values finds those outside marks, and knows where they are allowed."""
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / ".ci" / "values.py"
+from ci_scripts import script
 
 
 @pytest.fixture(scope="module")
 def values() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("values", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("values")
 
 
 MARKS = (("from records/ablations.md", "record"), ("measured steps", "measured"), ("rehearsal room", "rehearsal"))

@@ -32,3 +32,5 @@ def test_the_released_indirect_light_is_the_hemispheres_mean_splatted() -> None:
     found = incident_maps(camera, surfels, incident, environment)
     torch.testing.assert_close(found["incident"], alpha[..., None] * radiance)
     torch.testing.assert_close(found["incident_direct"], (1.5 * alpha)[..., None].expand_as(found["incident"]))
+    incident.weight[:] = 0
+    assert all(bool((image == 0).all()) for image in incident_maps(camera, surfels, incident, environment).values())
