@@ -23,8 +23,10 @@ MARKED = re.compile(
 """A part whose values a command writes or a test compares; a block of code."""
 
 UNITS = (
-    "dB", "degrees", "degree", "deg", "°", "ms", "s", "seconds", "minutes", "hours", "kB", "MB", "GB", "MiB", "GiB", "%",
-)  # fmt: skip
+    *("dB", "degrees", "degree", "deg", "°", "%"),
+    *("ms", "s", "seconds", "minutes", "hours"),
+    *("kB", "MB", "GB", "MiB", "GiB"),
+)
 
 VALUE = re.compile(rf"(?<![\w.])[+-]?\d[\d,]*(?:\.\d+)?[ -]?(?:{'|'.join(UNITS)})(?!\w)")
 """A number with its unit."""
