@@ -81,14 +81,14 @@ def below(table: Table) -> list[str]:
 
 def show_records(summary: Summary, width: int | None) -> None:
     """Print the record of a longer run of some of these rows by the same recipe, and a sentence for each row: in which
-    columns this run agrees. Records by other recipes are named; the page shows them.
+    columns this run agrees. Records by other recipes are counted; the page shows them.
     """
-    rows, others = {row["key"] for row in summary["rows"]}, []
+    rows, others = {row["key"] for row in summary["rows"]}, 0
     for run, report in zip(summary.get("longer_runs", []), longer_reports(summary), strict=True):
         if rows.isdisjoint(row["key"] for row in run["rows"]):
             continue
         if run["recipe"] != summary.get("recipe", ""):
-            others.append(run["recipe"])
+            others += 1
             continue
         say(f"\n{HEADING}")
         for name, text in report.facts.items():
@@ -99,7 +99,7 @@ def show_records(summary: Summary, width: int | None) -> None:
         for sentence in (*found, *report.table.legend_in_words, *report.rows_in_words):
             say(sentence)
     if others:
-        say(f"\nThe page also shows longer runs by {' and by '.join(others)}, committed with the project.")
+        say(f"\nThe page also shows {count_of(others, 'longer run')} by other recipes, committed with the project.")
 
 
 def say_remarks(table: Table) -> None:

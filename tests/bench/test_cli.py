@@ -151,6 +151,7 @@ def test_help_and_names_come_without_importing_what_is_slow(command: list[str]) 
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -275,6 +276,7 @@ def test_published_values_stand_beside_those_of_their_protocol(
     assert "paper 37.86" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_second_run_begins_no_cell_and_shows_the_same_table(
     run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -328,6 +330,7 @@ def keys_planned(capsys: pytest.CaptureFixture[str], *how: str) -> set[str]:
     return {event["key"] for event in events if event["event"] == "planned"}
 
 
+@pytest.mark.slow
 def test_smaller_images_are_other_cells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -384,6 +387,7 @@ def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsy
     assert "0 of 10 cells to run" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_failing_cell_is_shown_and_decides_the_exit_code(
     run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,6 +15,7 @@ from radiogs_core.errors import UsageError
 FakeRun = Callable[..., int]
 
 
+@pytest.mark.slow
 def test_reports_under_another_protocol_do_not_replace_the_first(
     fake_run: FakeRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -28,6 +29,7 @@ def test_reports_under_another_protocol_do_not_replace_the_first(
     assert f"are kept in {kept}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_same_run_with_more_seeds_keeps_nothing_apart(fake_run: FakeRun, tmp_path: Path) -> None:
     fake_run("ablations")
     fake_run("ablations", "--seeds", "3")

@@ -100,6 +100,7 @@ def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "bounces of light that are needed: 1" in said
 
 
+@pytest.mark.slow
 def test_a_probe_of_a_scene_under_another_light_draws_it_relit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

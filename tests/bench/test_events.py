@@ -31,6 +31,7 @@ def of(kind: str, events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [each for each in events if each["event"] == kind]
 
 
+@pytest.mark.slow
 def test_every_cell_is_an_event_with_its_metrics(fake_run: Callable[..., int], events: Events, tmp_path: Path) -> None:
     assert fake_run("ablations", "--json") == 0
     told = events()
@@ -56,6 +57,7 @@ def test_every_cell_is_an_event_with_its_metrics(fake_run: Callable[..., int], e
     assert power["albedo/psnr"]["wanted"] is None
 
 
+@pytest.mark.slow
 def test_a_failed_cell_is_one_event_and_another_only_if_it_fails_again(
     fake_run: Callable[..., int], events: Events, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_datasets import load_scene
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "frames.json"
     assert main(["bench", "frames", "--spacings", "0.3,0.12", "--json", str(file)]) == 0

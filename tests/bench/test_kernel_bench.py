@@ -120,6 +120,7 @@ def test_a_file_without_points_is_an_error(content: bytes, tmp_path: Path) -> No
         cloud(file)
 
 
+@pytest.mark.slow
 def test_kernels_that_count_no_bytes_have_a_row_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     """Audit K: the command, at its default, measured for minutes and ended in ``KeyError: 'bytes_read'``."""
     counting = {"hits": 3.0, "bytes_read": 2048.0}

@@ -91,7 +91,7 @@ def test_a_record_is_shown_beside_a_run_and_marked(
         record.unlink(missing_ok=True)
 
 
-def test_the_terminal_names_records_by_other_recipes_and_none_of_other_rows(
+def test_the_terminal_counts_records_by_other_recipes_and_shows_none_of_other_rows(
     run: Path, record: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (kept,) = read_record(record)
@@ -100,7 +100,7 @@ def test_the_terminal_names_records_by_other_recipes_and_none_of_other_rows(
     assert main(["report", str(run), "--no-pictures"]) == 0
     said = capsys.readouterr().out
     assert HEADING not in said
-    assert "The page also shows longer runs by half the steps" in said
+    assert "The page also shows 1 longer run by other recipes" in said
     for row in kept["rows"]:
         row["key"] = f"other-{row['key']}"
     kept["cells"] = {f"other-{key}": cells for key, cells in kept["cells"].items()}

@@ -29,6 +29,7 @@ def scene() -> Scene:
     return replace(views, training_light=EnvironmentMap(MODEL.environment.detach() + 0.1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", PROTOCOLS)
 def test_every_metric_that_evaluation_stores_can_be_a_column(rules: str, scene: Scene) -> None:
     trained = TrainedRadioGS(MODEL, Run(scene, Variant(), PRESETS["smoke"], 0, CPU))

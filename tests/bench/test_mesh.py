@@ -107,6 +107,7 @@ def test_faces_and_normals_point_outwards(ball: Mesh) -> None:
     assert volume == pytest.approx(4 / 3 * math.pi, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_faces_of_a_box_are_flat_and_its_creases_are_where_they_are() -> None:
     low, high = torch.tensor([-0.9, -0.61, -0.5]).double(), torch.tensor([0.77, 0.63, 0.8]).double()
     cameras = all_around()

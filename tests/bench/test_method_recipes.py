@@ -133,6 +133,7 @@ def test_run_takes_a_recipe_or_refuses_it_by_name(
     assert {variant["masking"] for variant in variants} == {"height-correlated"}
 
 
+@pytest.mark.slow
 def test_a_model_is_trained_by_a_recipe_and_opened_with_its_values(
     tmp_path: Path, chain: Chain, capsys: pytest.CaptureFixture[str]
 ) -> None:

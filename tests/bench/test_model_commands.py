@@ -44,6 +44,7 @@ def test_training_again_repeats_nothing(folder: Path) -> None:
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.pt")} == kept
 
 
+@pytest.mark.slow
 def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["render", str(folder)]) == 0
@@ -139,6 +140,7 @@ def test_wrong_use_is_explained(folder: Path, tmp_path: Path, capsys: pytest.Cap
     assert "nothing was trained" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_mesh_is_exported_with_its_distance_from_the_truth(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -219,6 +219,7 @@ def relit(trained: Path, folder: str) -> np.ndarray:
     return np.stack([read_png(path) for path in sorted((trained / "relight/bounces/relit" / folder).glob("*.png"))])
 
 
+@pytest.mark.slow
 def test_a_light_is_turned_and_strengthened_and_the_line_says_how_it_stands(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -123,6 +123,7 @@ READINGS: list[tuple[str, Change, str]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "change", "sentence"), READINGS)
 def test_the_reading_that_fits_far_better_is_named(
     tmp_path: Path, scene: Scene, name: str, change: Change, sentence: str

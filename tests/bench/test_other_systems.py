@@ -47,6 +47,7 @@ def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
             monkeypatch.setattr(module, name, tmp_path / "nowhere" / name)
 
 
+@pytest.mark.slow
 def test_nothing_else_of_linux_alone_is_used() -> None:
     """Every use in the sources is among what these tests hide."""
     used, named = set(), set()

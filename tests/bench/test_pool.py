@@ -61,6 +61,7 @@ DECOYS = ("queue", "json", "numpy", "torch", "signal", "radiogs_bench", "radiogs
 """Names of the standard library's modules, of other packages and of ours."""
 
 
+@pytest.mark.slow
 def test_no_process_of_the_harness_runs_code_of_the_folder_where_it_is_started(tmp_path: Path) -> None:
     for name in DECOYS:
         (tmp_path / name).mkdir()

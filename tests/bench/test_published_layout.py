@@ -61,6 +61,7 @@ def test_with_16_bits_a_layout_on_black_scores_as_the_model_to_the_last_digit(
         assert found[name] == pytest.approx(ended[name], abs=5e-4), name
 
 
+@pytest.mark.slow
 def test_8_bits_change_scores_by_their_rounding_error(trained: Path, ended: dict[str, float], tmp_path: Path) -> None:
     found = exported(trained, tmp_path, "gs-ir", 8)
     for name, slope in SLOPE.items():

@@ -81,6 +81,7 @@ def test_files_that_were_only_touched_are_the_same(scene: Scene) -> None:
     require_unchanged_if_touched(scene, checksum_now)
 
 
+@pytest.mark.slow
 def test_images_that_are_replaced_while_they_are_scored_leave_no_result(scene: Scene, tmp_path: Path) -> None:
     """Audit M1: 8.26 dB were kept under the key of the true scene, also after its images were put back."""
     whole = image_of(scene).read_bytes()
@@ -97,6 +98,7 @@ def test_images_that_are_replaced_while_they_are_scored_leave_no_result(scene: S
     assert FakeSweep(tmp_path / "out").store.result(cell.key) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [1, 2, 3])
 def test_images_that_are_replaced_while_a_stage_learns_leave_neither_product_nor_checkpoint(
     step: int, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -140,6 +140,7 @@ def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Pat
     assert (run / "cells" / f"{before['key']}.json").exists(), "nothing is lost"
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_compared_are_refused_and_change_nothing(
     run: Path, files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -159,6 +160,7 @@ def test_files_that_cannot_be_compared_are_refused_and_change_nothing(
     assert ((run / "sweep.json").read_bytes(), sorted((run / "cells").iterdir())) == (manifest, cells)
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(run: Path, files: Path) -> None:
     into(run, files)
     store, places = Store(run), [place for place, _ in REQUEST.cells()]

@@ -221,6 +221,7 @@ def test_a_preset_with_settings_is_told_from_the_plain_one() -> None:
     assert plain_preset(text) == plain_preset("tiny") == preset_text("tiny", {}) == "tiny"
 
 
+@pytest.mark.slow
 def test_a_run_with_a_set_field_has_cells_labels_and_reports_of_its_own(
     fake_run: FakeRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -263,6 +264,7 @@ def test_a_row_whose_variant_is_changed_has_not_the_papers_label(tmp_path: Path)
     assert "view_share = 0.5; preset smoke, inverse_iterations = 7, N_g" in ran["ours"]
 
 
+@pytest.mark.slow
 def test_a_training_with_set_fields_is_opened_with_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -203,6 +203,7 @@ settings = { aspect = 3 }
 """
 
 
+@pytest.mark.slow
 def test_a_suite_of_ones_own_draws_the_figure_and_report_rebuilds_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -218,6 +219,7 @@ def test_a_suite_of_ones_own_draws_the_figure_and_report_rebuilds_it(
     assert not (out / "contact_sheet.png").exists()
 
 
+@pytest.mark.slow
 def test_an_error_beyond_its_tolerance_ends_the_run_with_exit_code_4_after_its_reports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -75,6 +75,7 @@ def list_of(folder: Path, *entries: tuple[str, str, str, str]) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_what_lives_what_dies_and_what_cannot_be_tried(
     house: Path, tmp_path: Path, mutants: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:

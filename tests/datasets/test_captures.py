@@ -91,6 +91,7 @@ def require_dots_where_the_camera_says(view: View, least: int) -> None:
         assert dot_near(image[..., 0], column, row) == pytest.approx((column, row), abs=TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "extra"),
     [
@@ -215,6 +216,7 @@ def test_a_training_split_alone_is_enough_with_views_held_out(tmp_path: Path) ->
     assert "every 8th view is scored" in scene.repairs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flat", [False, True])
 @pytest.mark.parametrize("name", ["{k:02}.png", "{k:02}.png.png"])
 def test_a_folder_of_masks_is_the_views_coverage(flat: bool, name: str, tmp_path: Path) -> None:

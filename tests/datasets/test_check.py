@@ -22,6 +22,7 @@ def places(folder: Path, severity: str = "error") -> set[str]:
     return {finding.place for finding in check_scene(str(folder)).findings if finding.severity == severity}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "convex"])
 def test_the_miniatures_are_sound(name: str) -> None:
     report = check_scene(name)
@@ -59,6 +60,7 @@ def test_cameras_that_look_away_and_empty_masks_are_named(corner: Path) -> None:
     assert words == {"train_005": "the camera looks away from what the others look at"}
 
 
+@pytest.mark.slow
 def test_mixed_bits_and_lights_without_a_map_are_remarked_on(corner: Path) -> None:
     import cv2
 
@@ -80,6 +82,7 @@ def test_the_command_prints_json_and_says_by_its_code(corner: Path, capsys: pyte
     assert "error: train_000/rgba.png" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "new"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(folder)]) == 0

@@ -80,6 +80,7 @@ def test_a_suite_finds_its_scenes_in_the_root(root: Path, monkeypatch: pytest.Mo
         own_scenes(SUITES["tensoir"])
 
 
+@pytest.mark.slow
 def test_the_option_comes_before_the_variable_and_lasts_for_the_command(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

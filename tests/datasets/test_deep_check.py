@@ -90,6 +90,7 @@ def test_contradictions_of_outlines_are_said_before_training(
     assert f"radiogs-bench datasets check {folder} --deep" in said
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_sound_scenes_whatever_their_size(tmp_path: Path) -> None:
     copy = tmp_path / "wire"
     shutil.copytree(TINY / "wire", copy)

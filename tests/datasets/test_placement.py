@@ -66,6 +66,7 @@ def rewrite(folder: Path, place: int, move: Move) -> None:
     path.write_text(json.dumps(table))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [2.0**-14, 2.0**-18, 1e-9, 1e9, 1e12])
 def test_a_scene_of_a_size_that_float32_cannot_square_is_refused(factor: float) -> None:
     """Audit M21: translations times 2^-18 ended with a gradient that was not finite, exit 4."""
@@ -76,6 +77,7 @@ def test_a_scene_of_a_size_that_float32_cannot_square_is_refused(factor: float) 
         require_placed(placed(scene, size / scene.extent))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [2.0**-6, 2.0**10, 2.0**20])
 def test_training_does_not_depend_on_the_unit_of_length(scale: float) -> None:
     """Issue 29, item 3: powers of two round nothing, so that nothing but the unit differs. It is in the logarithms of
@@ -122,6 +124,7 @@ def test_the_miniatures_lie_well() -> None:
         require_placed(placed(scene, 1e6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["x" * 201, "a\nb", "a\u202eb", "\udc80"])
 def test_names_that_nothing_can_be_stored_under_are_refused(name: str) -> None:
     """Audit M28: names too long or not UTF-8 failed after training."""

@@ -51,6 +51,7 @@ def recipe(request: pytest.FixtureRequest) -> Recipe:
     return request.param
 
 
+@pytest.mark.slow
 def test_solids_neither_touch_nor_overlap_and_stay_in_the_box(recipe: Recipe) -> None:
     for first, second in itertools.combinations(recipe.solids, 2):
         assert gap(first, second) > 1e-3

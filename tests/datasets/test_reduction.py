@@ -65,6 +65,7 @@ def test_means_are_over_areas_whatever_the_size(size: tuple[int, int]) -> None:
     np.testing.assert_allclose(area_mean(image, size).numpy(), expected, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("options", "side"), [(SceneOptions(reduce=7), 14), (SceneOptions(long_side=41), 41)])
 def test_any_size_holds_the_same_light_and_sees_the_same(options: SceneOptions, side: int) -> None:
     scene = load_scene("corner")

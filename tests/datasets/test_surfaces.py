@@ -54,6 +54,7 @@ def test_what_is_left_of_a_scene_is_its_surfaces() -> None:
         assert torch.equal(scene.true_surfaces(0.3).centre, whole.true_surfaces(0.3).centre)
 
 
+@pytest.mark.slow
 def test_a_generated_scene_is_known_by_its_metadata_whatever_its_folder_is_called(tmp_path: Path) -> None:
     folder = tmp_path / "glossy"
     shutil.copytree(TINY / "convex", folder)

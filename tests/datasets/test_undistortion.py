@@ -55,6 +55,7 @@ def photographed(tmp_path: Path) -> Callable[[str], tuple[Scene, np.ndarray]]:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", list(LENSES))
 def test_known_points_lie_where_the_pinhole_camera_puts_them(
     model: str, photographed: Callable[[str], tuple[Scene, np.ndarray]]

@@ -316,6 +316,7 @@ assert not (work / "output" / "big.pth").exists()
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     reason = why_nothing_can_be_mounted(tmp_path)
     if reason is not None:

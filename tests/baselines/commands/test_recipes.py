@@ -64,6 +64,7 @@ def steps(method: CommandMethod, workspace: Workspace, pantry: Path) -> list[Map
     return plan + [{"write": [], "copy": pairs} for pairs in by_light]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_runs_to_its_end(name: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     method = read_method(RECIPES[name])

@@ -21,6 +21,7 @@ def test_a_quantile_of_no_values_is_none() -> None:
     assert quantile(lambda: [torch.zeros(0)], 0.5) is None
 
 
+@pytest.mark.slow
 def test_it_takes_more_values_than_torch_does() -> None:
     values = torch.arange(1000.0).repeat(MORE_THAN_TORCH_TAKES // 1000 + 1)
     assert values.numel() > MORE_THAN_TORCH_TAKES

@@ -53,6 +53,7 @@ def test_rays_start_at_a_fixed_distance_only_with_the_deviation(initialised: dic
         assert RaySettings.of(variant).tracer(surfels).world_offset == distance
 
 
+@pytest.mark.slow
 def test_the_light_learns_from_consistency_unless_it_is_detached(initialised: dict[str, Any]) -> None:
     for deviations, learns in (((), True), (("light-detached",), False)):
         stage = stage_with(initialised, *deviations)

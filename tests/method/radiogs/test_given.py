@@ -179,6 +179,7 @@ def test_a_surfel_below_the_surface_gets_the_light_of_the_surface() -> None:
     assert float(lit[0, direction[0, :, 0] > 0].abs().max()) < 0.05
 
 
+@pytest.mark.slow
 def test_given_indirect_light_is_the_same_in_training_and_in_rendering(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "indirect")
     model = Model.of(through_a_file(stage.product()))
@@ -197,6 +198,7 @@ def test_given_indirect_light_is_the_same_in_training_and_in_rendering(initialis
     assert torch.equal(mine.visibility, theirs.visibility)
 
 
+@pytest.mark.slow
 def test_relighting_does_not_use_given_indirect_light(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "indirect")
     run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)

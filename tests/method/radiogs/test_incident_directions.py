@@ -40,6 +40,7 @@ def irradiance(from_light: float, count: int, samples: int) -> Tensor:
     return (light.lookup(direction)[..., 0] * direction[..., 2].clamp(min=0) * weight).sum(-1)
 
 
+@pytest.mark.slow
 def test_directions_in_training_are_unbiased() -> None:
     """Fixed heights, 4 of them, are 2 % off here."""
     found = irradiance(0.5, 20_000, 8)
@@ -69,6 +70,7 @@ def test_a_step_draws_one_set_anew_and_leaves_the_other() -> None:
             torch.testing.assert_close(getattr(after[number], name), value.detach())
 
 
+@pytest.mark.slow
 def test_light_that_is_traced_once_stays_as_it_was() -> None:
     """Also what arrives under a held light, which every step writes for the surfels that it draws."""
     variant = replace(Variant(), incident="precomputed")
@@ -84,6 +86,7 @@ def test_light_that_is_traced_once_stays_as_it_was() -> None:
     assert torch.equal(shader.cache.incident.direction, directions)
 
 
+@pytest.mark.slow
 def test_the_sets_of_a_surfel_are_independent() -> None:
     """The errors of the irradiance of all surfels, over many draws, do not correlate between the sets."""
     stage = inverse_rendering(BALL, 0.9, light=sunny())
@@ -137,6 +140,7 @@ def test_the_shader_s_sets_are_the_sums_over_their_own_directions() -> None:
     assert not torch.allclose(found[:, 0], found[:, 1], rtol=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_the_consistency_has_gradient_to_roughness_if_it_is_asked_for(consistent: bool) -> None:
     surfels = changed(sh=BALL.sh + noise(BALL.sh, 0.3))

@@ -123,6 +123,7 @@ def test_smooth_patches_keep_their_lobes_and_matte_ones_do_not(seed: int) -> Non
     assert not kept[roughness > 0.65].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("name", "smoothest"), [("convex", 0.5), ("glossy", 0.25), ("mirror", 0.1)])
 def test_balls_with_visible_highlights_keep_their_lobes(name: str, smoothest: float, seed: int) -> None:
@@ -170,12 +171,14 @@ def test_directions_are_drawn_from_a_sun_but_not_from_an_even_light(
     assert decide_own_light_sampling(replace(run(name, 0), scene=lit), scene, found).verdict == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "verdict"), [("convex", "on"), ("occluder", "off")])
 def test_directions_are_drawn_from_the_wide_suns_of_generated_skies_where_it_matters(name: str, verdict: str) -> None:
     scene, found, _ = found_on(name, 0)
     assert decide_own_light_sampling(run(name, 0), scene, found).verdict == verdict
 
 
+@pytest.mark.slow
 def test_under_a_wide_sun_more_spread_directions_help_more_than_drawn_ones() -> None:
     """On ``convex`` under its sky. Measured errors: 64 spread 8.6e-5; 64 spread and 64 drawn 2.5e-5 (3.2e-4 if drawn
     independently); 128 spread 6e-6."""
@@ -239,6 +242,7 @@ def test_surfels_on_true_surfaces_have_the_true_materials() -> None:
     assert light.radiance.shape == (32, 64, 3)
 
 
+@pytest.mark.slow
 def test_a_probe_is_plain_data_with_an_image_for_each_effect() -> None:
     """A probe has the values that a command line prints and draws without knowing the method."""
     found = probe_run(run("patchwork", 0), None, None)

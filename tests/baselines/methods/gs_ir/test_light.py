@@ -61,6 +61,7 @@ def test_the_cube_map_covers_every_direction_once() -> None:
     assert len(torch.unique(cube.round(decimals=9), dim=0)) == 6 * 16 * 16
 
 
+@pytest.mark.slow
 def test_the_approximate_filter_equals_the_sum_over_the_cube_map() -> None:
     """Under a sky that brightens upwards, by the formula, for a few normals of the grid."""
     radiance = 1 + 0.5 * texel_directions(32, 64)[..., 2:].expand(-1, -1, 3)

@@ -136,6 +136,7 @@ def test_the_prior_lowers_metalness_and_raises_roughness() -> None:
     assert bool((after["metallic_logit"] <= before["metallic_logit"]).all())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["albedo", "roughness", "metallic"])
 def test_the_smoothness_loss_evens_out_materials(name: str) -> None:
     stage = uneven(stage_of(metals(lr_scale=0.0, materials=only(smoothness=1.0))), f"{name}_logit")

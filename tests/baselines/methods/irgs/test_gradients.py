@@ -149,6 +149,7 @@ def hit_surfels(values: Values) -> list[bool]:
     return hits
 
 
+@pytest.mark.slow
 def test_gradients_equal_central_differences() -> None:
     """Centres are compared with the formulas above: pixels' footprints follow them without gradient."""
     names = (*LEARNT, "opacity_logit")

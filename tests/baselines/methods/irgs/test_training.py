@@ -107,6 +107,7 @@ def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[
     assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["albedo", "roughness"])
 def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     raw = f"{name}_logit"
@@ -135,6 +136,7 @@ def test_pixels_are_drawn_from_the_whole_image() -> None:
     assert bool(shaded[height < -0.5].any())
 
 
+@pytest.mark.slow
 def test_materials_are_recovered_under_known_light_and_shape() -> None:
     """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
     still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.05, roughness=0.0))

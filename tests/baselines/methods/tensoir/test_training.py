@@ -33,6 +33,7 @@ def tensors_of(stage: RadianceField | InverseRendering) -> dict[str, torch.Tenso
     return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
 
+@pytest.mark.slow
 def test_the_radiance_field_learns_the_images() -> None:
     budget = replace(BUDGET, field_iterations=200, rays=128)
     stage = RadianceField(run_of(budget=budget), {})

@@ -86,6 +86,7 @@ def test_exchanging_the_directions_changes_nothing() -> None:
     torch.testing.assert_close(there, back, rtol=1e-9, atol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_the_specular_lobe_never_sends_out_more_than_comes_in(roughness: float) -> None:
     for cosine in torch.linspace(0.01, 1, 16, dtype=torch.float64):

@@ -227,6 +227,7 @@ def values_and_gradients(
     return values | bounds | dict(zip(RAW, gradients, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shown_only", [False, True])
 @pytest.mark.parametrize("coefficients", [1, 4, 9, 16])
 def test_a_surfel_is_projected_among_others_as_it_is_alone(coefficients: int, shown_only: bool) -> None:

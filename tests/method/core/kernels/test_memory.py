@@ -25,6 +25,7 @@ print(int(kept), sum(touched[1:]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="tests glibc's allocator")
 def test_a_large_buffer_takes_the_pages_of_the_one_before() -> None:
     """64 MiB are 16,384 pages of 4 KiB, of which the first buffer touches all.

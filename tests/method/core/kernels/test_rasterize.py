@@ -65,6 +65,7 @@ def assert_same(found: tuple[torch.Tensor, ...], expected: tuple[torch.Tensor, .
         torch.testing.assert_close(ours, theirs, rtol=0, atol=tolerance)
 
 
+@pytest.mark.slow
 @in_every_arrangement
 def test_float64_equals_the_dense_image_and_its_gradients() -> None:
     given, view = random_surfels(40), camera()
@@ -78,6 +79,7 @@ def test_float64_equals_the_dense_image_and_its_gradients() -> None:
         assert (ours[name] - theirs[name]).abs().max() < 1e-9 * theirs[name].abs().max(), name
 
 
+@pytest.mark.slow
 @in_every_arrangement
 def test_detached_channels_give_gradient_to_their_features_alone() -> None:
     given, view = random_surfels(40), camera()

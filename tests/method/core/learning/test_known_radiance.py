@@ -79,6 +79,7 @@ def test_a_wall_over_a_dark_floor_sends_what_quadrature_says() -> None:
         assert torch.allclose(sent[band].mean(0), expected.float(), rtol=0.03)
 
 
+@pytest.mark.slow
 def test_the_residual_tells_a_wrong_radiance() -> None:
     known = wall_and_floor()
     solved = known_radiance(known, seed=0)

@@ -67,6 +67,7 @@ def test_without_light_all_radiance_dies_out() -> None:
     assert float(found.mean()) < 0.03  # from 0.5
 
 
+@pytest.mark.slow
 def test_a_light_ten_times_brighter_is_solved_in_as_many_steps() -> None:
     """Steps are taken in units of the scene's radiance, so the relative error does not depend on exposure."""
     errors = []

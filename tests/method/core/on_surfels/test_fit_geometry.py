@@ -156,6 +156,7 @@ def test_surfels_that_show_in_no_view_do_not_outlive_the_stage() -> None:
     assert float(shown.min()) >= 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", ["linear", "display"])
 def test_it_learns_the_images_in_either_colour(colour: str) -> None:
     longer = with_values(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})

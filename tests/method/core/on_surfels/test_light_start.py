@@ -87,6 +87,7 @@ def mean_square(of: torch.Tensor) -> float:
     return float(around.square().mean() + down.square().mean())
 
 
+@pytest.mark.slow
 def test_the_weight_of_colour_s_smoothness_leaves_brightness_alone() -> None:
     use_threads(1)
     surfels, points, paint = ball_over_plate()

@@ -30,6 +30,7 @@ def test_a_cone_around_the_normal_is_the_square_of_its_sine(half_angle: float) -
     assert openness(NORMAL, incident).tolist() == pytest.approx([math.sin(math.radians(half_angle)) ** 2] * 2, abs=4e-3)
 
 
+@pytest.mark.slow
 def test_openness_is_the_same_when_rays_are_traced_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     solids = [Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), CLAY), Box((-1.0, -0.4, 0.0), (-0.9, 0.4, 0.8), CLAY)]
     surfels = surfels_over(solids, 0.2)

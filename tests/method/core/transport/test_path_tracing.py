@@ -110,6 +110,7 @@ def sun_in_the_sky() -> EnvironmentMap:
     return EnvironmentMap(radiance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.25, 0.6])
 @pytest.mark.parametrize("light", [EnvironmentMap(torch.ones(8, 16, 3)), sun_in_the_sky()], ids=["white", "sun"])
 def test_a_plate_sends_what_quadrature_of_its_whole_brdf_says(roughness: float, light: EnvironmentMap) -> None:

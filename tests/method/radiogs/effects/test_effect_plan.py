@@ -150,6 +150,7 @@ def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: di
             assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
 
+@pytest.mark.slow
 def test_cached_light_is_kept_after_a_probe_removed_all_rays(initialised: dict[str, Any]) -> None:
     counted, before, after = stepped(decided(initialised, NO_RAYS))
     assert not counted.get("rays")
@@ -214,6 +215,7 @@ def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialise
         assert not torch.equal(image(dataclasses.replace(plan, kept=False)), image(EffectPlan()))
 
 
+@pytest.mark.slow
 def test_without_indirect_light_occluders_keep_their_mean_radiance(
     initialised: dict[str, Any],
 ) -> None:
@@ -246,6 +248,7 @@ def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int)
     assert torch.equal(some.visibility, direction[:, kept, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
     learnt = {"materials.rates.light": 5e-4, "materials.consistent_roughness": True}

@@ -162,6 +162,7 @@ def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> N
     assert (factor, record.verdict) == (1, "on")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("released", [False, True])
 def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does(
     initialised: dict[str, Any], released: bool
