@@ -21,8 +21,11 @@ EVERY_PART = (
 
 
 def _parts(factor: float) -> str:
-    """A factor in words, for keys: ``1/8`` is ``eighth``."""
-    return {0.125: "eighth", 0.25: "quarter", 0.5: "half", 1.0: "whole", 2.0: "double", 4.0: "fourfold"}[factor]
+    """A factor in words, for keys: ``1/4`` is ``quarter``."""
+    return {
+        0.1: "tenth", 0.2: "fifth", 0.25: "quarter", 0.4: "two-fifths", 0.5: "half", 0.7: "seven-tenths", 1.0: "whole",
+        2.0: "double", 4.0: "fourfold",
+    }[factor]  # fmt: skip
 
 
 ITERATIONS = "<finetune_iterations>"
@@ -43,7 +46,7 @@ FINETUNE = Suite(
                 {"relighting": mode}, {"finetune_iterations": factor},
             )
             for mode, text in FINETUNED
-            for factor in (0.125, 0.25, 0.5, 1.0)
+            for factor in (0.1, 0.2, 0.4, 0.7, 1.0)
         ),
     ),
     columns=(
@@ -53,15 +56,16 @@ FINETUNE = Suite(
 )  # fmt: skip
 
 
-def _knob(key: str, latex: str, text: str, field: str, factors: Sequence[float]) -> tuple[Row, ...]:
-    """One row for each factor of a field of the budget."""
+def _knob(key: str, latex: str, text: str, factors: Sequence[float], *fields: str) -> tuple[Row, ...]:
+    """One row for each factor of a field of the budget, or of fields that are turned together."""
+    shown = [f"<{field}>" for field in fields]
     return tuple(
         Row(
             f"{key}-{_parts(factor)}",
-            rf"{latex} $\times{factor:g}=<{field}>$",
-            f"{text} x {factor:g} = <{field}>",
+            rf"{latex} $\times{factor:g}={','.join(shown)}$",
+            f"{text} x {factor:g} = {' and '.join(shown)}",
             {},
-            {field: factor},
+            dict.fromkeys(fields, factor),
         )
         for factor in factors
     )
@@ -74,24 +78,40 @@ COST_OF_ACCURACY = Suite(
     reference="reference",
     rows=(
         Row("reference", "All of the preset", "The preset as it is", {}),
-        *_knob("iterations", "Iterations", "iterations", "inverse_iterations", (0.125, 0.25, 0.5)),
-        *_knob("ns", "$N_s$", "N_s", "incident_samples", (0.25, 0.5, 2.0)),
-        *_knob("ng", "$N_g$", "N_g", "consistency_surfels", (0.25, 0.5, 2.0)),
-        *_knob("refresh", "Refresh interval", "refresh interval", "refresh_interval", (0.25, 4.0)),
+        *_knob("stage1", "Stage 1", "steps of stage 1", (0.5, 2.0), "geometry.steps"),
+        *_knob(
+            "surfels", "Surfels", "surfels at the start and at most", (0.5, 2.0), "geometry.initial_surfels",
+            "geometry.maximum_surfels",
+        ),
+        *_knob("iterations", "Iterations", "iterations", (0.25, 0.5, 2.0), "inverse_iterations"),
+        *_knob("ns", "$N_s$", "N_s", (0.5, 2.0), "incident_samples"),
+        *_knob("ng", "$N_g$", "N_g", (0.5, 2.0), "consistency_surfels"),
+        *_knob("refresh", "Refresh interval", "refresh interval", (0.5, 2.0), "refresh_interval"),
+        *_knob("light", "Light's rows", "rows of the light", (0.5, 2.0), "light_height"),
+        *_knob(
+            "relit-rays", "Relit rays", "rays of a relit surfel, over the hemisphere and from the light", (0.25, 4.0),
+            "relight_hemisphere_samples", "relight_light_samples",
+        ),
         Row(
             "draft", "Draft",
             "draft, half of all: <inverse_iterations> iterations, N_s <incident_samples>, N_g <consistency_surfels>",
             {},
             {"inverse_iterations": 0.5, "incident_samples": 0.5, "consistency_surfels": 0.5},
         ),
-        Row("split-sum", "Split-sum", "no visibility, no indirect light (split sum)", {"shading": "split-sum"}),
+        Row(
+            "no-search", "No search", "light learnt from a constant one",
+            {"materials": {"start": {"light": "constant"}}},
+        ),
+        Row("split-sum", "Split-sum", "stage 2 by split sum, without rays", {"shading": "split-sum"}),
     ),
     columns=(
         Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),
-        Metric("indirect", "psnr"),
+        Metric("indirect", "psnr"), Metric("render", "ms"), Metric("training", "megabytes"),
     ),
     experiment=COST,
 )  # fmt: skip
+"""Knobs of both stages and of relighting, one at a time. The search for the light has none: one row leaves it out. The
+rays that it traces are in every other row, also in that of the split sum."""
 
 
 STEPS = "<inverse_iterations>"

@@ -213,6 +213,17 @@ def test_rows_that_differ_in_two_knobs_or_in_something_else_belong_to_none(part:
     assert not any("cost" in name for name in texts(made))
 
 
+def test_fields_that_belong_together_are_one_knob_where_one_factor_multiplies_both() -> None:
+    made = made_up()
+    for each in made["runs"]:
+        first, second = {"ns-half": (32, 16), "ns-double": (128, 64), "draft": (32, 64)}.get(each["row"], (64, 32))
+        budget = {"name": each["row"], "relight_hemisphere_samples": first, "relight_light_samples": second}
+        each["made_from"]["budget"] = BUDGET | budget
+    (knob,) = report_of(made).knobs
+    assert knob.text == "rays of a relit surfel, of each kind"
+    assert knob.settings == ((32, "ns-half"), (64, "reference"), (128, "ns-double"))
+
+
 def test_every_form_of_the_report_has_every_sentence() -> None:
     made = made_up()
     made["rows"][0]["text"] = "100 % & more_"

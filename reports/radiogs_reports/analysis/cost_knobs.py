@@ -1,10 +1,12 @@
 """Knobs of a run, with the gain and cost of turning one: from setting to setting, and per doubling over all settings.
 
-A knob is a field of the budget in which alone some rows differ from the reference row.
+A knob is a field of the budget in which alone some rows differ from the reference row, or several fields that belong
+together (``TOGETHER``) and are multiplied by the same factor.
 """
 
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -22,9 +24,18 @@ TEXTS: Mapping[str, Mapping[str, str]] = {
         "refresh_interval": "steps between refreshes of the cache",
         "geometry.steps": "iterations of stage 1",
         "initialise_iterations": "iterations of stage 1",
+        "geometry.initial_surfels": "surfels",
+        "light_height": "rows of the light",
+        "relight_hemisphere_samples": "rays of a relit surfel, of each kind",
     },
 }
 """Labels of the budget's fields, by method; a field that is not listed has its own name as its label."""
+
+TOGETHER: tuple[tuple[str, ...], ...] = (
+    ("geometry.initial_surfels", "geometry.maximum_surfels"),
+    ("relight_hemisphere_samples", "relight_light_samples"),
+)
+"""Fields that are one knob where all of them are multiplied by the same factor; the first stands for them."""
 
 COMPARED = ("method", "variant", "settings")
 """Parts of a key's content that rows of one knob share."""
@@ -78,16 +89,19 @@ def label_of(content: Mapping[str, Any], field: str) -> str:
 
 
 def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str | None:
-    """The field of the budget in which a cell differs from another, if it is the only one and a positive integer."""
+    """The field of the budget in which a cell differs from another, if it is the only one and a positive integer.
+
+    Of fields that belong together and are multiplied by the same factor, the first.
+    """
     if any(content.get(part) != base.get(part) for part in COMPARED):
         return None
     budget, other = flat(content.get("budget", {})), flat(base["budget"])
-    changed = [name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)]
-    if len(changed) != 1:
+    changed = {name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)}
+    group = next((each for each in TOGETHER if changed == set(each)), tuple(changed) if len(changed) == 1 else ())
+    pairs = [(budget.get(name), other.get(name)) for name in group]
+    if not all(type(value) is int and value > 0 for pair in pairs for value in pair):
         return None
-    (field,) = changed
-    counts = all(type(each.get(field)) is int and each[field] > 0 for each in (budget, other))
-    return field if counts else None
+    return group[0] if len({Fraction(*pair) for pair in pairs}) == 1 else None
 
 
 class Step(NamedTuple):
