@@ -248,15 +248,19 @@ def test_a_label_that_names_no_number_of_the_budget_is_refused() -> None:
     assert "incident_samples" in raised.value.why
 
 
-def test_the_cost_is_measured_at_a_dozen_points_of_four_knobs_that_share_stage_one() -> None:
-    """Under every preset, the smallest included."""
+def test_the_cost_is_measured_with_knobs_of_both_stages_and_of_relighting() -> None:
+    """Under every preset, the smallest included: a knob trains no stage anew that does not read it."""
+    stage_1 = {"geometry.steps", "geometry.initial_surfels", "geometry.maximum_surfels", "light_height"}
+    stage_2 = {"inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval"}
+    relighting = {"relight_hemisphere_samples", "relight_light_samples"}
+    rows = {row.key: set(row.budget) for row in SUITES["cost"].rows}
+    assert set.union(*rows.values()) == stage_1 | stage_2 | relighting
     for preset in ("smoke", "tiny", "paper"):
-        request = asked(1, SUITES["cost"], preset)
-        cells = [cell for _, cell in request.cells()]
-        assert len({cell.first_key for cell in cells}) == 1
-        assert len({cell.training_key for cell in cells}) == len(cells) >= 12
-    changed = {name for row in SUITES["cost"].rows for name in row.budget}
-    assert changed == {"inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval"}
+        cells = {place["row"]: cell for place, cell in asked(1, SUITES["cost"], preset).cells()}
+        whole = cells.pop("reference")
+        for row, cell in cells.items():
+            assert (cell.first_key == whole.first_key) == (not rows[row] & stage_1), row
+            assert (cell.training_key == whole.training_key) == (bool(rows[row]) and rows[row] <= relighting), row
 
 
 def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
