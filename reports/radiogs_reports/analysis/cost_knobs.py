@@ -98,7 +98,7 @@ def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str 
     budget, other = flat(content.get("budget", {})), flat(base["budget"])
     changed = {name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)}
     group = next((each for each in TOGETHER if changed == set(each)), tuple(changed) if len(changed) == 1 else ())
-    pairs = [(budget.get(name), other.get(name)) for name in group]
+    pairs: list[tuple[Any, Any]] = [(budget.get(name), other.get(name)) for name in group]
     if not all(type(value) is int and value > 0 for pair in pairs for value in pair):
         return None
     return group[0] if len({Fraction(*pair) for pair in pairs}) == 1 else None
