@@ -13,6 +13,7 @@ from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
+from .hard_scenes import BASE, CONDITIONS, hard_scene
 from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
 from .reduction import resized
@@ -57,7 +58,7 @@ def forward_names() -> tuple[str, ...]:
 
 def known_names() -> tuple[str, ...]:
     """Names of all scenes that come with the package."""
-    return (*scene_names(), *forward_names(), HARD_CASES)
+    return (*scene_names(), *forward_names(), HARD_CASES, *CONDITIONS)
 
 
 def comes_with_package(folder: Path) -> bool:
@@ -158,6 +159,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
     if name_or_path == HARD_CASES:
         _require_none(options, name_or_path)
         return replace(hard_cases(), loaders=(hard_cases.__module__,))
+    if name_or_path in CONDITIONS:
+        return hard_scene(name_or_path, _as_stored(BASE, None, options))
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
     if chosen not in LAYOUTS:

@@ -10,12 +10,18 @@ from .lights import add_light_options, placed
 from .options import METHOD, add_scene_options, add_verbose, declare, positive, scene_options
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import torch
 
     from radiogs_core.capabilities import Probe, Probing
     from radiogs_core.scene.light import EnvironmentMap
 
     from .options import Commands
+
+TRAINED = 38
+"""PSNR, dB, beside which effects of a scene are judged unless ``--psnr`` says otherwise: the mean of new views of
+RadioGS as recommended, preset ``tiny``, over eight scenes (docs/records/ablations.md)."""
 
 MATTERS = 0.1
 """Changes of a pixel's display colour from this on are drawn white."""
@@ -45,6 +51,11 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="PNG", help="Draw where effects matter here (default: probe-NAME.png)."
     )
+    parser.add_argument(
+        "--psnr", type=positive, metavar="DB",
+        help="Judge effects beside the error of a model of this PSNR"
+        f" (default: {TRAINED} for a scene; the model's own for DIR).",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="Print the records instead of a table.")
     parser.add_argument(
         "--threads", type=positive, metavar="N", help="Use N CPU threads (default: as many as there are cores)."
@@ -79,7 +90,8 @@ def probe(options: argparse.Namespace) -> int:
     if options.json:
         say_whole(json.dumps(found.plain(), allow_nan=False))
     else:
-        _show(name, found)
+        known = (Path(options.subject) / "trained.json").exists()
+        _show(name, found, options.psnr or (None if known else TRAINED))
     picture = options.picture or Path(f"probe-{name}.png")
     with working("drawing where effects matter"):
         _draw(found, picture)
@@ -137,30 +149,50 @@ def _probing(name: str) -> "Probing":
     return used
 
 
-def _show(name: str, found: "Probe") -> None:
+def loss_beside(decibel: float, mse: float, psnr: float) -> float:
+    """A loss of ``decibel`` beside an error ``mse``, in dB beside the error of a model of that ``psnr``."""
+    lost = max(0.0, 10 ** (decibel / 10) - 1) * mse
+    return 10 * math.log10(1 + lost * 10 ** (psnr / 10))
+
+
+def _show(name: str, found: "Probe", psnr: int | None) -> None:
+    """Print the table; if a ``psnr`` is given, also what each effect is worth beside a model of it."""
     from rich.table import Table
 
     from .reporter import say, show
 
+    beside = [] if psnr is None else [f"beside {psnr} dB"]
     table = Table(
-        "effect", "verdict", "leaving it out costs, dB", "worst case", "rays a step", "of a step", "why",
+        "effect", "verdict", "leaving it out costs, dB", *beside, "worst case", "rays a step", "of a step", "why",
         title=f"{name}: {found.tolerance:g} dB are tolerated beside an error of {found.psnr:.1f} dB",
     )  # fmt: skip
     for record in found.records:
-        measured = ["", "", "", ""]
+        measured = ["" for _ in (*beside, *range(4))]
         if record.measured is not None:
             # What is not finite has no value.
             each = {name: math.inf if value is None else value for name, value in record.measured.items()}
+            costs = [] if psnr is None else [_beside(each, found, psnr)]
             measured = [
                 f"{each['contribution']:.3f} ({each['lowest']:.3f} to {each['bound']:.3f})",
+                *costs,
                 f"{each['worst']:.2f}",
                 f"{each['rays']}",
                 f"{100 * each['share']:.0f} %",
             ]
         table.add_row(record.effect, record.verdict, *measured, record.why)
     show(table)
+    if psnr is not None:
+        say(
+            f"The verdict is beside the error of the surfels that were probed, {found.psnr:.1f} dB. Beside a better"
+            f" model, of {psnr} dB (--psnr), the same loss costs more: how much at most, and whether that is tolerated."
+        )
     if found.bounces is not None:
         say(f"bounces of light that are needed: {found.bounces}")
+
+
+def _beside(measured: "Mapping[str, float]", found: "Probe", psnr: int) -> str:
+    bound = loss_beside(measured["bound"], found.mse, psnr)
+    return f"at most {bound:.2f}: {'not needed' if bound < found.tolerance / 2 else 'needed'}"
 
 
 def _draw(found: "Probe", path: Path) -> None:

@@ -273,7 +273,8 @@ def run_and_report(
 ) -> int:
     """Run the missing cells; write and print the reports. Returns the exit code.
 
-    Raises NumericalFailure where suite ``stability`` finds errors beyond their tolerances.
+    Raises NumericalFailure where suite ``stability`` finds errors beyond their tolerances, or ``hard-training`` changes
+    of metrics beyond theirs.
     """
     from ..runs.engines.run import run_request
     from ..runs.interruption import Interruption
@@ -282,6 +283,7 @@ def run_and_report(
     from ..runs.stages import Bench
     from ..runs.sweep import steps_to_take
     from ..suites.experiment import STABILITY
+    from ..suites.own import HARD_TRAINING
     from .events import EventProgress, emit
     from .growing import growing
 
@@ -313,6 +315,10 @@ def run_and_report(
         from ..runs.hard_cases import tolerances_kept
 
         say_remarks([tolerances_kept(store, [cell.key for _, cell in cells])], options.json)
+    if request.suite.name == HARD_TRAINING.name:
+        from ..results.invariance import invariance_kept
+
+        say_remarks([invariance_kept(store, [ref for ref, _ in cells])], options.json)
     return code
 
 

@@ -36,7 +36,7 @@ from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..store.shapes import mismatch
-from ..suites.suite import Metric
+from ..suites.suite import TASKS, Metric
 from .doubts import doubts, labels, title_of
 from .paper_tables import interval, paper_tables
 
@@ -141,7 +141,7 @@ def column_summary(metric: Metric) -> ColumnSummary:
         key=metric.key,
         label=metric.label,
         unit=measure.unit,
-        direction=measure.better,
+        direction="none" if TASKS[metric.task].counted else measure.better,
         decimals=measure.decimals,
         meaning=metric.meaning,
     )

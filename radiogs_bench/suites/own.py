@@ -1,7 +1,8 @@
-"""Suites without a table in the paper: cost, length, the audit of effect plans, and the oracle ladder.
+"""Suites without a table in the paper: cost, length, the audit of effect plans, hard trainings, the oracle ladder.
 
 ``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time, ``length`` the steps of stage 2.
-``effects`` trains with only the effects that a scene needs, against training with all.
+``effects`` trains with only the effects that a scene needs, against training with all. ``hard-training`` trains under
+hard conditions.
 ``oracles`` replaces parts of what a method finds by the truth, to see what each is responsible for.
 """
 
@@ -159,6 +160,25 @@ EFFECTS_SUITE = Suite(
     experiment=AUDIT,
 )  # fmt: skip
 """The rows after ``auto`` switch effects off by hand, to show what that costs where they matter."""
+
+
+HARD_TRAINING = Suite(
+    name="hard-training",
+    title="Hard cases: whole trainings",
+    published=None,
+    reference=None,
+    rows=(Row("ours", "RadioGS", "RadioGS", {}), Row("printed", "Printed", "RadioGS as printed", {}, recipe="printed")),
+    columns=(
+        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),
+        Metric("indirect", "psnr"),
+    ),
+    scenes=(
+        "corner", "hard-scale-1e-4", "hard-scale-1e4", "hard-distance-1e3", "hard-bright-light", "hard-sun",
+        "hard-4-pixels", "hard-two-views", "hard-black", "hard-white",
+    ),
+)  # fmt: skip
+"""A miniature as it is, and under each condition of ``radiogs_datasets.hard_scenes``; ``--method`` takes another method
+through them."""
 
 
 def _row(key: str, text: str, *given: Part) -> Row:

@@ -33,6 +33,8 @@ class Task:
     """Beginning of a column's heading."""
     meaning: str
     """In words that continue ``Measure.meaning``."""
+    counted: bool = False
+    """Whether its metrics are counts that are neither good nor bad: rows are not ranked by them."""
 
 
 TASKS: Mapping[str, Task] = {
@@ -52,7 +54,7 @@ TASKS: Mapping[str, Task] = {
     "shape": Task("Shape", "of the extracted surface"),
     "forward": Task("Forward", "of values"),
     "gradient": Task("Gradient", "of gradients"),
-    "guards": Task("Guards", "of the numerical guards"),
+    "guards": Task("Guards", "of the numerical guards", counted=True),
     "training": Task("Training", "of training"),
     "stage2": Task("Stage 2", "of a step of stage 2"),
     "plan": Task("Plan", "of the plan of effects"),

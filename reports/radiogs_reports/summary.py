@@ -65,7 +65,7 @@ class ColumnSummary(TypedDict):
     """Task and measure, such as ``nvs/psnr``."""
     label: str
     unit: str
-    direction: Literal["up", "down", "zero"]
+    direction: Literal["up", "down", "zero", "none"]
     """Which values are better."""
     decimals: int
     """Printed decimals."""

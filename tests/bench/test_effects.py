@@ -1,6 +1,8 @@
 """Commands and suites know effects: what probes find is printed, drawn and kept."""
 
 import json
+import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from radiogs.method import RADIOGS
 from radiogs.settings import Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
+from radiogs_bench.cli.probe import loss_beside
 from radiogs_bench.methods import variant_of
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.suites.registry import read_suite, suite
@@ -97,6 +100,8 @@ def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["probe", "convex", "--picture", str(tmp_path / "convex.png")]) == 0
     said = capsys.readouterr().out
     assert "visibility" in said
+    assert "beside 38 dB" in said
+    assert re.search(r"at most 0\.0\d: not needed", said)
     assert "bounces of light that are needed: 1" in said
 
 
@@ -115,6 +120,16 @@ def test_a_probe_of_a_scene_under_another_light_draws_it_relit(
     assert picture.stat().st_size > 0
     (tmp_path / "light.png").touch()
     assert main(["probe", "occluder", "--envmap", str(tmp_path / "light.png")]) == 2
+
+
+def test_a_loss_beside_a_smaller_error_weighs_more() -> None:
+    """A loss that doubles an error of 20 dB costs 3 dB there, and 10 log10(1 + 10) beside a model of 30 dB."""
+    doubled = 10 * math.log10(2)
+    assert loss_beside(doubled, 1e-2, 20.0) == pytest.approx(doubled)
+    assert loss_beside(doubled, 1e-2, 30.0) == pytest.approx(10 * math.log10(11))
+    assert loss_beside(0.0, 1e-2, 30.0) == 0
+    assert loss_beside(-0.1, 1e-2, 30.0) == 0
+    assert loss_beside(math.inf, 1e-2, 30.0) == math.inf
 
 
 def test_a_scene_without_known_solids_cannot_be_probed(capsys: pytest.CaptureFixture[str]) -> None:

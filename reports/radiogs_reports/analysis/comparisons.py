@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple, TypeVar
 from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, paired_difference, spread
 from ..summary import Verdict
 
-Direction = Literal["up", "down", "zero"]
+Direction = Literal["up", "down", "zero", "none"]
+"""Which values are better; none of a count that is neither good nor bad."""
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -40,9 +41,7 @@ def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:
     return adjusted
 
 
-def to_reference(
-    samples: Mapping[str, Sample], reference: str, direction: Direction | Literal["none"]
-) -> dict[str, Comparison]:
+def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
     """Every other row that shares a scene and seed with the reference row, compared with it."""
     others = {row: sample for row, sample in samples.items() if row != reference}
     found, gains = {}, {}
@@ -69,21 +68,26 @@ def _gain(sample: Sample, reference: Sample, direction: Direction) -> Estimate:
     return gain
 
 
-def _verdict(gain: Estimate, p_value: float | None, direction: Direction | Literal["none"]) -> Verdict | None:
+def _verdict(gain: Estimate, p_value: float | None, direction: Direction) -> Verdict | None:
     if direction == "none" or p_value is None or p_value > ERROR_RATE:
         return None
     return "better" if gain.mean > 0 else "worse"
 
 
 def upwards(sample: Sample, direction: Direction) -> Sample:
-    """The values with the sign that makes larger ones better."""
-    if direction == "up":
+    """The values with the sign that makes larger ones better; counts as they are."""
+    if direction in ("up", "none"):
         return sample
     return {origin: -abs(value) if direction == "zero" else -value for origin, value in sample.items()}
 
 
 def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
-    """The rows that are resolved to be worse than each row, over all pairs of rows; None if no pair can be tested."""
+    """The rows that are resolved to be worse than each row, over all pairs of rows.
+
+    None if no pair can be tested, and for counts.
+    """
+    if direction == "none":
+        return None
     upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
     pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
     tested = {pair: gain for pair, gain in pairs.items() if gain is not None and gain.p_value is not None}

@@ -142,7 +142,7 @@ def seconds_to(points: list[Point], target: float, column: ColumnSummary) -> flo
 
 
 def _goodness(value: float, column: ColumnSummary) -> float:
-    return {"up": value, "down": -value, "zero": -abs(value)}[column["direction"]]
+    return {"up": value, "down": -value, "zero": -abs(value), "none": value}[column["direction"]]
 
 
 def _mean(values: list[float | None]) -> float | None:

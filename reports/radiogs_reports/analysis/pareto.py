@@ -22,8 +22,10 @@ class Point(NamedTuple):
 
 
 def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
-    """A point for every row with a value in the column and a known cost, in the table's order."""
-    found = []
+    """A point for every row with a value in the column and a known cost, in the table's order; none of counts."""
+    found = list[Point]()
+    if column["direction"] == "none":
+        return found
     for row in summary["rows"]:
         cell = summary["cells"][row["key"]][column["key"]]
         spent = mean_of(costs_of(summary, row["key"], cost))

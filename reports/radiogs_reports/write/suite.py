@@ -30,7 +30,7 @@ def suite_latex(table: Table) -> str:
 
 def _heads(table: Table, part: slice) -> list[str]:
     """Names of columns with the direction of better values, and their units."""
-    names = [f"{escape(column.label)} {ARROWS[column.direction]}" for column in table.columns]
+    names = [f"{escape(column.label)} {ARROWS.get(column.direction, '')}" for column in table.columns]
     units = [escape(column.unit) for column in table.columns]
     lines = ("Method", names), ("", units)
     return [rf"{' & '.join([label, *map(over, texts[part])])} \\" for label, texts in lines]

@@ -1,0 +1,60 @@
+"""Whether trainings under conditions that should change nothing end with the metrics of the scene itself.
+
+For suite ``hard-training``: its scenes are a miniature as it is, and under hard conditions
+(``radiogs_datasets.hard_scenes``).
+"""
+
+from collections.abc import Iterable, Mapping
+from statistics import fmean
+
+from radiogs_core.errors import NumericalFailure
+from radiogs_datasets.hard_scenes import BASE, CONDITIONS
+
+from ..runs.sweep import CellRef
+from ..store.folder import Store
+
+TOLERANCES: Mapping[str, float] = {"nvs/psnr": 1.0, "relight/psnr": 1.0}
+"""Largest change of a metric, dB, mean over the seeds. Trainings round otherwise under another scale, and the path of a
+training is as sensitive to rounding as to its seed: seeds of ``corner`` differ by up to 0.4 dB at preset ``smoke``."""
+
+SAME = tuple(name for name, condition in CONDITIONS.items() if condition.same)
+
+
+def invariance_kept(store: Store, cells: Iterable[CellRef]) -> str:
+    """A sentence on how much metrics change under conditions that should change nothing.
+
+    Raises NumericalFailure, with every change beyond its tolerance, if there is one.
+    """
+    changes = _changes(store, cells)
+    beyond = [text for text, share in changes if not share < 1]
+    if beyond:
+        raise NumericalFailure(
+            f"{len(beyond)} of {len(changes)} metrics change by more than their tolerance under a condition that should"
+            " change nothing",
+            "; ".join(beyond) + ".",
+            "docs/stability.md says what the conditions are.",
+        )
+    if not changes:
+        return f"Invariance was not measured: it takes '{BASE}' and one of {', '.join(SAME)}."
+    return f"Metrics stay within {min(TOLERANCES.values()):g} dB under conditions that should change nothing: " + (
+        "; ".join(text for text, _ in changes) + "."
+    )
+
+
+def _changes(store: Store, cells: Iterable[CellRef]) -> list[tuple[str, float]]:
+    """Each change in words, and its share of the tolerance."""
+    found: dict[tuple[str, str, str], dict[int, float]] = {}
+    for ref in cells:
+        result = store.result(ref["key"])
+        metrics = {} if result is None else result["metrics"]
+        for metric in TOLERANCES.keys() & metrics.keys():
+            if (value := metrics[metric]["value"]) is not None:
+                found.setdefault((ref["row"], metric, ref["scene"]), {})[ref["seed"]] = value
+    changes = []
+    for (row, metric, scene), values in found.items():
+        base = found.get((row, metric, BASE), {})
+        shared = values.keys() & base.keys()
+        if scene in SAME and shared:
+            change = fmean(values[seed] - base[seed] for seed in shared)
+            changes.append((f"{row}, {scene}, {metric} {change:+.2f} dB", abs(change) / TOLERANCES[metric]))
+    return changes
