@@ -91,7 +91,7 @@ def label_of(content: Mapping[str, Any], field: str) -> str:
 def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str | None:
     """The field of the budget in which a cell differs from another, if it is the only one and a positive integer.
 
-    Of fields that belong together and are multiplied by the same factor, the first.
+    Fields that belong together and are multiplied by the same factor count as one; the first stands for them.
     """
     if any(content.get(part) != base.get(part) for part in COMPARED):
         return None
