@@ -138,7 +138,8 @@ def check(options: argparse.Namespace) -> int:
         maps = sorted({name for view in scene.test for name in view.sources})
         say(f"{scene.name}: layout {scene.layout}, {len(scene.train)} training and {len(scene.test)} test views")
         if (kind := scene_kind(options.scene)) is not None:
-            say(f"kind: {kind} ({scene_choices(options.scene)})")
+            chosen = "no setting" if scene_choices(options.scene) == "reported only" else "settings"
+            say(f"kind of scene: {kind}; {chosen} of this project may be chosen by its results")
         say(f"maps of the test views: {', '.join(maps)}")
         say(f"lights: {', '.join(sorted(scene.lights)) or 'none'}")
         say(f"checksum: {scene.checksum}")

@@ -177,6 +177,6 @@ def test_columns_that_the_ablation_lacks_have_the_values_of_the_table_of_indirec
     assert figures["ours"]["indirect/psnr"] - figures["no-rad"]["indirect/psnr"] == pytest.approx(2.7878)
     assert "indirect/psnr" not in figures["nvs-init"]
     assert data.endswith(
-        "; in columns that this table of the paper lacks, TensoIR_Ind, mean of armadillo, ficus, hotdog, lego"
+        "; for columns that this table does not report, TensoIR_Ind, mean of armadillo, ficus, hotdog, lego"
     )
     assert values_beside(None, ["nvs/psnr"]) == ({}, "none for this suite")

@@ -110,5 +110,5 @@ def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, di
         for row in figures.keys() & other.figures.keys():
             figures[row] |= {column: other.figures[row][column] for column in lacking if column in other.figures[row]}
         if lacking:
-            data = f"{data}; in columns that this table of the paper lacks, {other.data}"
+            data = f"{data}; for columns that this table does not report, {other.data}"
     return figures, data
