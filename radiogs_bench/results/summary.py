@@ -1,7 +1,11 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from statistics import fmean
 from typing import Any, TypedDict, cast
+
+import numpy as np
 
 from radiogs_baselines.published import published as published_table
 from radiogs_core.contract import Method
@@ -15,6 +19,7 @@ from radiogs_reports.summary import (
     CellSummary,
     ColumnSummary,
     Doubt,
+    ErrorParts,
     Interval,
     ModesSummary,
     PlanSummary,
@@ -36,6 +41,7 @@ from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..store.shapes import mismatch
+from ..suites.experiment import COST
 from ..suites.suite import TASKS, Metric
 from .doubts import doubts, labels, title_of
 from .paper_tables import interval, paper_tables
@@ -91,9 +97,56 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         made["recipe"] = recipe
     if found := settling(made):
         made["settling"] = found
+    if parts := error_parts(store, [(ref, result) for ref, result in finished if measures_cost(result)]):
+        made["error_parts"] = parts
     if "command" in sweep:
         made["command"] = sweep["command"]
     return made
+
+
+def measures_cost(result: Result) -> bool:
+    """Whether a result is one of an experiment that measures what accuracy costs."""
+    return result["cell"].get("experiment") == COST
+
+
+PARTED = ("image", "albedo", "indirect", "relit")
+"""Kinds of kept images whose error is parted into what differs between seeds and what does not."""
+
+
+def error_parts(store: Store, finished: Sequence[tuple[CellRef, Result]]) -> dict[str, dict[str, ErrorParts]]:
+    """The squared error of kept images and its variance over seeds, by row and kind; empty without several seeds."""
+    shown: dict[tuple[str, str], list[str]] = {}
+    for ref, result in finished:
+        if store.arrays_path(result["key"]).exists():
+            shown.setdefault((ref["row"], ref["scene"]), []).append(result["key"])
+    found: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for (row, _), keys in shown.items():
+        for kind, each in _parts_of_scene(store, keys).items() if len(keys) > 1 else ():
+            found.setdefault(row, {}).setdefault(kind, []).append(each)
+    return {
+        row: {
+            kind: ErrorParts(
+                error=fmean(error for error, _ in each), variance=fmean(of for _, of in each), scenes=len(each)
+            )
+            for kind, each in kinds.items()
+        }
+        for row, kinds in found.items()
+    }
+
+
+def _parts_of_scene(store: Store, keys: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Squared error and variance of each kind of image of one scene, over the cells of its seeds and their views."""
+    with ExitStack() as opened:
+        files = [opened.enter_context(np.load(store.arrays_path(key))) for key in keys]
+        shared = set.intersection(*(set(file.files) for file in files))
+        found: dict[str, list[tuple[float, float]]] = {}
+        for name in sorted(each for each in shared if each.startswith("views/") and "/render/" in each):
+            kind, truth = name.split("/")[3], name.replace("/render/", "/truth/")
+            if kind in PARTED and truth in shared:
+                values = np.stack([file[name] for file in files]) / 255.0
+                error = float(((values - files[0][truth] / 255.0) ** 2).mean())
+                found.setdefault(kind, []).append((error, float(values.var(axis=0, ddof=1).mean())))
+    return {kind: (fmean(error for error, _ in each), fmean(of for _, of in each)) for kind, each in found.items()}
 
 
 def require_one_version(store: Store, finished: Iterable[Result]) -> None:

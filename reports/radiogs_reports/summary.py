@@ -269,6 +269,16 @@ class PaperTable(TypedDict):
     """By row, then column."""
 
 
+class ErrorParts(TypedDict):
+    """The squared error of a kind of images, display sRGB, in means over kept test views, scenes and seeds."""
+
+    error: float
+    variance: float
+    """What differs between seeds: the unbiased variance of a value over the seeds of a scene."""
+    scenes: int
+    """Scenes with several seeds."""
+
+
 class RecordedCell(CellSummary):
     """One value of a record. The verdict of its difference is the one that the run's own table showed."""
 
@@ -372,6 +382,8 @@ class Summary(RunTable):
     doubts: NotRequired[list[Doubt]]
     """Why values are uncertain: quantities that the images do not determine, and values no better than a constant's;
     absent in earlier summaries."""
+    error_parts: NotRequired[dict[str, dict[str, ErrorParts]]]
+    """By row, then kind of image, for runs that measure cost with several seeds."""
     settling: NotRequired[dict[str, dict[str, Settled]]]
     """Time to quality by row, then column, where models were scored during training; absent in earlier summaries."""
     relighting: NotRequired[dict[str, ModesSummary]]

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.fake_method import FakeSweep, asked
-from radiogs_bench.results.summary import plan_summary, summarise
+from radiogs_bench.results.summary import error_parts, plan_summary, summarise
 from radiogs_bench.runs.sweep import CellRef
 from radiogs_bench.scoring.metrics.weights import NO_WEIGHTS, missing_weights
+from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue, values_of
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
@@ -173,3 +175,29 @@ def test_an_empty_store_gives_a_summary_without_figures(tmp_path: Path) -> None:
     summary = summarise(FakeSweep(tmp_path).store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
     assert summary["sheet"] == []
     assert all(figure["mean"] is None for row in summary["cells"].values() for figure in row.values())
+
+
+def test_an_error_is_parted_into_what_differs_between_seeds_and_what_does_not(tmp_path: Path) -> None:
+    """A bias of 30 levels and noise of 20 give 30^2 + 20^2; one seed, one side alone and other maps give nothing."""
+    store, generator = Store(tmp_path), np.random.default_rng(3)
+    truth = np.full((64, 64, 3), 100, np.uint8)
+    finished = []
+    for row, seeds in (("several", 12), ("single", 1)):
+        for seed in range(seeds):
+            key = f"{row}{seed}"
+            noise = 20 * generator.choice([-1, 1], truth.shape)
+            shown = (truth.astype(int) + 30 + noise).astype(np.uint8)
+            arrays = {
+                "views/0/render/relit/sun": shown,
+                "views/0/truth/relit/sun": truth,
+                "views/1/render/image": shown,
+            }
+            store.arrays_path(key).parent.mkdir(exist_ok=True)
+            np.savez(store.arrays_path(key), **arrays)
+            finished.append((CellRef(row=row, scene="s", seed=seed, key=key, stages=[]), {"key": key}))
+    parts = error_parts(store, finished)  # type: ignore[arg-type]
+    assert {row: list(kinds) for row, kinds in parts.items()} == {"several": ["relit"]}
+    found = parts["several"]["relit"]
+    assert found["error"] * 255**2 == pytest.approx(30**2 + 20**2, rel=0.01)
+    assert found["variance"] * 255**2 == pytest.approx(20**2, rel=0.01)
+    assert found["scenes"] == 1

@@ -271,3 +271,14 @@ def test_rows_that_share_a_training_are_one_line_and_others_are_not() -> None:
     assert [text.get_text() for text in losses.figure.legends[0].get_texts()] == [
         "reference; iterations-half; ns-double", "ns-half; draft",
     ]  # fmt: skip
+
+
+def test_bias_and_variance_are_shares_of_the_error() -> None:
+    made = made_up()
+    assert "Bias and variance" not in cost_markdown(made, report_of(made))
+    made["error_parts"] = {"reference": {"relit": {"error": 1e-3, "variance": 2.5e-4, "scenes": 2}}}
+    report = report_of(made)
+    (grid,) = [each for each in report.grids if each.name == "error-parts"]
+    assert grid.heads == ["row", "relit views"]
+    assert [item.text for item in grid.rows[0]] == ["reference", "25.0 % of 30.00 dB"]
+    assert any("relit views 25 %" in sentence for sentence in report.sentences)

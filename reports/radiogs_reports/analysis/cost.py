@@ -1,11 +1,12 @@
 """The cost of accuracy: sentences and grids for every form of the report, computed from a run's summary alone."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 from ..statistics import Estimate
-from ..summary import ColumnSummary, Summary, last_stage_title, reference_of, row_texts
+from ..summary import ColumnSummary, ErrorParts, Summary, last_stage_title, reference_of, row_texts
 from ..wording import label_with_unit, plus_minus, population_of, signed
 from .cost_knobs import Doubling, Knob, Step, doublings, knobs, steps
 from .cost_progress import at_equal_time, second_half, to_equal_quality
@@ -13,6 +14,11 @@ from .efficiency import efficiencies
 from .grid import Grid, Item, estimate_item, factor_item, name_item
 from .pareto import points
 from .samples import COSTS
+
+PARTED: Mapping[str, str] = {
+    "image": "new views", "albedo": "albedo", "indirect": "indirect light", "relit": "relit views",
+}  # fmt: skip
+"""Kinds of images, by their name in the summary's ``error_parts``."""
 
 UNSHARED = "no scene and seed has every setting"
 
@@ -40,8 +46,14 @@ def cost_report(summary: Summary) -> CostReport | None:
         _efficiencies(summary),
         _times(summary),
         _qualities(summary),
+        _error_parts(summary),
     ]
-    return CostReport(turned, [*sentences, *([] if last is None else [last])], [grid for grid in grids if grid.rows])
+    parted = error_parts_sentence(summary)
+    return CostReport(
+        turned,
+        [*sentences, *(each for each in (last, parted) if each is not None)],
+        [grid for grid in grids if grid.rows],
+    )
 
 
 def step_sentence(summary: Summary, step: Step) -> str:
@@ -76,6 +88,23 @@ def second_half_sentence(summary: Summary) -> str | None:
     changes = ", ".join(change(gain, column) for column, (gain, _) in known)
     share = 100 * known[0][1][1].mean
     return f"The second half of {last_stage_title(summary)}: {changes}, for {share:.0f} % of the training time."
+
+
+def error_parts_sentence(summary: Summary) -> str | None:
+    """How much of the reference row's error differs between seeds; None where no scene has several."""
+    parts = summary.get("error_parts", {}).get(reference_of(summary))
+    if not parts:
+        return None
+    said = ", ".join(f"{PARTED[kind]} {variance_share(each):.0f} %" for kind, each in parts.items() if kind in PARTED)
+    return (
+        f"Variance between seeds is this share of the squared error of '{row_texts(summary)[reference_of(summary)]}':"
+        f" {said}. The rest is the same for every seed."
+    )
+
+
+def variance_share(parts: ErrorParts) -> float:
+    """Percentage of a squared error that is variance between seeds; 0 without an error."""
+    return 100 * parts["variance"] / parts["error"] if parts["error"] > 0 else 0.0
 
 
 def change(estimate: Estimate, column: ColumnSummary) -> str:
@@ -174,6 +203,26 @@ def _times(summary: Summary) -> Grid:
         ["metric", "seconds", "best row", "its value", "the reference's"],
         rows,
     )
+
+
+def _error_parts(summary: Summary) -> Grid:
+    parts, texts = summary.get("error_parts", {}), row_texts(summary)
+    kinds = [kind for kind in PARTED if any(kind in each for each in parts.values())]
+    return Grid(
+        "error-parts",
+        "Bias and variance",
+        "Share of the squared error of kept test images, display sRGB, that differs between seeds, and that error as"
+        " PSNR. The rest is common to all seeds: neither more seeds nor their mean removes it.",
+        ["row", *(PARTED[kind] for kind in kinds)],
+        [[name_item(texts[row]), *(_parts_item(each.get(kind)) for kind in kinds)] for row, each in parts.items()],
+    )
+
+
+def _parts_item(parts: ErrorParts | None) -> Item:
+    if parts is None:
+        return Item("n/a")
+    share, psnr = variance_share(parts), -10 * math.log10(max(parts["error"], 1e-10))
+    return Item(f"{share:.1f} % of {psnr:.2f} dB", share)
 
 
 def _qualities(summary: Summary) -> Grid:
