@@ -1,11 +1,12 @@
-"""Checks how sentences open in docstrings and in the help texts of the command line.
+"""Checks how sentences open in docstrings, comments, the help texts of the command line and documents.
 
     python .ci/plain_words.py
 
 A sentence that opens with "Of", "What", "That of", "Those of" or "The same of" leaves out its subject or its verb, and
 only a reader of the code can supply it. A question that ends with "?" may open with "What". The check reads the
-docstrings of modules, classes, functions and attributes (a text that follows an assignment), and the texts given as
-``help=`` and ``description=``. It prints every finding as ``file:line``; the exit code is 1 if there is any.
+docstrings of modules, classes, functions and attributes (a text that follows an assignment), comments that stand alone
+on their lines, the texts given as ``help=`` and ``description=``, and paragraphs and lists of Markdown. It prints every
+finding as ``file:line``; the exit code is 1 if there is any.
 """
 
 import ast
@@ -16,6 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("method", "datasets", "baselines", "reports", "radiogs_bench", "tests", ".ci")
+DOCUMENTS = ("*.md", "docs/*.md", "docs/tutorials/*.md")
 
 OPENING = re.compile(r"[\"'`(*-]*\s*(Of|What|That of|Those of|The same of)\b(?!-)")
 """A forbidden opening, after quotes, a bracket or the dash of a list."""
@@ -24,6 +26,12 @@ SENTENCE = re.compile(r"\S.*?(?:(?<!e\.g)(?<!i\.e)[.!?][\"'`)\]]*(?=\s|$)|(?=\n\
 """A sentence: it ends at a mark that ends one, at an empty line, or where the next item of a list begins."""
 
 HELP_ARGUMENTS = ("help", "description")
+
+COMMENTS = re.compile(r"(?:^[ \t]*#(?!!).*\n?)+", re.MULTILINE)
+"""Lines of comments that follow one another."""
+
+NO_PROSE = re.compile(r"^```.*?^```|^(?: {4}| *[|#<]).*?$", re.MULTILINE | re.DOTALL)
+"""Blocks of code, lines of tables, headings and marks of a document."""
 
 
 def checked_texts(tree: ast.Module) -> Iterator[ast.Constant]:
@@ -43,19 +51,34 @@ def findings(source: str, name: str) -> list[str]:
 
     Raises SyntaxError if ``source`` is not Python.
     """
-    found: list[tuple[int, str]] = []
-    for text in checked_texts(ast.parse(source)):
-        for sentence in SENTENCE.finditer(text.value):
-            if OPENING.match(sentence[0]) and not sentence[0].rstrip("\"'`)]").endswith("?"):
-                line = text.lineno + text.value.count("\n", 0, sentence.start())
-                found.append((line, " ".join(sentence[0].split())))
+    found = [each for text in checked_texts(ast.parse(source)) for each in openings(text.value, text.lineno)]
+    for comment in COMMENTS.finditer(source):
+        text = re.sub(r"^[ \t]*#", "", comment[0], flags=re.MULTILINE)
+        found += openings(text, 1 + source.count("\n", 0, comment.start()))
     return [f"{name}:{line}: {sentence}" for line, sentence in sorted(found)]
 
 
+def document_findings(text: str, name: str) -> list[str]:
+    """``name:line: sentence`` for each sentence of a document that has a forbidden opening."""
+    prose = NO_PROSE.sub(lambda part: re.sub(r".", " ", part[0]), text)
+    return [f"{name}:{line}: {sentence}" for line, sentence in openings(prose, 1)]
+
+
+def openings(text: str, first: int) -> list[tuple[int, str]]:
+    """Line and text of each sentence with a forbidden opening; ``first``: the number of the text's first line."""
+    return [
+        (first + text.count("\n", 0, sentence.start()), " ".join(sentence[0].split()))
+        for sentence in SENTENCE.finditer(text)
+        if OPENING.match(sentence[0]) and not sentence[0].rstrip("\"'`)]").endswith("?")
+    ]
+
+
 def main(root: Path = ROOT) -> int:
-    """Check every Python file of FOLDERS under ``root``; 1 if there is any finding."""
+    """Check every Python file of FOLDERS and every document under ``root``; 1 if there is any finding."""
     files = sorted(file for folder in FOLDERS for file in (root / folder).rglob("*.py"))
     found = [each for file in files for each in findings(file.read_text(), str(file.relative_to(root)))]
+    for file in sorted(file for pattern in DOCUMENTS for file in root.glob(pattern)):
+        found += document_findings(file.read_text(encoding="utf-8"), str(file.relative_to(root)))
     sys.stdout.writelines(f"{line}\n" for line in [*found, f"{len(found)} sentences with a forbidden opening"])
     return 1 if found else 0
 

@@ -169,7 +169,7 @@ def _show(name: str, found: "Probe", psnr: int | None) -> None:
     for record in found.records:
         measured = ["" for _ in (*beside, *range(4))]
         if record.measured is not None:
-            # What is not finite has no value.
+            # A number that is not finite is stored as None.
             each = {name: math.inf if value is None else value for name, value in record.measured.items()}
             costs = [] if psnr is None else [_beside(each, found, psnr)]
             measured = [

@@ -274,7 +274,7 @@ class ErrorParts(TypedDict):
 
     error: float
     variance: float
-    """What differs between seeds: the unbiased variance of a value over the seeds of a scene."""
+    """The part that differs between seeds: the unbiased variance of a value over the seeds of a scene."""
     scenes: int
     """Scenes with several seeds."""
 

@@ -61,7 +61,7 @@ def test_errors_fall_and_ratios_of_signal_to_noise_rise() -> None:
         "ssim",
     }
     for name, measure in MEASURES.items():
-        # What a plan may cost is a difference of PSNR.
+        # The cost of a plan is a difference of PSNR.
         assert (measure.unit == "dB") == (name.startswith("psnr") or name in ("bound", "worst"))
 
 

@@ -105,7 +105,7 @@ def keys_with(copies: SourceTree, module: str, file: Path, content: bytes) -> di
     whole = file.read_bytes()
     file.write_bytes(content)
     try:
-        # What the other modules import and digest to is not read again: that takes most of the time.
+        # Imports and digests of the other modules are not computed again: that takes most of the time.
         texts = {name: text for name, text in copies.known_texts.items() if name != module}
         digests = {name: digest for name, digest in copies.known_digests.items() if name != module}
         return keys_from(SourceTree(copies.roots, texts, dict(copies.known_imports), digests))

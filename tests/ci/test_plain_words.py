@@ -27,6 +27,7 @@ def words() -> ModuleType:
         ('"""Items\n- one\n- {} a thing\n"""\n', 3),
         ('"""An aside. ({} a thing.)"""\n', 1),
         ('def f(parser):\n    parser.add_argument("--x", help="{} a thing")\n', 2),
+        ("x = 1\n# One line,\n# two lines. {} a thing.\n", 3),
         ('def f(parser):\n    parser.add_parser(\n        "x",\n        description=f"{} a {{thing}}",\n    )\n', 4),
     ],
 )
@@ -46,12 +47,20 @@ def test_a_forbidden_opening_is_found_with_its_line(words: ModuleType, source: s
         '"""The same offset as before. Thatch. Those offered."""\n',
         '"""A sentence.\nof two lines; what follows is its rest."""\n',
         'x = "What is a value is no docstring."\n',
-        "# Of a comment nothing is asked.\n",
+        "x = 1  # Of a comment beside code nothing is asked.\n",
         'def f(parser):\n    parser.add_argument("--x", metavar="What", help="a thing")\n',
     ],
 )
 def test_other_openings_are_left_alone(words: ModuleType, source: str) -> None:
     assert words.findings(source, "m.py") == []
+
+
+@pytest.mark.parametrize("opening", ["Of", "What", "Those of"])
+def test_paragraphs_and_lists_of_documents_are_checked_and_their_tables_code_and_headings_are_not(
+    words: ModuleType, opening: str
+) -> None:
+    text = f"# {opening} a\n\nText. {opening} b.\n\n- {opening} c\n\n| {opening} d |\n\n```sh\n{opening} e\n```\n"
+    assert [found.partition(": ")[0] for found in words.document_findings(text, "d.md")] == ["d.md:3", "d.md:5"]
 
 
 def test_every_folder_of_python_files_is_checked(

@@ -102,7 +102,7 @@ def test_every_pixel_that_is_kept_has_a_source_and_the_image_is_not_cut_for_noth
         framed = white.clone()
         framed[0], framed[-1], framed[:, 0], framed[:, -1] = 0, 0, 0, 0
         assert float(undistorted(white, None, lens).min()) > 1 - 1e-6
-        # What shows the outermost pixels cannot have been cut away much: the kept rectangle touches them somewhere.
+        # The part with the outermost pixels cannot have been cut away much: the kept rectangle touches them somewhere.
         assert (kept.width, kept.height) == (WIDTH, HEIGHT) or float(undistorted(framed, None, lens).min()) < 0.9
 
 

@@ -114,7 +114,7 @@ def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None
     assert_holds_together(text)
     lines = cells_of(text)
     assert [line[0] for line in lines if line[0]] == [r"100 \% of the views", r"50 \% of the views"]
-    # Of the two methods' numbers in every column, half are in the first part of the table.
+    # Half of the two methods' numbers in every column are in the first part of the table.
     assert {len(line) for line in lines} == {2 + 2 * len(table["columns"])}
     assert text.count(r"Ours w/o $L_\mathrm{rad}$ $\uparrow$") == 1
     measured_line = next(line for line in lines if line[0].startswith("50"))

@@ -31,7 +31,7 @@ class Measure:
 
 MEASURES: Mapping[str, Measure] = {
     "psnr": Measure("PSNR", "dB", "up", 2, "peak signal-to-noise ratio"),
-    # Of a relit image, against the one of the method's own reference.
+    # A relit image against the one of the method's own reference.
     "psnr_reference": Measure(
         "PSNR to reference", "dB", "up", 2, "peak signal-to-noise ratio against the method's own reference"
     ),
@@ -54,7 +54,7 @@ MEASURES: Mapping[str, Measure] = {
     "lpips_alex": Measure("LPIPS (AlexNet)", "", "down", 3, "perceptual distance by AlexNet"),
     "lpips_vgg": Measure("LPIPS (VGG)", "", "down", 3, "perceptual distance by VGG16"),
     "lpips_squeeze": Measure("LPIPS (SqueezeNet)", "", "down", 3, "perceptual distance by SqueezeNet"),
-    # Of a recovered environment map, as it is and after the protocol's alignment.
+    # A recovered environment map, as it is and after the protocol's alignment.
     "error": Measure("error", "", "down", 3, "relative error of radiance"),
     "error_scaled": Measure("error up to scale", "", "down", 3, "relative error of radiance after the best factor"),
     # Recovered light as surfaces in the test views receive it, and the error that its resolution alone costs.
@@ -63,9 +63,9 @@ MEASURES: Mapping[str, Measure] = {
     ),
     "reflection": Measure("error of reflections", "", "down", 3, "relative error of what their reflections show"),
     "floor": Measure("error of the truth at this resolution", "", "down", 3, "error that the resolution alone costs"),
-    # Of the best map that is the same everywhere: a recovered one that is no better carries no information.
+    # The best map that is the same everywhere: a recovered one that is no better carries no information.
     "constant": Measure("error of a constant", "", "down", 4, "error of the best map that is the same everywhere"),
-    # Of float32 against float64, in units of its rounding, 1.19e-7.
+    # Float32 against float64, in units of its rounding, 1.19e-7.
     "safe": Measure(
         "error, safe range", "eps", "down", 1, "largest error of float32 in its safe range, in units of rounding"
     ),
@@ -74,7 +74,7 @@ MEASURES: Mapping[str, Measure] = {
     ),
     "share": Measure("share of the tolerance", "", "down", 3, "largest share of the tolerance that is used"),
     "fired": Measure("that acted", "times", "down", 0, "how many acted"),
-    # Of leaving out effects: what is traced, and what that may cost.
+    # Leaving out effects: traced rays, and what that may cost.
     "rays": Measure("rays", "M", "down", 2, "traced rays"),
     "seconds": Measure("duration", "s", "down", 1, "seconds"),
     "bound": Measure("bound on the loss", "dB", "down", 3, "predicted bound on what leaving effects out costs"),
