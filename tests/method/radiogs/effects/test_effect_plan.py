@@ -8,7 +8,9 @@ from unittest.mock import Mock
 import pytest
 import torch
 
+from radiogs.effects import training as effect_training
 from radiogs.effects.assessment import Assessment
+from radiogs.effects.training import LastLight
 from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialStart
@@ -143,29 +145,62 @@ def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: di
     for plan in (NO_RAYS, local_rays(initialised)):
         with recording() as instruments:
             stage = decided(initialised, plan, materials=plain)
-        assert instruments.work["rays"] == whole.weight.numel()
+        more = effect_training.KEPT_DIRECTIONS - whole.weight.shape[1]
+        without = int(plan.without_rays(whole.weight).sum())
+        assert instruments.work["rays"] == whole.weight.numel() + without * more
         stage.generator.manual_seed(0)
         stage.shader.cache.renew(stage.model, 0)
         for name, value in vars(whole).items():
             assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
 
-@pytest.mark.slow
-def test_cached_light_is_kept_after_a_probe_removed_all_rays(initialised: dict[str, Any]) -> None:
-    counted, before, after = stepped(decided(initialised, NO_RAYS))
+def has_the_light_of_the_nearest_directions(now: Incident, last: LastLight, index: torch.Tensor) -> bool:
+    """Whether surfels at ``index`` have, along each direction, V and L_ind of the nearest kept direction."""
+    for direction, visibility, radiance, row in zip(
+        now.direction, now.visibility, now.radiance, last.row[index], strict=True
+    ):
+        nearest = (direction[:, None] - last.direction[row]).norm(dim=-1).argmin(1)
+        if not torch.equal(visibility, last.visibility[row][nearest]):
+            return False
+        if not torch.equal(radiance, last.radiance[row][nearest]):
+            return False
+    return True
+
+
+def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_drawn_anew(
+    initialised: dict[str, Any],
+) -> None:
+    """Directions that stayed would keep the noise of their sums, and materials would be fitted to it."""
+    stage = decided(initialised, NO_RAYS)
+    every = torch.arange(len(stage.shader.cache.incident.weight))
+    last = stage.shader.cache.last
+    counted, before, after = stepped(stage)
     assert not counted.get("rays")
-    assert all(torch.equal(value, getattr(after, name)) for name, value in vars(before).items())
+    assert bool((before.direction != after.direction).any(-1).all())
+    assert last.direction.shape[1] >= effect_training.KEPT_DIRECTIONS
+    assert has_the_light_of_the_nearest_directions(before, last, every), "the cached directions are kept ones"
+    assert has_the_light_of_the_nearest_directions(after, last, every)
+
+
+def test_kept_light_is_looked_up_in_parts(initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = stepped(decided(initialised, NO_RAYS))[2]
+    monkeypatch.setattr(effect_training, "COMPARED", 1)
+    parts = stepped(decided(initialised, NO_RAYS))[2]
+    assert all(torch.equal(value, getattr(parts, name)) for name, value in vars(whole).items())
 
 
 @pytest.mark.slow
 def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
-    counted, before, after = stepped(decided(initialised, plan))
+    stage = decided(initialised, plan)
+    last = stage.shader.cache.last
+    counted, before, after = stepped(stage)
     assert 0 < counted["rays"] < 0.5 * whole["rays"]
-    for name, value in vars(before).items():
-        assert torch.equal(value[~plan.traced], getattr(after, name)[~plan.traced])
-    assert bool((before.direction != after.direction)[plan.traced].any(-1).any(-1).all())
+    without = torch.nonzero(~plan.traced)[:, 0]
+    assert len(last.direction) == len(without)
+    assert has_the_light_of_the_nearest_directions(after.of(without), last, without)
+    assert bool((before.direction != after.direction).any(-1).any(-1).all())
 
 
 def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: dict[str, Any]) -> None:
@@ -179,7 +214,10 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
         for name in vars(light):
             value = getattr(light, name)[row]
             assert torch.equal(value, getattr(stage.shader.cache.of_set(index, 1), name)[row])
-        assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
+        assert not torch.equal(light.direction[row], before.direction[row])
+        if not plan.traced[surfel]:
+            one = light.of(torch.tensor([row])), stage.shader.cache.last, torch.tensor([surfel])
+            assert has_the_light_of_the_nearest_directions(*one)
 
 
 @pytest.mark.slow
