@@ -125,9 +125,12 @@ class PlannedMonteCarlo(MonteCarlo):
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over N_g random surfels, with the effects of the plan."""
         surfels, plan = model.surfels, self.cache.plan
+        specular_at = plan.specular_among(surfels.albedo_logit)
+        if specular_at is None:
+            return super().consistency(model, camera, iteration)
+        self.arriving = None  # it is not brought up to date with the rays of this step
         index = self.drawn(surfels)
         incident = self.cache.light_on(index, model, iteration)
-        specular_at = plan.specular_among(surfels.albedo_logit)
         return self.radiometric.loss(
             surfels, model.environment, camera, index, incident, self.cache.generator, specular_at
         )
@@ -138,7 +141,6 @@ class PlannedMonteCarlo(MonteCarlo):
         """L_PBR of every surfel, as Monte-Carlo sums over its cached light, linear RGB."""
         incident, specular_at = self.cache.incident, self.cache.plan.specular_among(model.surfels.albedo_logit)
         if specular_at is None:
-            self.arriving = None  # a plan's cache may change in place
             return super().radiance(model, outgoing, light)
         light_of = (incident.visibility, incident.radiance, model.environment)
         return self.sums(model, outgoing, *light_of, specular_at)

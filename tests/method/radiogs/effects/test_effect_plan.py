@@ -182,6 +182,28 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_
     assert has_the_light_of_the_nearest_directions(after, last, every)
 
 
+@pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan(indirect=False, kept=True), None])
+def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
+    initialised: dict[str, Any], plan: EffectPlan | None
+) -> None:
+    """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too, and
+    after steps in which some surfels alone had lobes."""
+    ended = []
+    for anew in (False, True):
+        stage = decided(initialised, local_rays(initialised) if plan is None else plan)
+        assert not stage.model.log_environment.requires_grad
+        lobes = (torch.arange(len(stage.model.surfels)) % 2 == 0, None)
+        for step in range(12):
+            if step in (4, 7):
+                stage.planner.plan = dataclasses.replace(stage.planner.plan, specular_at=lobes[step == 7])
+            if anew:
+                stage.shader.arriving = None
+            stage.step()
+        ended.append(stage.optimiser.tensors)
+    for name, value in ended[0].items():
+        assert torch.equal(value, ended[1][name]), name
+
+
 def test_kept_light_is_looked_up_in_parts(initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     whole = stepped(decided(initialised, NO_RAYS))[2]
     monkeypatch.setattr(effect_training, "COMPARED", 1)
