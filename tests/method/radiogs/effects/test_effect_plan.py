@@ -182,6 +182,7 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_
     assert has_the_light_of_the_nearest_directions(after, last, every)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan(indirect=False, kept=True), None])
 def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
     initialised: dict[str, Any], plan: EffectPlan | None
@@ -204,6 +205,7 @@ def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
         assert torch.equal(value, ended[1][name]), name
 
 
+@pytest.mark.slow
 def test_kept_light_is_looked_up_in_parts(initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     whole = stepped(decided(initialised, NO_RAYS))[2]
     monkeypatch.setattr(effect_training, "COMPARED", 1)
