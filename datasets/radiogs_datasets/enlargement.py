@@ -1,4 +1,4 @@
-"""More of a scene than there is: as many views as wanted, of any size, for measuring time and memory and nothing else.
+"""An enlarged scene: as many views as wanted, of any size, for measuring time and memory and nothing else.
 
 Views are repeated in turn, and every pixel becomes a block: nothing is seen that was not there, but methods work, and
 take memory, as for a scene of that size. Maps are enlarged whenever they are read, and need no files.

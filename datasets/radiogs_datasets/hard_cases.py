@@ -1,4 +1,4 @@
-"""Where the hard cases of suite ``stability`` are placed: a camera and a sky, exact in float32, and nothing else."""
+"""The scene of suite ``stability``: a camera and a sky, exact in float32, and nothing else."""
 
 import torch
 

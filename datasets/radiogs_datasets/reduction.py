@@ -1,4 +1,4 @@
-"""Less of a scene: fewer views, smaller images of any size."""
+"""A reduced scene: fewer views, smaller images of any size."""
 
 import math
 import threading

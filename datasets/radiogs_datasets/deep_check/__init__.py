@@ -1,4 +1,4 @@
-"""The deep checks of a scene: which evidence there is, and in which order it is heard."""
+"""The deep checks of a scene: which evidence there is, and in which order it is checked."""
 
 from collections.abc import Callable, Iterator, Mapping
 
