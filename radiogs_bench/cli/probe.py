@@ -167,7 +167,7 @@ def _show(name: str, found: "Probe", psnr: int | None) -> None:
         title=f"{name}: {found.tolerance:g} dB are tolerated beside an error of {found.psnr:.1f} dB",
     )  # fmt: skip
     for record in found.records:
-        measured = ["" for _ in (*beside, *range(4))]
+        measured = [""] * (len(beside) + 4)
         if record.measured is not None:
             # A number that is not finite is stored as None.
             each = {name: math.inf if value is None else value for name, value in record.measured.items()}

@@ -1,6 +1,7 @@
 """Suites are sound data, and a wrong name is answered with the right one."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 from importlib.resources import files
 
@@ -255,6 +256,9 @@ def test_the_cost_is_measured_with_knobs_of_both_stages_and_of_relighting() -> N
     relighting = {"relight_hemisphere_samples", "relight_light_samples"}
     rows = {row.key: set(row.budget) for row in SUITES["cost"].rows}
     assert set.union(*rows.values()) == stage_1 | stage_2 | relighting
+    turned = Counter(name for names in rows.values() if len(names) < 3 for name in names)
+    assert set(turned) == stage_1 | stage_2 | relighting, "every knob is turned without the others"
+    assert min(turned.values()) >= 2
     for preset in ("smoke", "tiny", "paper"):
         cells = {place["row"]: cell for place, cell in asked(1, SUITES["cost"], preset).cells()}
         whole = cells.pop("reference")

@@ -59,7 +59,9 @@ def test_other_openings_are_left_alone(words: ModuleType, source: str) -> None:
 def test_paragraphs_and_lists_of_documents_are_checked_and_their_tables_code_and_headings_are_not(
     words: ModuleType, opening: str
 ) -> None:
-    text = f"# {opening} a\n\nText. {opening} b.\n\n- {opening} c\n\n| {opening} d |\n\n```sh\n{opening} e\n```\n"
+    text = (
+        f"# Title. {opening} a\n\nText. {opening} b.\n\n- {opening} c\n\n| {opening} d |\n\n```sh\n{opening} e\n```\n"
+    )
     assert [found.partition(": ")[0] for found in words.document_findings(text, "d.md")] == ["d.md:3", "d.md:5"]
 
 
