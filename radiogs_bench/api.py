@@ -59,6 +59,7 @@ from .scoring.metrics.protocols import PROTOCOLS
 from .scoring.metrics.protocols import protocol as protocol_of
 from .store.claim import saying_who_holds
 from .store.folder import Store
+from .trusted_methods import trusting
 
 __all__ = [
     "Model",
@@ -211,7 +212,8 @@ def protocol_names() -> tuple[str, ...]:
 
 def method(name: str) -> Method:
     """An installed method by its name, or one from a TOML file of commands. Raises UsageError."""
-    return installed_method(name)
+    with trusting([name]):
+        return installed_method(name)
 
 
 def read_light(path: str | Path) -> EnvironmentMap:
@@ -264,7 +266,7 @@ def train(
     for name in options.keys() - TrainingOptions.__annotations__.keys():
         raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
     say = options.get("say", lambda line: None)
-    used = installed_method(method) if isinstance(method, str) else method
+    used = _named(method) if isinstance(method, str) else method
     opened, on = options.get("scene_options", AS_STORED), _usable(device)
     read = scene if isinstance(scene, Scene) else load_scene(str(scene), options=opened)
     for repair in read.repairs:
@@ -284,6 +286,11 @@ def train(
     with store.keeping_tracebacks():
         name = str(read.folder or read.name) if isinstance(scene, Scene) else str(scene)
         return _trained(store, cell, run, used, say, Origin(name, preset, changes))
+
+
+def _named(name: str) -> Method:
+    """``method``, where an argument has its name."""
+    return method(name)
 
 
 def _usable(device: str) -> torch.device:
@@ -313,14 +320,16 @@ def _trained(
     return Model(model, run, method.name, math.fsum(ledger["seconds"] for ledger in ledgers.values()), files)
 
 
-def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model:
+def open_model(folder: str | Path, device: str = "cpu", trust: str | Path = "", **changes: Any) -> Model:
     """The model that ``train`` left in a folder.
 
-    ``changes`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
-    DataError where there is none or its scene has changed.
+    ``trust`` is the TOML file of the method that trained it, if its commands may run. ``changes`` are fields of the
+    variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises DataError where there is none
+    or its scene has changed, UsageError where the folder names a method's file that is not trusted.
     """
-    run, model = read_trained(Path(folder), _usable(device), changes)
-    return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
+    with trusting([str(trust)]):
+        run, model = read_trained(Path(folder), _usable(device), changes)
+        return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 
 def open_store(folder: str | Path, settings: bool = False, by_view: bool = False) -> pd.DataFrame:

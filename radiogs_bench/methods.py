@@ -10,7 +10,7 @@ from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replac
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from radiogs_core.capabilities import PARTS, OffersRecipes, TakesGiven
 from radiogs_core.contract import LARGEST_COUNT, Method
@@ -20,25 +20,24 @@ from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with
 from .installed_methods import method_names, offered_methods, origin, recipes, substitutes
 from .method_calls import calling, lacking, stops_at_once
 from .process_state import ours, set_apart
+from .trusted_methods import SUFFIX, method_of_file, trusted_files, trusting
 
 DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""
-
-SUFFIX = ".toml"
 
 OURS = "radiogs-bench"
 """The distribution whose methods leave the process's state alone."""
 
 
 def method(name: str) -> Method:
-    """A method by its name, or from a TOML file of commands. Raises UsageError for one that is not there or broken.
+    """A method by its name, or from a TOML file of commands that is trusted (``trusted_methods``).
 
-    A file is read at every call: keep what a run began with (``functools.cache``), or an edit changes it on the way.
+    Raises UsageError for one that is not there or broken, and for a file that is not trusted.
     """
     if name in substitutes:
         return substitutes[name]
     if name.endswith(SUFFIX):
-        return _from_file(Path(name))
+        return method_of_file(name)
     offered = offered_methods()
     if name not in offered and name in recipes():
         return _from_file(recipes()[name])
@@ -105,6 +104,22 @@ def default_recipe(of: Method) -> str:
     """The recipe with the values of a method's defaults; empty if it has none."""
     name, changed = nearest_recipe(of, to_plain(of.variant()), "", "", {})
     return "" if changed else name
+
+
+@runtime_checkable
+class ShortensRecipes(Protocol):
+    """A method whose published recipes change with the length of training."""
+
+    def recipe_at(self, name: str, variant: Any, budget: Any) -> str:
+        """The name under which tables print a recipe: with a mark and its factors where training is shortened."""
+
+
+def recipe_in_tables(of: Method, recipe: str, given: Mapping[str, Any], budget: Any) -> str:
+    """The name under which tables print a method's recipe with the given fields changed, for a budget."""
+    if not (recipe and isinstance(of, ShortensRecipes)):
+        return recipe
+    with calling(of.name, "recipe_at()"):
+        return of.recipe_at(recipe, variant_by_recipe(of, recipe, "", "", given), budget)
 
 
 def why_not_given(of: Method, parts: Sequence[str]) -> str:
@@ -218,19 +233,24 @@ def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
 
 
 class FoundMethods:
-    """Finds methods as ``method`` does, each once; pickled, it begins anew, since a method may not travel."""
+    """Finds methods as ``method`` does, each once; pickled, it begins anew, since a method may not travel.
 
-    def __init__(self) -> None:
+    ``trusted``: methods' files that the run's command line names (default: those of this process).
+    """
+
+    def __init__(self, trusted: Sequence[str] | None = None) -> None:
         self._found: dict[str, Method] = {}
+        self._trusted = trusted_files() if trusted is None else tuple(trusted)
 
     def __call__(self, name: str) -> Method:
         """The method of that name. Raises UsageError as ``method`` does."""
         if name not in self._found:
-            self._found[name] = method(name)
+            with trusting(self._trusted):
+                self._found[name] = method(name)
         return self._found[name]
 
-    def __reduce__(self) -> tuple[type["FoundMethods"], tuple[()]]:
-        return FoundMethods, ()
+    def __reduce__(self) -> tuple[type["FoundMethods"], tuple[tuple[str, ...]]]:
+        return FoundMethods, (self._trusted,)
 
 
 def describe(of: Method) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .device import chosen_device
 from .options import add_data, add_device, add_verbose, declare
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -52,6 +53,7 @@ def add_to(commands: "Commands") -> None:
         " OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE).",
     )  # fmt: skip
     parser.add_argument("--row", metavar="ROW", help="Write the surfels of this row of a run (default: the first).")
+    add_trust(parser)
     _add_mesh(parser)
     _add_layout(parser)
 

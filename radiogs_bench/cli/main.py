@@ -35,6 +35,7 @@ from . import (
 )  # fmt: skip
 from .options import ExplainingParser, add_verbose
 from .reporter import complain
+from .trusting import trusting_named
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -82,7 +83,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command, with ``--data`` as the root of data if it was given."""
+    """Run the command with the methods' files that it names trusted, and ``--data`` as the root of data if given."""
+    with trusting_named(options):
+        return _execute(options)
+
+
+def _execute(options: argparse.Namespace) -> int:
     if getattr(options, "data", None) is None:
         return int(options.command(options))
     from radiogs_datasets.data_root import using_data_root

@@ -22,6 +22,7 @@ from .options import (
     scene_options,
     settings_from,
 )
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -87,6 +88,7 @@ def add_views(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--views", choices=["test", "train"], default="test", help="Render the views of this split (default: test)."
     )
+    add_trust(parser)
     add_data(parser)
     add_device(parser)
     add_verbose(parser)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .lights import add_light_options, placed
 from .options import METHOD, add_scene_options, add_verbose, declare, positive, scene_options
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -42,6 +43,7 @@ def add_to(commands: "Commands") -> None:
         "--preset", default="tiny", help="Weigh rays by the steps of this preset (default: tiny; for DIR its own)."
     )
     parser.add_argument("--method", default=METHOD, help=f"Probe a scene for this method (default: {METHOD}).")
+    add_trust(parser)
     parser.add_argument("--seed", type=int, help="Seed the samples with this (default: 0; for DIR its own).")
     parser.add_argument(
         "--envmap", type=Path, metavar="FILE",

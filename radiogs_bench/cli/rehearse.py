@@ -21,6 +21,7 @@ from .options import (
     scene_options,
     suite_of,
 )
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -57,6 +58,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "--method", type=names, metavar="A,B", help=f"Rehearse these methods (default: the rows', or {METHOD})."
     )
+    add_trust(parser)
     parser.add_argument("--protocol", help="Score under this metric protocol (default: the suite's).")
     parser.add_argument(
         "--as", dest="size", type=_size, metavar="VIEWSxWIDTHxHEIGHT",

@@ -33,6 +33,7 @@ from .options import (
     views_kept,
 )
 from .reporter import complain, say
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     import torch
@@ -71,6 +72,7 @@ def add_to(commands: "Commands") -> None:
         "--method", type=names, metavar="A,B",
         help="Run these methods (see `methods`, or TOML files) in the suite's table (default: the rows').",
     )  # fmt: skip
+    add_trust(parser)
     parser.add_argument("--rows", type=names, metavar="A,B", help="Run these rows of the suite (default: all).")
     add_recipe(parser)
     add_effects(parser, default=None)

@@ -12,6 +12,7 @@ from radiogs_core.errors import UsageError
 
 from .device import chosen_device
 from .options import add_device, add_scene_options, add_verbose, declare, scene_options
+from .trusting import add_trust
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,6 +60,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "--protocol", help="Score under this metric protocol, or under all (default: default; with --into the run's)."
     )
+    add_trust(parser)
     add_device(parser)
     parser.add_argument("--json", action="store_true", help="Print the record instead of the table.")
     parser.add_argument("--out", type=Path, metavar="FILE", help="Write the record to FILE.")
