@@ -6,8 +6,10 @@ that one angle cannot say have a lens in pixels for each frame, as instant-ngp a
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,13 +24,27 @@ from radiogs_core.scene.scene import View
 from .image_files import write_png
 
 
-def require_new(folder: Path) -> Path:
-    """Where a scene is made before it is renamed to ``folder``, which must be absent or empty, else UsageError."""
+@contextmanager
+def made_beside(folder: Path) -> Iterator[Path]:
+    """A new folder beside ``folder`` to make a scene in; it takes the name at the end, and is removed after an error.
+
+    What a killed process leaves is ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something, OSError.
+    """
+    require_new(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=".unfinished-", dir=folder.parent) as room:
+        made = Path(room) / folder.name
+        made.mkdir()
+        yield made
+        made.replace(folder)
+
+
+def require_new(folder: Path) -> None:
+    """Raise UsageError for a folder that is neither absent nor empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(
             f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
         )
-    return folder.with_name(f"{folder.name}.unfinished")
 
 
 PIXEL_TOLERANCE = 1e-3

@@ -4,7 +4,6 @@ A layout's writer takes maps as ``radiogs_core.scene.scene.MapName`` defines the
 it wrote.
 """
 
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from .image_files import write_exr, write_hdr, write_png
-from .new_scene import require_new, write_transforms
+from .new_scene import made_beside, write_transforms
 
 Advance = Callable[[int, int], None]
 
@@ -40,17 +39,11 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
             "They would be written as black.",
             "Convert the scene without its masks, and copy the masks beside it.",
         )
-    unfinished = require_new(folder)
-    shutil.rmtree(unfinished, ignore_errors=True)
     try:
-        unfinished.mkdir(parents=True)
-        lost = _write(scene, unfinished, layout, advance)
-        unfinished.replace(folder)
+        with made_beside(folder) as made:
+            return _write(scene, made, layout, advance)
     except OSError as error:
         raise UsageError(f"cannot write {folder}", f"The system says: {error.strerror}.", "Free it.") from error
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
-    return lost
 
 
 def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[str, ...]:

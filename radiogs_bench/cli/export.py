@@ -111,6 +111,8 @@ def export(options: argparse.Namespace) -> int:
         return export_layout(options)
     if options.to in FORMS:
         return export_splats(options)
+    from radiogs_core.own_files import own_folder, require_own_folders
+
     from ..export.records import export as write
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
@@ -122,13 +124,14 @@ def export(options: argparse.Namespace) -> int:
     if options.to == "tensorboard":
         from ..export.loggers import write_event_files
 
-        folder = options.file or options.out / options.to
+        folder = options.file or own_folder(options.out / options.to, options.out)
         say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
         return 0
     if options.to == "wandb":
         from ..export.loggers import write_wandb_runs
 
         folder = options.file or options.out
+        require_own_folders(folder, options.to)
         count = write_wandb_runs(store, sweep, folder)
         say(f"{folder / 'wandb'}: progress of {count} cells; send it:  wandb sync {folder / 'wandb'}/offline-run-*")
         return 0
@@ -165,6 +168,7 @@ def export_splats(options: argparse.Namespace) -> int:
 def export_layout(options: argparse.Namespace) -> int:
     """Write the test views' files into OUT/CODE, or the folder of --file, and print the command that scores them."""
     from radiogs_baselines.outputs.writing import LayoutWriter
+    from radiogs_core.own_files import require_own_folders
 
     from ..export.published_layout import checked, write_as_published
     from ..runs.progress import progress_for_stderr
@@ -174,6 +178,8 @@ def export_layout(options: argparse.Namespace) -> int:
     from .reporter import say
 
     folder: Path = options.file or options.out / options.layout_of
+    if options.file is None:
+        require_own_folders(options.out, options.layout_of)
     with Store(options.out).keeping_tracebacks(), progress_for_stderr() as progress:
         about = read_about(options.out)
         run, model = read_trained(options.out, chosen_device(options))

@@ -8,7 +8,6 @@ import argparse
 import logging
 import os
 import sys
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -34,7 +33,7 @@ from . import (
     view,
 )  # fmt: skip
 from .options import ExplainingParser, add_verbose
-from .reporter import complain
+from .reporter import VisibleFormatter, complain, complain_with_trace
 from .trusting import trusting_named
 
 if TYPE_CHECKING:
@@ -49,9 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process's exit code (see ``errors``)."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     verbose = "--verbose" in given
-    logging.basicConfig(
-        level=logging.DEBUG if verbose else logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr
-    )
+    shown = logging.StreamHandler(sys.stderr)
+    shown.setFormatter(VisibleFormatter("%(levelname)s: %(message)s"))
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.WARNING, handlers=[shown])
     logging.getLogger().setLevel(logging.WARNING)
     logging.getLogger("radiogs_bench").setLevel(logging.DEBUG if verbose else logging.WARNING)
     try:
@@ -70,9 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ExplainedError as raised:
         error = raised
         if verbose:
-            traceback.print_exc()
+            complain_with_trace()
     except Exception as unexpected:  # noqa: BLE001  an exit code of its own; the traceback is printed
-        traceback.print_exc()
+        complain_with_trace()
         complain(
             f"error: unexpected: {type(unexpected).__name__}\nWhat was finished before is on disk.\n"
             f"Please report it with the lines above.\n(exit code {UNEXPECTED})"

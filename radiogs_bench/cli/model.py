@@ -164,6 +164,7 @@ def no_effects(method: str) -> UsageError:
 
 def render(options: argparse.Namespace) -> int:
     """Write the recovered light and the maps of every view: images as PNG, the others as EXR."""
+    from radiogs_core.own_files import own_folder
     from radiogs_datasets.image_files import write_exr
 
     from ..runs.trained_folder import read_about, read_trained
@@ -172,9 +173,8 @@ def render(options: argparse.Namespace) -> int:
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, chosen_device(options))
         name = read_about(options.folder)["method"]
-        folder, light = options.folder / "render", model.light
+        folder, light = own_folder(options.folder / "render", options.folder), model.light
         if light is not None:
-            folder.mkdir(parents=True, exist_ok=True)
             write_exr(folder / "environment.exr", light.radiance.cpu().numpy())
         write_views(name, prepared(name, model), run, options.views, folder)
         if options.relight:
@@ -184,6 +184,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _write_relit(method: str, model: "Trained", run: "Run", folder: Path) -> None:
     """Write ``relit/LIGHT/VIEW.png`` of each relit test view that the scene has."""
+    from radiogs_core.own_files import fresh
     from radiogs_datasets.image_files import write_png
 
     from ..export.published_layout import albedo_scale, relit_views
@@ -199,8 +200,7 @@ def _write_relit(method: str, model: "Trained", run: "Run", folder: Path) -> Non
             model, run, method, protocol("default"), lambda done, total: progress.advance("scoring", done, total)
         )
         for light, view, maps in relit_views(model, run, method, scale):
-            path = folder / "relit" / light / f"{view.name.replace('/', '_')}.png"
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path = fresh(folder / "relit" / light / f"{view.name.replace('/', '_')}.png", folder)
             write_png(path, maps["image"].numpy())
             written.append(light)
             progress.advance("relighting", len(written), expected)
@@ -241,6 +241,7 @@ def write_views(
 
     import torch
 
+    from radiogs_core.own_files import own_folder
     from radiogs_datasets.image_files import write_exr, write_png
 
     from ..method_calls import calling
@@ -258,7 +259,7 @@ def write_views(
             seen(maps)
             for kind, image in maps.items():
                 path = folder / place_of(kind) / view.name.replace("/", "_")
-                path.parent.mkdir(parents=True, exist_ok=True)
+                own_folder(path.parent, folder)
                 if kind == "image":
                     write_png(path.with_name(f"{path.name}.png"), image.numpy())
                 else:

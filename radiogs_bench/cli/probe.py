@@ -200,17 +200,20 @@ def _beside(measured: "Mapping[str, float]", found: "Probe", psnr: int) -> str:
 def _draw(found: "Probe", path: Path) -> None:
     """Draw one view, and beside it the change from leaving out each effect, one panel each."""
     import numpy as np
-    from matplotlib import colormaps
-    from matplotlib.figure import Figure
+    from matplotlib import colormaps, rc_context
 
-    count = 1 + len(found.differences)
-    figure = Figure(figsize=(1.6 * count, 1.9), dpi=150, layout="constrained")
-    panels = figure.subplots(1, count)
-    panels[0].imshow(np.clip(found.reference.numpy(), 0, 1))
-    panels[0].set_title("picture" if found.pictured else "relit", fontsize=7)
-    for panel, (name, change) in zip(panels[1:], found.differences.items(), strict=True):
-        panel.imshow(change.numpy(), cmap=colormaps["inferno"], vmin=0, vmax=MATTERS)
-        panel.set_title(name, fontsize=7)
-    for panel in panels:
-        panel.set_axis_off()
-    figure.savefig(path)
+    from radiogs_core.own_files import fresh
+    from radiogs_reports.figures.canvas import STYLE, blank
+
+    with rc_context(STYLE):
+        count = 1 + len(found.differences)
+        figure = blank(1.6 * count, 1.9)
+        panels = figure.subplots(1, count)
+        panels[0].imshow(np.clip(found.reference.numpy(), 0, 1))
+        panels[0].set_title("picture" if found.pictured else "relit", fontsize=7)
+        for panel, (name, change) in zip(panels[1:], found.differences.items(), strict=True):
+            panel.imshow(change.numpy(), cmap=colormaps["inferno"], vmin=0, vmax=MATTERS)
+            panel.set_title(name, fontsize=7)
+        for panel in panels:
+            panel.set_axis_off()
+        figure.savefig(fresh(path, path.parent))

@@ -82,6 +82,7 @@ def relight(options: argparse.Namespace) -> int:
     import torch
 
     from radiogs_core.capabilities import Remarking
+    from radiogs_core.own_files import own_folder
     from radiogs_datasets.lights import read_light
 
     from ..runs.progress import working
@@ -113,7 +114,7 @@ def relight(options: argparse.Namespace) -> int:
             say(remark)
         shares = LevelShares()
         write_views(
-            about["method"], relit, run, options.views, options.folder / "relight" / mode,
+            about["method"], relit, run, options.views, own_folder(options.folder / "relight" / mode, options.folder),
             lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", shares.count,
         )  # fmt: skip
         for sentence in shares.sentences():
@@ -132,6 +133,8 @@ def write_turntable(method: str, relit: "Prepared", run: "Run", model_folder: Pa
     import torch
     from PIL import Image
 
+    from radiogs_core.own_files import fresh
+
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside
     from ..runs.progress import progress_for_stderr
@@ -146,8 +149,7 @@ def write_turntable(method: str, relit: "Prepared", run: "Run", model_folder: Pa
             progress.advance("turntable", len(pictures), frames)
             maps = on_black(relit, camera.to(run.device, torch.float32), method=method, view="of the turntable")
             pictures.append(Image.fromarray((maps["image"] * 255).round().byte().cpu().numpy()))
-    path = folder / "relit.gif"
-    folder.mkdir(parents=True, exist_ok=True)
+    path = fresh(folder / "relit.gif", model_folder)
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=max(3600 // frames, 20), loop=0)
     return path
 

@@ -1,12 +1,16 @@
-"""Prints for all commands: results to stdout, errors to stderr.
+"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal (``errors.visible``).
 
 On a terminal, sentences are wrapped between words: no number is cut, and no command that is to be copied.
 """
 
+import logging
 import shutil
 import sys
 import textwrap
+import traceback
 from typing import TYPE_CHECKING
+
+from ..errors import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,17 +25,30 @@ BEFORE_COMMAND = "  radiogs-bench "
 
 def say(line: str) -> None:
     """Print a line; on a terminal it is wrapped between words."""
-    sys.stdout.write(fitted(line, sys.stdout.isatty()) + "\n")
+    sys.stdout.write(fitted(visible(line), sys.stdout.isatty()) + "\n")
 
 
 def say_whole(line: str) -> None:
-    """Print a line unchanged: what programs read."""
-    sys.stdout.write(line + "\n")
+    """Print a line of which nothing is wrapped: what programs read."""
+    sys.stdout.write(visible(line) + "\n")
 
 
 def complain(message: str) -> None:
     """Print an error message, wrapped like other lines."""
-    sys.stderr.write(fitted(message, sys.stderr.isatty()) + "\n")
+    sys.stderr.write(fitted(visible(message), sys.stderr.isatty()) + "\n")
+
+
+def complain_with_trace() -> None:
+    """Print the traceback of the error that is being handled, unwrapped."""
+    sys.stderr.write(visible(traceback.format_exc()))
+
+
+class VisibleFormatter(logging.Formatter):
+    """Log records as ``complain`` prints messages, unwrapped."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record as one visible text."""
+        return visible(super().format(record))
 
 
 def fitted(text: str, on_terminal: bool) -> str:
@@ -61,6 +78,6 @@ def show(table: "Table", width: int | None = None) -> None:
 
 def console(width: int | None = None) -> "Console":
     """The console that tables are printed on: of ``width`` characters, else as wide as the terminal if there is one."""
-    from rich.console import Console  # not before something is shown: help and errors must answer at once
+    from ..runs.progress import TextConsole  # not before something is shown: help and errors must answer at once
 
-    return Console(width=width or (None if sys.stdout.isatty() else LOG_WIDTH))
+    return TextConsole(width=width or (None if sys.stdout.isatty() else LOG_WIDTH))

@@ -51,8 +51,9 @@ def add_to(commands: "Commands") -> None:
 def view(options: argparse.Namespace) -> int:
     """Write surfels.html (turns in a browser), surfels.png and surfels.gif into the folder's ``figures``.
 
-    Raises UsageError where no window can be opened, DataError where there are no surfels.
+    Raises UsageError where no window can be opened or ``figures`` is a link, DataError where there are no surfels.
     """
+    from radiogs_core.own_files import fresh, own_folder
     from radiogs_reports.page.surfels import write_viewer
 
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
@@ -68,8 +69,7 @@ def view(options: argparse.Namespace) -> int:
     surfels = surfels_in(options.folder, options.row)
     if not len(surfels):
         raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
-    folder = options.folder / "figures"
-    folder.mkdir(exist_ok=True)
+    folder = own_folder(options.folder / "figures", options.folder)
     seen_from = initial_viewpoint_in(options.folder, options.row) or from_outside(surfels)
     cameras = cameras_around(surfels, options.frames, options.size, seen_from)
     title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
@@ -79,10 +79,9 @@ def view(options: argparse.Namespace) -> int:
         for done, picture in enumerate(pictures(surfels, cameras, options.colour), 1):
             frames.append(as_image(picture))
             bar.advance("turntable", done, len(cameras))
-    frames[0].save(folder / "surfels.png")
-    frames[0].save(
-        folder / "surfels.gif", save_all=True, append_images=frames[1:], duration=3600 // len(frames), loop=0
-    )
+    frames[0].save(fresh(folder / "surfels.png", folder))
+    film = fresh(folder / "surfels.gif", folder)
+    frames[0].save(film, save_all=True, append_images=frames[1:], duration=3600 // len(frames), loop=0)
     say(f"{folder}: surfels.png, surfels.gif; open {page}")
     if options.window:
         from radiogs_reports.figures.surfel_view import show

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from radiogs_core.own_files import own_folder
+
 from ..extras import extra_library
 from ..runs.sweep import CellRef, Sweep, label
 from ..store.folder import Store
@@ -52,7 +54,7 @@ def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
     finished = [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
     for ref, result in finished:
         cell = f"{ref['scene']}-seed-{ref['seed']}"
-        with writer(log_dir=str(folder / _plain(ref["row"], ref) / _plain(cell, ref))) as events:
+        with writer(log_dir=str(own_folder(folder / _plain(ref["row"], ref) / _plain(cell, ref), folder))) as events:
             _write(events, result)
     return len(finished)
 

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Protocol, runtime_checkable
 
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
@@ -24,10 +24,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.progress import Progress as RichProgress
+from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
 from ..durations import time_left
+from ..errors import visible
 
 LOGGED_EVERY_SECONDS = 60.0
 """Between two lines about steps in a log."""
@@ -52,11 +54,20 @@ class Progress(Protocol):
         """Report that ``task`` is at ``done`` of ``total`` steps; it ends when they are equal."""
 
 
+class TextConsole(Console):
+    """A console on which texts are shown and command nothing, whoever wrote them; colours are the console's own."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """As rich does, with ``visible`` texts."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(visible(segment.text), segment.style)
+
+
 class TerminalProgress:
     """A bar with time left for each running task, below the printed lines."""
 
     def __init__(self) -> None:
-        self.bars = bars_on(Console(stderr=True))
+        self.bars = bars_on(TextConsole(stderr=True))
         self.tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> "TerminalProgress":
@@ -100,7 +111,7 @@ class LogProgress:
 
     def say(self, line: str) -> None:
         """Print a line."""
-        sys.stderr.write(line + "\n")
+        sys.stderr.write(visible(line) + "\n")
 
     def advance(self, task: str, done: int, total: int) -> None:
         """Write a line if one is due."""

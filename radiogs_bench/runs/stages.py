@@ -182,7 +182,7 @@ def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
     """The ``Run`` of a cell, on a scene of its own; its workspace is named by the key of the last stage."""
-    workspace = bench.store.folder / "work" / str(cell.training_key)
+    workspace = bench.store.workspace(str(cell.training_key))
     return Run(own_scene(scene), cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 

@@ -9,12 +9,14 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NotRequired, TypedDict, cast
 
 import torch
 
 from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.own_files import fresh, own_folder
 from radiogs_core.plain_values import flat, to_plain, with_values
 from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.scene import Scene
@@ -24,7 +26,8 @@ from radiogs_datasets.options import options_of
 
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
-from ..store.folder import Store, product_name
+from ..store.atomic import explained
+from ..store.folder import FOLDERS, Store, product_name
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .cell import Cell
@@ -32,9 +35,6 @@ from .stages import facts_of, restored
 from .sweep import preset_text
 
 TRAINED_SCHEMA = "radiogs-bench/trained/3"
-
-FOLDERS_OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
-"""Folders that models share: their files are named by keys, and none replaces another's."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,7 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
         about["options"] = dict(scene.options)
     if origin.budget:
         about["budget"] = flat(origin.budget)
-    with calling(cell.method, "export()"):
-        written = [*model.export(folder)]
+    written = _exported(cell.method, model, folder)
     with calling(cell.method, "light"):
         light = model.light
     if light is not None:
@@ -103,6 +102,17 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
         write_exr(written[-1], light.radiance.numpy())
     write_sealed(folder / "trained.json", about)
     return [*written, folder / "trained.json"]
+
+
+def _exported(method_name: str, model: Trained, folder: Path) -> list[Path]:
+    """The model's files: the method writes them into a new folder, without links, and then they take their places."""
+    with explained(folder), TemporaryDirectory(prefix=".export-", dir=folder) as new:
+        with calling(method_name, "export()"):
+            listed = [Path(path) for path in model.export(Path(new))]
+        for path in sorted(Path(new).rglob("*")):
+            if not path.is_dir():
+                path.replace(fresh(folder / path.relative_to(new), folder))
+        return [folder / path.relative_to(new) if path.is_relative_to(new) else path for path in listed]
 
 
 def read_about(folder: Path) -> About:
@@ -143,10 +153,9 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
             "It was trained from another scene, with other settings, or by another version of the code.",
             "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
         )
-    kept = folder / f"replaced-{about['training_key']}"
-    kept.mkdir(exist_ok=True)
+    kept = own_folder(folder / f"replaced-{about['training_key']}", folder)
     for path in sorted(folder.iterdir()):
-        if path.name not in FOLDERS_OF_THE_STORE and not path.name.startswith("replaced-"):
+        if path.name not in FOLDERS and not path.name.startswith("replaced-"):
             os.replace(path, kept / path.name)
     return kept
 
@@ -167,7 +176,7 @@ def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] 
     used = method(about["method"])
     variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
     scene = scene_of(about)
-    workspace = folder / "work" / about["training_key"]
+    workspace = Store(folder).workspace(about["training_key"])
     budget = budget_of(used, about["preset"], about.get("budget"))
     run = Run(scene, variant, budget, about["seed"], device, workspace)
     return run, restored(used, run, product_of(folder, about["training_key"], device))

@@ -24,6 +24,8 @@ from typing import Any, cast
 import numpy as np
 import torch
 
+from radiogs_core.own_files import require_own_folders
+
 from ..errors import MethodFailed, StoreError
 from .aside import set_aside
 from .atomic import write_atomically
@@ -37,6 +39,9 @@ from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
 
+FOLDERS = ("aside", "cells", "locks", "stages", "tracebacks", "work")
+"""Folders of a store; their files are named by keys, and none replaces another's."""
+
 RESULT_KEYS = frozenset(Result.__required_keys__) | {"arrays"}
 FAILURE_KEYS = frozenset(Failure.__required_keys__)
 
@@ -45,6 +50,8 @@ class Store:
     """A folder of results; it is created when first written to."""
 
     def __init__(self, folder: Path) -> None:
+        """Raises UsageError for a folder of ``FOLDERS`` that is a link."""
+        require_own_folders(folder, *FOLDERS)
         self.folder = folder
         self._agreed: dict[str, tuple[int, ...]] = {}
         """Size and times of the array files whose digest agreed, by digest: none is read twice."""
@@ -52,6 +59,11 @@ class Store:
     def claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, until the block ends or the process dies. Raises Claimed."""
         return claim(self.folder / "locks" / name)
+
+    def workspace(self, key: str) -> Path:
+        """The folder for the files of a cell's method, by the key of its last stage. Raises UsageError for a link."""
+        require_own_folders(self.folder, f"work/{key}")
+        return self.folder / "work" / key
 
     def is_claimed(self, name: str) -> bool:
         """Whether another process holds the claim at this moment."""

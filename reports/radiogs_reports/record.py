@@ -15,7 +15,9 @@ from importlib.metadata import version
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from .files import Unusable, fresh, opened
+from radiogs_core.own_files import fresh
+
+from .files import Unusable, opened
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
@@ -81,7 +83,7 @@ def keep_record(out: Path, written: Sequence[Path], source: str = "") -> None:
             if name in earlier and name not in current:
                 path.unlink()
     lines = [f"{source}  \n", *(f"{digest_of(path)}  {name}\n" for name, path in sorted(current.items()))]
-    fresh(out / RECORD).write_text("".join(lines), encoding="utf-8")
+    fresh(out / RECORD, out).write_text("".join(lines), encoding="utf-8")
     (out / BEGUN).unlink(missing_ok=True)
 
 
@@ -108,7 +110,7 @@ def begin_record(out: Path, suite: str) -> None:
     """
     ours = recorded(out)
     others = [name for name in _reports_there(out, suite) if name not in ours]
-    fresh(out / BEGUN).write_text("".join(f"{line}\n" for line in (suite, *others)), encoding="utf-8")
+    fresh(out / BEGUN, out).write_text("".join(f"{line}\n" for line in (suite, *others)), encoding="utf-8")
 
 
 def _reports_there(out: Path, suite: str) -> list[str]:

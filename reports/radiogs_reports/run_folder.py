@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from radiogs_core.own_files import fresh, require_own_folders
+
 from .analysis.audit import audit_report
 from .analysis.beside import beside_report
 from .analysis.chain import chain_report
@@ -25,7 +27,6 @@ from .figures.light import environment_figures, illumination_figures, relighting
 from .figures.overview import overview_figures
 from .figures.qualitative import qualitative_figures
 from .figures.stability import stability_figure
-from .files import fresh, require_own_folders
 from .page.assemble import write_page
 from .page.pictures import FOLDER as PICTURES
 from .record import begin_record, keep_record, made_from, unchanged
@@ -72,8 +73,8 @@ def write_reports(
 
     The same stored results give the same bytes; reports that are there and would be the same are not made again.
     Tables and figures that only an earlier run had are deleted. ``advance`` is told how many of the ``PARTS`` are done.
-    Raises ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a
-    link.
+    Raises ValueError for a summary that cannot be used, UsageError where a folder of reports is a link, OSError where
+    they cannot be written.
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER, PICTURES)
@@ -87,7 +88,7 @@ def write_reports(
     advance(1, PARTS)
     written = []
     for name, text in texts(summary, figures).items():
-        written.append(fresh(out / name))
+        written.append(fresh(out / name, out))
         written[-1].write_text(text, encoding="utf-8", errors="backslashreplace")
     advance(2, PARTS)
     if summary["sheet"] and pictures:
@@ -144,7 +145,7 @@ def _tables(summary: Summary) -> dict[str, str]:
         name, table = f"tables/{stored['key']}", paper_table(stored, summary)
         made[f"{name}.tex"] = paper_latex(table)
         made[f"{name}.md"] = paper_markdown(table)
-        made[f"{name}.csv"] = paper_csv(stored)
+        made[f"{name}.csv"] = paper_csv(stored, summary)
     cost = cost_report(summary)
     if cost is not None:
         made["tables/cost.tex"] = cost_latex(summary, cost)

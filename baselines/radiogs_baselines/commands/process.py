@@ -17,6 +17,8 @@ from pathlib import Path
 
 import psutil
 
+from radiogs_core.own_files import fresh
+
 from .errors import CommandFailed
 
 LIMIT = 64 * 2**20
@@ -185,8 +187,7 @@ class BoundedLog:
         self._recent: deque[bytes] = deque()
         self._recent_size = 0
         self._lock = threading.Lock()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("wb+", buffering=0)
+        self._file = fresh(path, path.parent.parent).open("wb+", buffering=0)
 
     def write(self, data: bytes) -> None:
         """Append data; errors of the disk set ``trouble``. Data after ``close`` are dropped."""

@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from radiogs_core.own_files import fresh
+
 from .errors import CommandFailed
 
 Listing = Mapping[str, int]
@@ -87,11 +89,10 @@ def read_json(path: Path) -> Any:
 
 
 def write_json(path: Path, values: Any) -> None:
-    """Write a JSON file atomically. Raises CommandFailed if the system refuses."""
+    """Write a JSON file atomically. Raises CommandFailed if the system refuses, UsageError if its folder is a link."""
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("w", encoding="utf-8") as file:
+        with fresh(temporary, path.parent.parent).open("w", encoding="utf-8") as file:
             json.dump(values, file, indent=1)
             file.flush()
             os.fsync(file.fileno())

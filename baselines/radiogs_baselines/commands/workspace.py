@@ -10,6 +10,7 @@ import torch
 
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
+from radiogs_core.own_files import own_folder
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets.image_files import write_exr, write_hdr
 
@@ -144,9 +145,9 @@ class Workspace:
             _write_light(self.lights / f"{name}{self._light_suffix}", light)
 
     def make(self, folder: Path) -> None:
-        """Create a folder of the workspace. Raises CommandFailed if the system refuses."""
+        """Create a folder of the workspace. Raises CommandFailed if the system refuses, UsageError for a link."""
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            own_folder(folder, self.root)
         except OSError as error:
             raise CommandFailed(
                 f"cannot create the folder {folder}: {error.strerror}",

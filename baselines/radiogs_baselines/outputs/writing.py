@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.own_files import fresh
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.image_files import write_png
@@ -66,8 +67,7 @@ class LayoutWriter:
         named = path.replace("*", "0").format(
             index=self._index[view.name], name=view.name.replace("/", "_"), light=light
         )
-        file = self.folder / (named if named.endswith(".png") else f"{named}.png")
-        file.parent.mkdir(parents=True, exist_ok=True)
+        file = fresh(self.folder / (named if named.endswith(".png") else f"{named}.png"), self.folder)
         write_png(file, whole.numpy(), self.bits)
         self.written.append(file)
 

@@ -21,6 +21,7 @@ import numpy as np
 import torch
 
 from radiogs_core.errors import UsageError
+from radiogs_core.own_files import require_own_folders
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
@@ -46,7 +47,8 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
     Raises UsageError where Blender is not installed or the folder was begun for another request, DataError for a file
     that cannot be rendered.
     """
-    unfinished = require_new(folder)
+    require_new(folder)
+    unfinished = folder.with_name(f"{folder.name}.unfinished")
     state = unfinished / ".rendering"
     _begin(request, folder, state)
     require_blender()
@@ -94,7 +96,13 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
 
 
 def _begin(request: Request, folder: Path, state: Path) -> None:
-    """Make the place, or find it as it was left; UsageError where views of another request are finished in it."""
+    """Make the place, or find it as it was left.
+
+    Raises UsageError where views of another request are finished in it, and for a folder of that name that is not ours.
+    """
+    require_own_folders(folder.parent, state.parent.name, f"{state.parent.name}/{state.name}")
+    if not state.is_dir():
+        require_new(state.parent)
     wanted = json.dumps(request.identity(), indent=1, sort_keys=True)
     begun = state / "request.json"
     other = begun.is_file() and begun.read_text(encoding="utf-8") != wanted

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -25,7 +24,7 @@ from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
-from ..new_scene import require_new, write_display
+from ..new_scene import made_beside, write_display
 from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
@@ -46,16 +45,13 @@ def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
-    unfinished = require_new(folder)
-    shutil.rmtree(unfinished, ignore_errors=True)
     try:
-        unfinished.mkdir(parents=True)
+        with made_beside(folder) as made:
+            _write_all(recipe, made, seed, pictures, progress)
     except OSError as error:
         raise UsageError(
-            f"cannot create {unfinished}", f"The system says: {error.strerror}.", "Choose another folder."
+            f"cannot write {folder}", f"The system says: {error.strerror}.", "Choose another folder."
         ) from error
-    _write_all(recipe, unfinished, seed, pictures, progress)
-    unfinished.replace(folder)
 
 
 def _write_all(

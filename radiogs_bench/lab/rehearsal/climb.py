@@ -1,12 +1,12 @@
 """Rehearses at growing sizes of the model, and stops before one that would not fit or take too long."""
 
-import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import torch
 
@@ -124,15 +124,13 @@ def _measured(
     facts: dict[str, dict[str, int]] = {}
     broke_at, stopped = None, False
     wall, busy = time.perf_counter(), time.process_time()
-    try:
-        keys, facts = rehearse_rows(rows, scene, size, rules, Store(folder), phases)
-    except TooLarge as large:
-        broke_at = large.title
-    except KeyboardInterrupt:
-        stopped = True
-    finally:
-        for room in ("stages", "work", "export", "claims"):
-            shutil.rmtree(folder / room, ignore_errors=True)
+    with TemporaryDirectory(prefix=".rehearsal-", dir=folder, ignore_cleanup_errors=True) as own:
+        try:
+            keys, facts = rehearse_rows(rows, scene, size, rules, Store(Path(own)), phases)
+        except TooLarge as large:
+            broke_at = large.title
+        except KeyboardInterrupt:
+            stopped = True
     taken = time.perf_counter() - wall
     return SizeResult(
         size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped

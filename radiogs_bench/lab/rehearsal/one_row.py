@@ -83,7 +83,7 @@ class RowRehearsal:
         return restored(self.row.method, self._run(self.short.variant), held.pop())
 
     def _run(self, variant: Any) -> Run:
-        workspace = self.store.folder / "work" / str(self.cell.training_key)
+        workspace = self.store.workspace(str(self.cell.training_key))
         return Run(self.scene, variant, self.short.budget, 0, self.device, workspace)
 
     def _stage(self, spec: StageSpec, key: str, held: Held) -> None:

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy import object_
 from numpy.typing import NDArray
 
+from radiogs_core.own_files import fresh
+
 from .. import maps
-from ..files import fresh
 
 FOLDER = "figures"
 DOTS_PER_INCH = 150
@@ -25,6 +26,7 @@ LONGEST_PART = 60
 """Characters of a scene's or method's name in the name of a file."""
 
 STYLE: dict[Any, Any] = {
+    **{name: value for name, value in rcParamsDefault.items() if name != "backend"},
     "font.family": "DejaVu Sans",  # comes with matplotlib, and has the Greek letters of the rows' names
     "font.size": 8,
     "axes.titlesize": 8,
@@ -32,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # outlines that journals accept, text that can be searched
 }
+"""All settings of matplotlib: those that it comes with, not of a ``matplotlibrc``, and ours over them."""
 
 COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5b4bb7", "#444444")
 """Colours of rows, in order: dark enough on white, distinct without red and green (after Okabe and Ito)."""
@@ -94,7 +97,7 @@ def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
 
 def save(sketch: Sketch, out: Path) -> Drawn:
     """Write a figure as PNG and PDF, without the date and version that matplotlib would add."""
-    png, pdf = (fresh(out / FOLDER / f"{sketch.name}.{ending}") for ending in ("png", "pdf"))
+    png, pdf = (fresh(out / FOLDER / f"{sketch.name}.{ending}", out) for ending in ("png", "pdf"))
     with rc_context(STYLE):
         sketch.figure.savefig(png, metadata={"Software": None})
         sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib import get_data_path
 from PIL import Image, ImageDraw, ImageFont
 
+from radiogs_core.own_files import fresh
+
 from .. import maps
-from ..files import fresh
 from ..maps import ERROR_RANGE, KINDS, difference, false_colour
 from ..summary import SheetSummary, Summary
 
@@ -35,7 +36,7 @@ def write_contact_sheet(summary: Summary, out: Path) -> Path:
     for band in bands:
         sheet.paste(band, (0, top))
         top += band.height
-    path = fresh(out / "contact_sheet.png")
+    path = fresh(out / "contact_sheet.png", out)
     sheet.save(path, optimize=True)
     return path
 

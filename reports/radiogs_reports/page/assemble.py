@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
+from radiogs_core.own_files import fresh
+
 from .. import maps
 from ..analysis.audit import audit_report
 from ..analysis.beside import beside_report
@@ -22,7 +24,6 @@ from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
 from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
-from ..files import fresh
 from ..summary import Summary, protocol_title
 from ..tables.caption import origin, run_note
 from ..tables.longer_run import HEADING, longer_reports
@@ -77,7 +78,7 @@ def write_page(
     The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``. Without
     ``pictures`` it has neither images nor surfels, and says so.
     """
-    path = fresh(out / "report.html")
+    path = fresh(out / "report.html", out)
     embedded = [Figure(data_address(drawn.png.read_bytes(), "png"), drawn.caption, drawn.images) for drawn in figures]
     runs = summary["runs"] if pictures else []
     made = album(runs, out, alone, BUDGET)

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from radiogs_core.own_files import fresh
+
 from .. import maps
-from ..files import fresh
 from ..summary import RunSummary
 from .sheets import Binder, Levels, encoded, name_of
 
@@ -116,7 +117,7 @@ class Shelf:
         """Move all sheets from memory to the folder."""
         assert self.folder is not None
         for name, content in self.inside.items():
-            self.files[name] = fresh(self.folder / f"{name}{KIND}")
+            self.files[name] = fresh(self.folder / f"{name}{KIND}", self.folder.parent)
             self.files[name].write_bytes(base64.b64decode(content))
         self.inside = {}
 

@@ -13,8 +13,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from radiogs_core.own_files import fresh
+
 from .. import maps
-from ..files import fresh
 from ..summary import RunSummary
 from .assets import scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
@@ -104,6 +105,6 @@ def write_viewer(arrays: dict[str, NDArray], title: str, path: Path) -> Path:
             style=Markup(style),
         )
     )
-    path = fresh(path)
+    path = fresh(path, path.parent)
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
     return path
