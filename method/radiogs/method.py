@@ -20,6 +20,9 @@ from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
 
+RECOMMENDED = "recommended"
+"""The recipe with the values of the defaults, which has no published length."""
+
 
 class RadioGS:
     """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
@@ -86,6 +89,16 @@ class RadioGS:
     def recipe_values(self, name: str, layout: str, scene: str) -> Mapping[str, Any]:
         """The values of a recipe for a scene; see ``radiogs_core.capabilities.OffersRecipes``."""
         return recipe_values(name, layout, scene)
+
+    def recipe_at(self, name: str, variant: Variant, budget: Budget) -> str:
+        """``printed, shortened (rates x 12)`` with fewer steps of stage 2 than are published.
+
+        The factor is that of the rates of materials, light and harmonics; see
+        ``radiogs_bench.methods.ShortensRecipes``.
+        """
+        if name == RECOMMENDED or budget.inverse_iterations >= PRESETS["paper"].inverse_iterations:
+            return name
+        return f"{name}, shortened (rates x {variant.materials.rates.factor(budget.inverse_iterations):.3g})"
 
     def recipe_table(self) -> str:
         """All values of the recipes with their sources, as Markdown."""

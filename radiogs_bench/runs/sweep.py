@@ -13,7 +13,16 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
-from ..methods import budget_of, default_recipe, mark, settings_of, variant_by_recipe, why_not_given, with_given
+from ..methods import (
+    budget_of,
+    default_recipe,
+    mark,
+    recipe_in_tables,
+    settings_of,
+    variant_by_recipe,
+    why_not_given,
+    with_given,
+)
 from ..methods import method as find_method
 from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.measures import MEASURES
@@ -188,7 +197,7 @@ class Request:
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
         if recipe := recipe_of_row(self.suite, row) or default_recipe(used):
-            line["recipe"] = recipe
+            line["recipe"] = recipe_in_tables(used, recipe, row.variant, budget)
         refusal = self.refused().get(row.key)
         if refusal is not None:
             line["refused"] = refusal
@@ -242,7 +251,7 @@ def recipe_of_rows(rows: Sequence[TableRow]) -> str:
     recipes = [row.get("recipe", "") for row in rows]
     if len(set(recipes)) == 1:
         return recipes[0]
-    return ", ".join(f"{row['text']} by {recipe}" for row, recipe in zip(rows, recipes, strict=True) if recipe)
+    return "; ".join(f"{row['text']} by {recipe}" for row, recipe in zip(rows, recipes, strict=True) if recipe)
 
 
 def relighting_of(methods: Iterable[Method]) -> dict[str, dict[str, Any]]:

@@ -1,11 +1,13 @@
 """The labels of a trained model say its recipe, its length, and every setting that is not as printed, by comparing."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from radiogs.labels import labels_of
+from radiogs.method import RADIOGS
 from radiogs.recipes import PRINTED, recipe_values
 from radiogs.settings import PRESETS, Variant
 from radiogs_core.plain_values import value_at, with_values
@@ -69,3 +71,15 @@ def test_the_length_is_said_with_the_factors_of_rates_unless_it_is_the_papers() 
     tiny = labels_of(Variant(), PRESETS["tiny"], "generated", "corner")["length"]
     assert "positions times 12 and of rotations times 3.46" in tiny
     assert "harmonics times 1 in stage 2" in tiny
+
+
+def test_published_recipes_are_called_shortened_with_their_factor_in_fewer_steps_than_published() -> None:
+    printed, flat = (
+        with_values(Variant(), {**PRINTED, **change}) for change in ({}, {"materials.rates.length_power": 0.0})
+    )
+    tiny, small = PRESETS["tiny"], PRESETS["small"]
+    assert RADIOGS.recipe_at("printed", printed, tiny) == "printed, shortened (rates x 12)"
+    assert RADIOGS.recipe_at("released", printed, small) == "released, shortened (rates x 4.83)"
+    assert RADIOGS.recipe_at("printed", flat, tiny) == "printed, shortened (rates x 1)"
+    assert RADIOGS.recipe_at("printed", printed, replace(tiny, inverse_iterations=20_000)) == "printed"
+    assert RADIOGS.recipe_at("recommended", Variant(), tiny) == "recommended"
