@@ -17,6 +17,7 @@ from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.plain_values import PlainReader, flat
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import read_toml
+from radiogs_reports.write.mathematics import is_mathematics
 
 from ..methods import SUFFIX, method, require_recipe
 from ..scoring.metrics.measures import MEASURES
@@ -163,8 +164,11 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     reader.change(used.variant(), row.variant, f"{where}.variant")
     preset = next(iter(used.presets.values()))
     scaled = whole_numbers(preset)
-    for label in (row.text, row.latex):
-        with_numbers(label, preset)
+    with_numbers(row.text, preset)
+    latex = with_numbers(row.latex, preset)
+    reader.expect(
+        is_mathematics(latex), f"{where}.latex", row.latex, "text with formulas between dollars (docs/suites.md)"
+    )
     present: dict[str, str] = {}
     for name, factor in row.budget.items():
         current = current_name(preset, name)

@@ -105,6 +105,7 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ('title = "Mine & yours"', "title = 3", "suite.title: 3 is not text"),
         ("detach =", "detatch =", r"suite.rows\[1\].variant: there is no field 'detatch'\nDid you mean 'detach'"),
         ('"pbr"', '"brdf"', r"variant.detach: 'brdf' is none of its values\nThere are: 'none', 'pbr', 'surfel'"),
+        ('"$b$"', "'\\input{/etc/hostname}'", r"rows\[1\].latex: .*input.* is not text with formulas between dollars"),
         ("weight = 1", "weight = true", "radiometric_weight: True is not a number"),
         ("weight = 1", "weight = nan", "radiometric_weight: nan is not a finite number"),
         ("weight = 1", "weight = -1", "radiometric_weight: -1.0 is not zero or above"),

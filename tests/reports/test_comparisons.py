@@ -1,6 +1,7 @@
 """Comparisons of rows: resolved differences, the rate of false ones, and the smallest one that a table could show."""
 
 from collections.abc import Mapping
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -64,6 +65,25 @@ def test_a_row_ranks_behind_the_rows_that_are_resolved_to_be_better() -> None:
     turned = {row: {origin: -value for origin, value in sample.items()} for row, sample in rows.items()}
     assert ranks(turned, "down") == {"best": 1, "close": 1, "worse": 3}
     assert beaten(rows, "up") == {"best": {"worse"}, "close": {"worse"}, "worse": set()}
+
+
+def test_no_row_of_noisy_values_ranks_before_a_better_mean() -> None:
+    rows = {"best": shifted(0.1, 0.0, 0.0), "close": shifted(-1.0, -1.1, -0.9), "noisy": shifted(-90.0, 60.0, 0.0)}
+    assert beaten(rows, "up") == {"best": {"close"}, "close": set(), "noisy": set()}
+    assert ranks(rows, "up") == {"best": 1, "close": 2, "noisy": 2}
+
+
+@pytest.mark.parametrize("direction", get_args(Direction))
+def test_ranks_keep_the_order_of_means_whatever_the_noise(direction: Direction) -> None:
+    rng, sign = np.random.default_rng(7), {"up": 1, "down": -1}
+    for _ in range(40):
+        rows = {f"row {each}": seeds(*rng.normal(each, 10 ** rng.uniform(-2, 1), 4)) for each in range(6)}
+        ranked = ranks(rows, direction)
+        merits = {row: np.mean([*sample.values()]) * sign.get(direction, 0) for row, sample in rows.items()}
+        if direction == "zero":
+            merits = {row: -abs(np.mean([*sample.values()])) for row, sample in rows.items()}
+        assert all(ranked[a] <= ranked[b] for a in ranked for b in ranked if merits[a] > merits[b])
+        assert bool(ranked) == (direction != "none")
 
 
 def test_magnitudes_count_where_zero_is_best() -> None:

@@ -1,16 +1,40 @@
 """Names and titles stay text in every report: LaTeX compiles, and no markup comes from a name."""
 
 import re
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from compiled import pdflatex
 from made_up_run import summary
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.latex import LATIN, escape
+from radiogs_reports.write.camera_ready import camera_ready_document
+from radiogs_reports.write.latex import END, LATIN, PREAMBLE, escape
+from radiogs_reports.write.mathematics import ACCENTS, FONTS, LETTERS, WIDE, is_mathematics
 
 HOSTILE = "ω 漢字 \u202e <script>alert(1)</script> ![x](http://x/y) \\input{/etc/passwd} \\write18{ls} | a\nb % $ {"
+
+LATEX = (
+    r"\input{/etc/hostname}", r"\immediate\write18{ls}", r"\openin5=/etc/hostname", r"\csname input\endcsname",
+    r"\catcode`\@=11", "^^5cinput{/etc/hostname}", r"$\input{/etc/hostname}$", "$x^^5cinput$", r"$\text{\include{x}}$",
+    r"\te\%t{\include{x}}", r"\loop\iftrue\repeat", r"\def\x{\x}\x", r"\\\end{tabular}", "a & b", "x %", "$x", "{", "}",
+    "$x^$", "$x^2^3$", r"$\frac{a}$", "a_b", "[a]", "* a", "a\nb", "漢", "$" + "{" * 300 + "}" * 300 + "$",
+)  # fmt: skip
+"""Labels of rows that are more than mathematics, or that pdflatex refuses."""
+
+TOKENS = [
+    *(rf"\{name}" for name in (*LETTERS, *WIDE)), *(rf"\{name}{{" for name in (*FONTS, *ACCENTS, "frac", "text")),
+    *"abx12 {}}}$$_^+-=()[]*,.'\"|~&%#!é", r"\,", r"\%", r"\_", r"\;",
+]  # fmt: skip
+"""Labels by chance are made of these."""
+
+MATHEMATICS = (
+    "", r"$\lambda_{rad}=0$ (recommended)", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", r"50\,\%, $\times0.5=32$", "Größe*",
+    r"$\frac{1}{\sqrt{x_{i^2}}} \leq 1{,}000$", r"$\hat{x}_{\text{a b}}$",
+)  # fmt: skip
 
 
 def hostile() -> Summary:
@@ -19,7 +43,7 @@ def hostile() -> Summary:
     made["title"] = made["published_data"] = made["machine"] = HOSTILE
     made["scenes"] = [HOSTILE]
     for row in made["rows"]:
-        row["text"], row["latex"] = HOSTILE, ""
+        row["text"], row["latex"] = HOSTILE, LATEX[0]
     for each in (*made["sheet"], *made["runs"]):
         each["scene"] = HOSTILE
     for table in made["paper"]:
@@ -54,6 +78,37 @@ def test_no_command_of_latex_comes_from_a_text(reports: dict[str, str]) -> None:
         if name.endswith(".tex"):
             assert "\\write" not in text, name
             assert set(re.findall(r"\\input\{(.*?)\}", text)) <= reports.keys(), name
+
+
+@pytest.mark.parametrize("latex", LATEX)
+def test_a_label_that_is_more_than_mathematics_gives_way_to_the_text_of_its_row(latex: str) -> None:
+    made = summary()
+    for row in made["rows"]:
+        row["latex"] = latex
+    plain = summary()
+    for row in plain["rows"]:
+        row["latex"] = ""
+    assert not is_mathematics(latex)
+    assert texts(made) == texts(plain)
+    assert camera_ready_document(made) == camera_ready_document(plain)
+
+
+@pytest.mark.parametrize("latex", MATHEMATICS)
+def test_a_label_of_mathematics_stays_as_it_is(latex: str) -> None:
+    made = summary()
+    made["rows"][0]["latex"] = latex
+    assert is_mathematics(latex)
+    assert latex in texts(made)["ablations_table.tex"]
+
+
+def test_pdflatex_compiles_every_label_that_counts_as_mathematics(tmp_path: Path) -> None:
+    rng, labels = np.random.default_rng(0), [*MATHEMATICS]
+    while len(labels) < 300:
+        label = "".join(rng.choice(TOKENS, rng.integers(1, 8)))
+        labels += [each for each in (label, f"${label}$") if is_mathematics(each)]
+    document = PREAMBLE + "\n\n".join(f"- {each}" for each in labels) + END
+    (tmp_path / "labels.tex").write_text(document, encoding="utf-8")
+    pdflatex("labels.tex", tmp_path)
 
 
 def test_markdown_has_no_tags_links_or_pictures_and_no_broken_rows(reports: dict[str, str]) -> None:

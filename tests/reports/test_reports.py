@@ -4,21 +4,21 @@ import csv as csv_reader
 import io
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from compiled import pdflatex
 from made_up_run import summary, write_run
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.camera_ready import camera_ready, camera_ready_document
-from radiogs_reports.write.latex import escape
+from radiogs_reports.write.document import report_document
+from radiogs_reports.write.latex import END, PREAMBLE, escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
 
@@ -155,33 +155,29 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
         read_summary(tmp_path)
 
 
-def pdflatex(name: str, folder: Path) -> str:
-    """The output of pdflatex for a document that it can print; skips without pdflatex or siunitx."""
-    if shutil.which("pdflatex") is None or shutil.which("kpsewhich") is None:
-        pytest.skip("pdflatex is not installed (make extras)")
-    if subprocess.run(["kpsewhich", "siunitx.sty"], capture_output=True, check=False).returncode != 0:
-        pytest.skip("LaTeX's package siunitx is not installed (make extras)")
-    made = subprocess.run(
-        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", name],
-        cwd=folder, capture_output=True, encoding="latin-1", check=False,
-    )  # fmt: skip
-    assert made.returncode == 0, made.stdout[-2000:]
-    return made.stdout
+def test_every_document_of_a_run_compiles(run: Path) -> None:
+    for path in sorted(run.rglob("*.tex")):
+        text = path.read_text()
+        (run / "compiled.tex").write_text(text if text.startswith(PREAMBLE) else f"{PREAMBLE}{text}{END}")
+        assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex("compiled.tex", run)), path
+    (run / "compiled.tex").unlink()
 
 
-@pytest.mark.parametrize("name", ["ablations.tex", "report.tex"])
-def test_the_document_compiles(run: Path, name: str) -> None:
-    assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex(name, run))
+def test_a_report_with_many_figures_compiles(tmp_path: Path) -> None:
+    """LaTeX stopped at 82 figures: "Output loop---100 consecutive dead cycles"."""
+    Image.new("RGB", (40, 30)).save(tmp_path / "view.png")
+    (tmp_path / "report.tex").write_text(report_document(summary(), [], [("view.png", "A view")] * 450))
+    assert "Output written on report.pdf (225 pages" in pdflatex("report.tex", tmp_path)
 
 
-def test_the_table_of_a_paper_has_means_alone_and_what_is_resolved_in_bold() -> None:
+def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_worse_in_italics() -> None:
     made = summary()
     made["rows"][1]["text"] = "λ_rad = 0"
     text = camera_ready(made)
     assert r"\multicolumn{1}{c}{NVS} & \multicolumn{1}{c}{Normal} & \multicolumn{1}{c}{}" in text
     assert r"PSNR $\uparrow$ & MAE (degrees) $\downarrow$ & Training (s) $\downarrow$" in text
-    assert r"Ours & \textbf{31.23} & \underline{7.50} & 61.2 \\" in text
-    assert r"$\lambda_\mathrm{rad}$ = 0 & \underline{30.00} & \textbf{7.00} & 40.0 \\" in text
+    assert r"Ours & \textbf{31.23} & \textit{7.50} & 61.2 \\" in text
+    assert r"$\lambda_\mathrm{rad}$ = 0 & \textit{30.00} & \textbf{7.00} & \textbf{40.0} \\" in text
     assert text.count(r"\cmidrule") == 2, "none over the seconds, which are of no quantity"
     for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
         assert absent not in text
@@ -195,13 +191,28 @@ def test_the_table_of_a_paper_compiles(tmp_path: Path) -> None:
     assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex("paper.tex", tmp_path))
 
 
-def test_a_column_in_which_nothing_is_resolved_has_no_value_in_bold() -> None:
+def test_a_worse_mean_is_never_printed_bolder_than_a_better_one_whatever_ranks_are_stored() -> None:
     made = summary()
+    made["cells"]["ours"]["nvs/psnr"]["rank"], made["cells"]["no-rad"]["nvs/psnr"]["rank"] = 2, 1
+    text = camera_ready(made, ["nvs/psnr"])
+    assert r"Ours & \textbf{31.23} \\" in text
+    assert r"& \textit{30.00} \\" in text
+
+
+def test_means_that_print_alike_are_bold_together() -> None:
+    made = summary()
+    made["cells"]["no-rad"]["nvs/psnr"]["mean"] = 31.2341
+    assert camera_ready(made, ["nvs/psnr"]).count(r"\textbf{31.23}") == 2
+
+
+def test_counts_have_no_value_in_bold() -> None:
+    made = summary()
+    made["columns"][0]["direction"] = "none"
     for row in made["cells"].values():
-        row["nvs/psnr"]["rank"] = 1
-    assert "Ours & 31.23 &" in camera_ready(made)
-    assert "Bold:" in camera_ready(made, ["normal/mae"])
-    assert "Bold:" not in camera_ready(made, ["nvs/psnr"])
+        row["nvs/psnr"]["rank"] = None
+    text = camera_ready(made, ["nvs/psnr"])
+    assert "Ours & 31.23 " in text
+    assert r"\textbf" not in text
 
 
 def test_a_value_that_a_footnote_concerns_keeps_it_in_the_table_of_a_paper() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Hashable, Mapping
 from itertools import combinations
 from typing import Literal, NamedTuple, TypeVar
 
-from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, paired_difference, spread
+from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, mean_of, paired_difference, spread
 from ..summary import Verdict
 
 Direction = Literal["up", "down", "zero", "none"]
@@ -74,11 +74,11 @@ def _verdict(gain: Estimate, p_value: float | None, direction: Direction) -> Ver
     return "better" if gain.mean > 0 else "worse"
 
 
-def upwards(sample: Sample, direction: Direction) -> Sample:
+def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, float]:
     """The values with the sign that makes larger ones better; counts as they are."""
     if direction in ("up", "none"):
-        return sample
-    return {origin: -abs(value) if direction == "zero" else -value for origin, value in sample.items()}
+        return values
+    return {key: -abs(value) if direction == "zero" else -value for key, value in values.items()}
 
 
 def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
@@ -103,8 +103,21 @@ def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set
 
 
 def ranks(samples: Mapping[str, Sample], direction: Direction) -> dict[str, int]:
-    """One more than the number of rows that are resolved to be better, by row; empty if no two rows can be tested."""
+    """One more than the number of rows that are resolved to be better, by row, in the order of means (``ordered``).
+
+    Empty if no two rows can be tested.
+    """
     found = beaten(samples, direction)
     if found is None:
         return {}
-    return {row: 1 + sum(row in worse for worse in found.values()) for row in found}
+    counted = {row: 1 + sum(row in worse for worse in found.values()) for row in found}
+    return ordered(counted, {row: mean.mean for row in found if (mean := mean_of(samples[row]))}, direction)
+
+
+def ordered(ranked: Mapping[str, int], means: Mapping[str, float], direction: Direction) -> dict[str, int]:
+    """Ranks of which none is before that of a better mean: a row has the last rank among the means as good as its own.
+
+    Without this a row of noisy values, which no test tells from the others, would stand before a better mean.
+    """
+    upward = upwards(means, direction)
+    return {row: max(ranked[other] for other in ranked if upward[other] >= upward[row]) for row in ranked}

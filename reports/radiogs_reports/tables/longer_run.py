@@ -11,7 +11,7 @@ from ..wording import count_of, heading, number, signed
 from .caption import ORIGIN
 from .doubts import shown_verdict
 from .legend import legend
-from .model import Cell, Difference, Row, Table, difference_of, rank_in_words
+from .model import Cell, Difference, Row, Table, difference_of, rank_in_words, stored_ranks
 from .suite import TRAINING, metric_columns, training_cell, value_cell
 
 HEADING = "Record of a longer run, committed with the project (not measured here)"
@@ -125,7 +125,7 @@ def _cell(run: LongerRun, row: str, column: ColumnSummary) -> Cell:
     stored = run["cells"][row][column["key"]]
     return replace(
         value_cell(stored["mean"], column, stored["reason"]),
-        rank=rank_in_words(stored.get("rank")),
+        rank=rank_in_words(stored_ranks(run["cells"], column["key"], column["direction"]).get(row)),
         difference=_recorded(run, row, column),
     )
 

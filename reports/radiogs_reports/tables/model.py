@@ -1,11 +1,11 @@
 """A table of values in which everything is decided: LaTeX, Markdown, the page and the terminal only draw it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
+from ..analysis.comparisons import Direction, ordered
 from ..analysis.findings import Sentence
-from ..summary import Interval, Verdict, half_width
+from ..summary import CellSummary, Interval, RecordedCell, Verdict, half_width
 from ..wording import ARROWS, signed
 
 
@@ -16,7 +16,7 @@ class Column:
     label: str
     """In full, such as ``NVS PSNR``."""
     unit: str = ""
-    direction: Literal["up", "down", "zero", "none"] = "none"
+    direction: Direction = "none"
     """Which values are better."""
     decimals: int = 0
     """Printed decimals."""
@@ -114,8 +114,23 @@ def missing_cell(reason: str | None) -> Cell:
 
 
 def rank_in_words(rank: int | None) -> str:
-    """How many rows are resolved to be better; empty for a row that was not compared."""
-    return "" if rank is None else f"{rank - 1 or 'no'} row{'' if rank == 2 else 's'} resolved to be better"
+    """How many rows are resolved to be better (``comparisons.ranks``); empty for a row that was not compared."""
+    if rank is None or rank == 1:
+        return "" if rank is None else "no row resolved to be better"
+    rows = "1 row" if rank == 2 else f"{rank - 1} rows"
+    return f"{rows} resolved to be better than this one, or than one with a better mean"
+
+
+def stored_ranks(
+    cells: Mapping[str, Mapping[str, CellSummary | RecordedCell]], key: str, direction: Direction
+) -> dict[str, int]:
+    """Ranks of a column by row, in the order of means, which records of earlier versions do not keep."""
+    ranked, means = {}, {}
+    for row, stored in cells.items():
+        cell = stored.get(key)
+        if cell and (rank := cell.get("rank")) is not None and cell["mean"] is not None:
+            ranked[row], means[row] = rank, cell["mean"]
+    return ordered(ranked, means, direction)
 
 
 @dataclass(frozen=True)

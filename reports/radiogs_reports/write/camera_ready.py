@@ -5,15 +5,17 @@ from itertools import groupby
 
 from ..summary import Summary, protocol_title
 from ..tables.caption import preset_and_recipe, unfinished
-from ..tables.model import Cell, Column
+from ..tables.model import Cell, Column, Table, stored_ranks
 from ..tables.suite import suite_table
 from ..wording import count_of
 from .latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, as_formula, escape
 
-HIGHLIGHTS = {1: r"\textbf{%s}", 2: r"\underline{%s}"}
-"""How a value is printed, by one more than the number of rows that are resolved to be better."""
-
 MISSING = "--"
+
+HIGHLIGHTS = (
+    "Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a better mean"
+    " (paired $t$ tests, Holm)."
+)
 
 
 def camera_ready_document(summary: Summary, keys: Sequence[str] = ()) -> str:
@@ -24,29 +26,22 @@ def camera_ready_document(summary: Summary, keys: Sequence[str] = ()) -> str:
 def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
     """The table environment, for documents that load booktabs and graphicx.
 
-    ``keys``: the columns, in this order; all that have a value, if it is empty. A column in which nothing is resolved
-    has no value in bold.
+    ``keys``: the columns, in this order; all that have a value, if it is empty.
     """
     table = suite_table(summary)
     at = {column.key: place for place, column in enumerate(table.columns)}
     has_value = {key for key, place in at.items() if any(row.cells[place].value is not None for row in table.rows)}
     chosen = [at[key] for key in (keys or [key for key in at if key in has_value])]
     columns = [table.columns[place] for place in chosen]
-    ranks = {column.key: _ranks(summary, column.key) for column in columns}
-    lines = [
-        " & ".join(
-            [as_formula(row.text)]
-            + [_value(row.cells[place], ranks[table.columns[place].key].get(row.key)) for place in chosen]
-        )
-        for row in table.rows
-    ]
+    printed = [_column(summary, table, place) for place in chosen]
+    lines = [" & ".join([as_formula(row.text), *values]) for row, *values in zip(table.rows, *printed, strict=True)]
     marks = {mark for row in table.rows for place in chosen for mark in row.cells[place].marks}
     below = [escape(line) for line in table.footnotes if line[:1] in marks]
     return "\n".join(
         [
             r"\begin{table}[t]",
             r"\centering",
-            rf"\caption{{{_caption(summary, highlighted=any(ranks.values()))}}}",
+            rf"\caption{{{_caption(summary)}}}",
             rf"\label{{tab:{table.name}-paper}}",
             BOX_BEGIN,
             rf"\begin{{tabular}}{{l{'c' * len(columns)}}}",
@@ -64,17 +59,27 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
     )
 
 
-def _ranks(summary: Summary, key: str) -> dict[str, int]:
-    """Rank by row, of a column in which some row is resolved to be worse; else empty."""
-    found = {row: cells[key].get("rank") for row, cells in summary["cells"].items() if key in cells}
-    ranks = {row: rank for row, rank in found.items() if rank is not None}
-    return ranks if max(ranks.values(), default=1) > 1 else {}
+def _column(summary: Summary, table: Table, place: int) -> list[str]:
+    """The values of a column, row by row."""
+    column, cells = table.columns[place], [row.cells[place] for row in table.rows]
+    ranks = stored_ranks(summary["cells"], column.key, column.direction)
+    best = _best(column, cells)
+    return [_value(cell, best, ranks.get(row.key, 1)) for row, cell in zip(table.rows, cells, strict=True)]
 
 
-def _value(cell: Cell, rank: int | None) -> str:
+def _best(column: Column, cells: Sequence[Cell]) -> str:
+    """The best mean as it is printed; empty without any, and for counts."""
+    values = [(cell.value, cell.text) for cell in cells if isinstance(cell.value, int | float)]
+    if column.direction == "none" or not values:
+        return ""
+    return max(values)[1] if column.direction == "up" else min(values)[1]
+
+
+def _value(cell: Cell, best: str, rank: int) -> str:
     if cell.value is None:
         return MISSING
-    return HIGHLIGHTS.get(rank or 0, "%s").replace("%s", escape(cell.text)) + escape(cell.marks)
+    style = r"\textbf" if cell.text == best else r"\textit" if rank > 1 else ""
+    return (f"{style}{{{escape(cell.text)}}}" if style else escape(cell.text)) + escape(cell.marks)
 
 
 def _headings(columns: Sequence[Column]) -> list[str]:
@@ -97,12 +102,11 @@ def _parts(column: Column) -> tuple[str, str]:
     return quantity, metric
 
 
-def _caption(summary: Summary, *, highlighted: bool) -> str:
+def _caption(summary: Summary) -> str:
     scenes, seeds = summary["scenes"], len(summary["seeds"])
     over = f"{count_of(len(scenes), 'scene')} ({', '.join(scenes)})" if len(scenes) > 1 else f"scene {scenes[0]}"
     setup = f"Mean over {over} and {count_of(seeds, 'seed')}; {preset_and_recipe(summary)}"
-    bold = " Bold: no other row is better beyond its 95\\,\\% interval; underlined: one is." if highlighted else ""
     return (
         f"{escape(summary['title'])}. {escape(setup)}; metrics by protocol {escape(protocol_title(summary))}."
-        f"{escape(unfinished(summary))}{bold}"
+        f"{escape(unfinished(summary))} {HIGHLIGHTS}"
     )

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from ..summary import Summary
 from .latex import END, PREAMBLE, as_formula, escape
 
+TOGETHER = 20
+"""Most figures that LaTeX places at once: it holds back every figure that has no page yet, and stops at too many."""
+
 
 def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[tuple[str, str]]) -> str:
     """A document that inputs the ``tables`` (file names) and includes the ``figures`` (file names, plain captions).
@@ -14,12 +17,13 @@ def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[t
     """
     parts = [PREAMBLE, f"% {escape(summary['title'])}\n"]
     parts += [f"\\input{{{name}}}\n" for name in tables]
-    for name, caption in figures:
+    for place, (name, caption) in enumerate(figures, start=1):
         parts.append(
             "\\begin{figure}[tbp]\n\\centering\n"
             f"\\includegraphics[width=\\linewidth,height=0.4\\textheight,keepaspectratio]{{{name}}}\n"
             f"\\caption{{{escape(caption)}}}\n\\end{{figure}}\n"
         )
+        parts += ["\\clearpage\n"] * (place % TOGETHER == 0)
     return "".join([*parts, END])
 
 

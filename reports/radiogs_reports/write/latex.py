@@ -7,6 +7,7 @@ from ..analysis.findings import Sentence
 from ..summary import Verdict
 from ..tables.model import Row
 from ..wording import SYMBOL
+from .mathematics import GREEK, is_mathematics
 
 COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
 """Blue and orange: they differ for readers who cannot tell red from green."""
@@ -36,6 +37,7 @@ PREAMBLE = r"""\documentclass{article}
 \usepackage[table]{xcolor}
 \usepackage{graphicx}
 \extrafloats{400}
+\maxdeadcycles=400
 \setcounter{topnumber}{9}
 \setcounter{totalnumber}{9}
 \renewcommand{\topfraction}{0.95}
@@ -56,16 +58,6 @@ END = "\\end{document}\n"
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
-}  # fmt: skip
-
-GREEK = {
-    character: rf"$\{name}$"
-    for characters, names in (
-        ("αβγδεζηθικλμνξπρστυφχψω", "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho"
-         " sigma tau upsilon phi chi psi omega"),
-        ("ΓΔΘΛΞΠΣΥΦΨΩ", "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"),
-    )
-    for character, name in zip(characters, names.split(), strict=True)
 }  # fmt: skip
 
 SIGNS = {
@@ -105,8 +97,13 @@ def as_formula(text: str) -> str:
 
 
 def row_label(row: Row) -> str:
-    """A row's label in LaTeX; its plain text, escaped, if it has no other."""
-    return row.latex or escape(row.text)
+    """A row's label in LaTeX (``label_of``)."""
+    return label_of(row.latex, row.text)
+
+
+def label_of(latex: str, text: str) -> str:
+    """A label in LaTeX; its plain text, escaped, if it has no other or one that is more than mathematics."""
+    return latex if latex and is_mathematics(latex) else as_formula(text)
 
 
 MINUS = "\u2212"
@@ -135,7 +132,7 @@ def _is_long(findings: Sequence[Sentence]) -> bool:
 
 
 def _finding(sentence: Sentence, text: str) -> str:
-    label = f"{sentence.latex or as_formula(sentence.row)}, " if sentence.row else ""
+    label = f"{label_of(sentence.latex, sentence.row)}, " if sentence.row else ""
     return f"{label}{as_formula(HYPHEN.sub(MINUS, text))}"
 
 
