@@ -48,7 +48,7 @@ def trusting_named(options: argparse.Namespace) -> Iterator[None]:
 
 
 def commands_of(file: "MethodFile") -> list[str]:
-    """What a method's file runs, with its environment and settings: a line each, of visible characters alone."""
+    """The commands of a method's file, its environment and settings: a line each, of visible characters alone."""
     lists = {f"train, {each.name}": (*each.arguments, *each.resume) for each in file.train}
     lists |= {name: each.arguments for name in ("render", "relight") if (each := getattr(file, name)) is not None}
     lists |= {"in the folder": (file.working_folder,)}
