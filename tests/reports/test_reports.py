@@ -5,6 +5,7 @@ import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,6 +222,19 @@ def test_a_value_that_a_footnote_concerns_keeps_it_in_the_table_of_a_paper() -> 
     (note,) = suite_table(made).footnotes
     assert escape(note) in camera_ready(made)
     assert escape(note) not in camera_ready(made, ["normal/mae"])
+
+
+@pytest.mark.parametrize("text", ["[2] ours", "* ours"])
+def test_a_row_may_begin_with_a_bracket_or_a_star(text: str, tmp_path: Path) -> None:
+    made: Any = summary()
+    for row in (*made["rows"], *made["paper"][0]["rows"]):
+        row["text"], row["latex"] = text, ""
+    for name, document in (texts(made) | {"paper.tex": camera_ready_document(made)}).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(document)
+    pdflatex("report.tex", tmp_path)
+    pdflatex("paper.tex", tmp_path)
+    assert f"{{}}{text} &" in (tmp_path / "paper.tex").read_text()
 
 
 def test_the_document_compiles_whatever_rows_are_called(tmp_path: Path) -> None:

@@ -72,8 +72,12 @@ LATIN = range(0xC0, 0x100)
 
 
 def escape(text: str) -> str:
-    """Plain text as LaTeX that pdflatex compiles, whatever characters it has."""
-    return "".join(_escaped(character) for character in text)
+    """Plain text as LaTeX that pdflatex compiles, whatever characters it has.
+
+    A bracket or star in front would belong to the end of the line before, in a table.
+    """
+    guard = "{}" if text.startswith(("[", "*")) else ""
+    return guard + "".join(_escaped(character) for character in text)
 
 
 def _escaped(character: str) -> str:
