@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,11 @@ import pytest
 import torch
 from PIL import Image
 
+import radiogs_baselines
+import radiogs_bench
+import radiogs_core
+import radiogs_datasets
+import radiogs_reports
 from datasets.orb_captures import SIDE, write_captures
 from radiogs_bench.runs.preflight import read_everything
 from radiogs_bench.scoring.metrics.conventions import DepthOffset
@@ -23,9 +29,11 @@ from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_exr, write_png
 from radiogs_datasets.layouts.blender import read_points
 from radiogs_datasets.layouts.photos import read_mask
+from radiogs_datasets.new_scene import made_beside
 from radiogs_datasets.registry import TINY, scene_names
 from radiogs_datasets.soundness import require_names, require_shaped
 from radiogs_datasets.view_maps import read_depth
+from radiogs_datasets.writing import convert
 from scenes import sphere_scene
 
 
@@ -180,3 +188,33 @@ def test_images_are_not_written_through_links(tmp_path: Path, corner: Path) -> N
         write(tmp_path / name, image)
         assert victim.read_text() == "mine"
         assert not (tmp_path / name).is_symlink()
+
+
+def test_a_folder_of_the_user_beside_a_new_scene_is_left_alone(corner: Path) -> None:
+    """``convert`` removed it, and ``generate`` did."""
+    mine = corner.with_name("new.unfinished")
+    mine.mkdir()
+    (mine / "thesis.txt").write_text("mine")
+    before = set(corner.parent.iterdir())
+    convert(load_scene(str(corner)), corner.with_name("new"), "blender")
+    assert (mine / "thesis.txt").read_text() == "mine"
+    assert set(corner.parent.iterdir()) == before | {corner.with_name("new")}
+
+
+def test_a_scene_that_is_not_finished_takes_no_name_and_no_room(tmp_path: Path) -> None:
+    with suppress(KeyboardInterrupt), made_beside(tmp_path / "new") as made:
+        (made / "half").touch()
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+
+
+REMOVES = {"unpack.py", "scene_folder.py"}
+"""The place of an archive in a folder of data, and a scene of Blender that was begun, both known by their marks."""
+
+
+def test_folders_are_removed_only_where_they_are_known_to_be_ours() -> None:
+    """``generate`` is among those that remove none; it cannot run without Mitsuba."""
+    packages = (radiogs_core, radiogs_datasets, radiogs_bench, radiogs_reports, radiogs_baselines)
+    found = [path for each in packages for path in Path(each.__path__[0]).rglob("*.py") if "rmtree" in path.read_text()]
+    assert {path.name for path in found} == REMOVES
+    assert "generate" not in {path.parent.name for path in found}

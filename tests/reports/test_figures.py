@@ -2,16 +2,22 @@
 
 import itertools
 import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rcParams
 from PIL import Image
 
 from made_up_run import LIGHTS, arrays, run, summary, write_run
-from radiogs_reports.figures.canvas import ALL, file_name
+from radiogs_reports import figures
+from radiogs_reports.figures.canvas import ALL, STYLE, file_name
 from radiogs_reports.figures.cost import cost_figures
 from radiogs_reports.figures.crops import away_from_edges, crop_place
 from radiogs_reports.figures.light import (
@@ -363,3 +369,37 @@ def test_names_of_files_suit_every_system_and_latex() -> None:
 def test_numbers_of_ticks_are_short() -> None:
     shown = [short_number(value) for value in (0.2, 5, 1000, 20_000, 5e6)]
     assert shown == ["0.2", "5", "1k", "20k", "5M"]
+
+
+HOSTILE = "savefig.facecolor: red\nsavefig.dpi: 20\nfont.size: 30\nlines.linewidth: 9\ntext.usetex: True\n"
+DRAW = """
+import sys
+from pathlib import Path
+from made_up_run import summary
+from radiogs_reports.figures.canvas import save
+from radiogs_reports.figures.cost import cost_figures
+(Path(sys.argv[1])).mkdir()
+for sketch in cost_figures(summary()):
+    save(sketch, Path(sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize("named_by", ["the folder", "MATPLOTLIBRC", "MPLCONFIGDIR"])
+def test_no_matplotlibrc_changes_a_figure(named_by: str, tmp_path: Path) -> None:
+    """matplotlib reads that of the current folder first, then these."""
+    (tmp_path / "hostile").mkdir()
+    (tmp_path / "hostile" / "matplotlibrc").write_text(HOSTILE)
+    started_in = tmp_path / "hostile" if named_by == "the folder" else tmp_path
+    given = {"PYTHONPATH": str(Path(__file__).parents[1]), named_by: str(tmp_path / "hostile")}
+    for folder, name, environment in ((started_in, "drawn", given), (tmp_path, "plain", given | {named_by: ""})):
+        command = [sys.executable, "-c", DRAW, str(tmp_path / name)]
+        subprocess.run(command, cwd=folder, env=os.environ | environment, check=True)
+    assert content(tmp_path / "drawn") == content(tmp_path / "plain")
+
+
+def test_every_figure_is_drawn_under_the_package_s_settings() -> None:
+    """``STYLE`` names all settings of matplotlib."""
+    assert set(STYLE) >= set(rcParams) - {"backend"}
+    drawn = [path.read_text() for path in Path(str(files(figures))).glob("*.py") if "= blank(" in path.read_text()]
+    assert len(drawn) > 10
+    assert all(text.count("= blank(") <= text.count("with rc_context(STYLE)") for text in drawn)

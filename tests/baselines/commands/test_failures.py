@@ -349,3 +349,25 @@ def test_a_long_log_keeps_its_beginning_and_its_end(
     lines = [line for line in text.split("left out here ...]\n")[1].splitlines() if line.startswith("iteration")]
     numbers = [int(line.split()[1]) for line in lines]
     assert numbers == list(range(20_000 - len(numbers), 20_000))
+
+
+@pytest.mark.parametrize("name", ["logs/stage-2.log", "done/.stage-2.json.tmp"])
+def test_a_link_in_the_place_of_a_log_or_a_record_is_replaced(name: str, convex: Scene, tmp_path: Path) -> None:
+    bench, victim = cell(tmp_path, convex, SECOND), tmp_path / "victim"
+    victim.write_text("mine")
+    (bench.workspace / name).parent.mkdir(parents=True)
+    (bench.workspace / name).symlink_to(victim)
+    bench.train()
+    assert victim.read_text() == "mine"
+    assert not (bench.workspace / name).is_symlink()
+
+
+@pytest.mark.parametrize("name", ["logs", "done", "begun", "output"])
+def test_a_folder_of_the_workspace_that_is_a_link_is_refused(name: str, convex: Scene, tmp_path: Path) -> None:
+    bench, elsewhere = cell(tmp_path, convex, SECOND), tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    bench.workspace.mkdir()
+    (bench.workspace / name).symlink_to(elsewhere)
+    with pytest.raises(UsageError, match=f"{name} is a link"):
+        bench.train()
+    assert not list(elsewhere.iterdir())

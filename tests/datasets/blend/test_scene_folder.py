@@ -1,6 +1,7 @@
 """The folder of a rendered file, with pictures of known passes in Blender's place."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -177,6 +178,20 @@ def test_nothing_is_written_over_files(asked: Request, tmp_path: Path) -> None:
     (tmp_path / "made" / "mine").write_text("mine")
     with pytest.raises(UsageError, match="exists already"):
         write_scene(asked, tmp_path / "made", 1, 1, ignore)
+
+
+def test_a_folder_of_that_name_that_is_not_ours_is_left_alone(asked: Request, tmp_path: Path) -> None:
+    mine = tmp_path / "made.unfinished"
+    mine.mkdir()
+    (mine / "thesis.txt").write_text("mine")
+    with pytest.raises(UsageError, match=r"made\.unfinished exists already"):
+        write_scene(asked, tmp_path / "made", 1, 1, ignore)
+    assert files(mine) == {"thesis.txt": b"mine"}
+    shutil.move(mine, tmp_path / "elsewhere")
+    mine.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(UsageError, match="is a link"):
+        write_scene(asked, tmp_path / "made", 1, 1, ignore)
+    assert files(tmp_path / "elsewhere") == {"thesis.txt": b"mine"}
 
 
 @pytest.fixture
