@@ -28,7 +28,7 @@ from .image_files import write_png
 def made_beside(folder: Path) -> Iterator[Path]:
     """A new folder beside ``folder`` to make a scene in; it takes the name at the end, and is removed after an error.
 
-    What a killed process leaves is ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something, OSError.
+    A killed process leaves ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something, OSError.
     """
     require_new(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
