@@ -46,9 +46,9 @@ def run(suite: str, out: str | Path | None = None, **options: Any) -> pd.DataFra
 def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
     """The table of the run in a folder, as ``run`` and ``report`` print it: a line a row, a column a metric.
 
-    ``what``: ``value`` (means over scenes and seeds), ``difference`` to the reference row, ``low`` and ``high`` of its
-    95 % interval, ``verdict`` (better, worse, or none), or ``paper`` (the published value). Raises DataError where no
-    run has a table there yet.
+    ``what``: ``value`` (means; ``attrs["caption"]`` of the frame says over what), ``difference`` to the reference row,
+    ``low`` and ``high`` of its 95 % interval, ``verdict`` (better, worse, or none), or ``paper`` (the published value).
+    Raises DataError where no run has a table there yet.
     """
     try:
         made = suite_table(read_summary(Path(folder)))
@@ -57,7 +57,9 @@ def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
             f"no table in '{folder}'", str(error), f"Finish a run, or rebuild it:  radiogs-bench report {folder}"
         ) from error
     lines = {row.text: [_entry(cell, what) for cell in row.cells] for row in made.rows}
-    return pd.DataFrame.from_dict(lines, orient="index", columns=[column.key for column in made.columns])
+    frame = pd.DataFrame.from_dict(lines, orient="index", columns=[column.key for column in made.columns])
+    frame.attrs["caption"] = made.caption
+    return frame
 
 
 def gate(folder: str | Path, baseline: str | Path, slow_fails: bool = False) -> pd.DataFrame:

@@ -21,7 +21,7 @@ from radiogs_reports.tables.caption import origin, preset_and_recipe, published_
 from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.wording import count_of
+from radiogs_reports.wording import count_of, mean_over
 
 from ..results.longer_run import records_of
 from ..results.summary import summarise
@@ -64,6 +64,7 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> Non
     for sentence in below(table):
         say(sentence)
     say_remarks(table)
+    say(f"Mean over {mean_over(summary)}.")
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, shown.width)
     if (compared := beside_report(summary)) is not None:

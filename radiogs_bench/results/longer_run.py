@@ -95,6 +95,8 @@ def recorded(made: Summary) -> LongerRun:
         published={row: dict(values) for row, values in made["published"].items() if row in made["cells"]},
         published_data=made["published_data"],
     )
+    if kinds := made.get("kinds"):
+        run["kinds"] = kinds
     reports = [report for analysis in ANALYSES if (report := analysis(made)) is not None]
     if found := [grid for report in reports for grid in _recorded_grids(report)]:
         run["analyses"] = found

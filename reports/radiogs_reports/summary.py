@@ -307,6 +307,8 @@ class RunTable(TypedDict):
     published_data: str
     """The data that published values are averaged over."""
     machine: str
+    kinds: NotRequired[dict[str, str]]
+    """The kind of each scene; absent where none is known, and in earlier records."""
 
 
 class RecordedGrid(TypedDict):
@@ -366,8 +368,6 @@ class Summary(RunTable):
     """The whole run."""
 
     schema: str
-    kinds: NotRequired[dict[str, str]]
-    """The kind of each scene; absent where none is known."""
     recipe: NotRequired[str]
     """The recipe of the rows; absent where they run by their methods' defaults."""
     cells: dict[str, dict[str, CellSummary]]

@@ -3,7 +3,7 @@
 import re
 
 from .statistics import Level
-from .summary import ColumnSummary, Summary
+from .summary import ColumnSummary, LongerRun, Summary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 """Arrows towards the better values of a column, by its direction."""
@@ -64,10 +64,31 @@ def population(over: Level, units: int, scene: str = "one scene") -> str:
 
 def population_of(summary: Summary) -> str:
     """The units of the intervals of a complete run, in words."""
-    scenes, kinds = summary["scenes"], set(summary.get("kinds", {}).values())
-    if len(kinds) > 1:
-        return population("kinds", len(kinds))
+    scenes, kinds = summary["scenes"], kinds_of(summary)
+    if kinds > 1:
+        return population("kinds", kinds)
     return population("scenes", len(scenes)) if len(scenes) > 1 else population("seeds", len(summary["seeds"]), *scenes)
+
+
+def mean_over(run: Summary | LongerRun, named: bool = True) -> str:
+    """What the means of a complete run are over, in words: ``2 scenes (corner, bowl) and 1 seed``.
+
+    ``named``: with the names of the scenes.
+    """
+    scenes, kinds = count_of(len(run["scenes"]), "scene"), kinds_of(run)
+    scenes += f" ({', '.join(run['scenes'])})" if named else ""
+    seeds = count_of(len(run["seeds"]), "seed")
+    if 1 < kinds < len(run["scenes"]):
+        return f"{kinds} kinds of {scenes}, each kind with the mean over its scenes, and {seeds}"
+    return f"{scenes} and {seeds}"
+
+
+def kinds_of(run: Summary | LongerRun) -> int:
+    """The number of kinds of a run's scenes, 1 where none is known; records without the kinds count in intervals."""
+    if "kinds" in run:
+        return len({run["kinds"].get(scene, "") for scene in run["scenes"]})
+    differences = [cell["difference"] for cells in run["cells"].values() for cell in cells.values()]
+    return max((each["units"] for each in differences if each and each["over"] == "kinds"), default=1)
 
 
 def short_number(value: float) -> str:

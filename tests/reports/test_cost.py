@@ -259,7 +259,7 @@ def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:
     assert line.get_xydata() == pytest.approx(np.array([[1, 0.5], [2, 0.25], [4, 0.125], [8, 0.0625]]))
     (line, *_) = metrics.figure.axes[0].get_lines()
     assert line.get_ydata() == pytest.approx([26, 27, 28, 29])
-    assert mean_curve([], lambda point: 1.0) == []
+    assert mean_curve({}, lambda point: 1.0) == []
 
 
 def test_rows_that_share_a_training_are_one_line_and_others_are_not() -> None:

@@ -160,7 +160,7 @@ def test_markdown_and_csv_hold_the_values_of_the_latex() -> None:
     )
     assert "|  | paper [3] | 37.252 | 0.0275 | 1.1 | 64 |" in text
     assert "1. not in this store; 100 % lost & gone" in text
-    records = list(csv.DictReader(io.StringIO(paper_csv(TABLE))))
+    records = list(csv.DictReader(io.StringIO(paper_csv(TABLE, SUMMARY))))
     assert len(records) == 12
     for record in records:
         value = TABLE["cells"][record["row"]][record["column"]]
@@ -235,7 +235,7 @@ def test_published_values_by_other_conventions_stand_apart_on_the_page() -> None
 
 
 def test_records_name_the_protocol_and_what_ran() -> None:
-    records = list(csv.DictReader(io.StringIO(paper_csv(other_conditions(*IMAGES)))))
+    records = list(csv.DictReader(io.StringIO(paper_csv(other_conditions(*IMAGES), SUMMARY))))
     found = {(each["row"], each["column"]): (each["published_by"], each["ran"]) for each in records}
     assert found["detach", "nvs/psnr"] == ("radiogs", "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU")
     assert found["ours", "training/hours"] == ("", "")

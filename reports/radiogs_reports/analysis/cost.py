@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..statistics import Estimate
 from ..summary import ColumnSummary, ErrorParts, Summary, last_stage_title, reference_of, row_texts
-from ..wording import label_with_unit, plus_minus, population_of, signed
+from ..wording import label_with_unit, mean_over, plus_minus, population_of, signed
 from .cost_knobs import Doubling, Knob, Step, doublings, knobs, steps
 from .cost_progress import at_equal_time, second_half, to_equal_quality
 from .efficiency import efficiencies
@@ -199,7 +199,7 @@ def _times(summary: Summary) -> Grid:
         "equal-time",
         "Equal time: the best row after so many seconds",
         "Seconds of training, all stages included; values during training, over a few test views, linear between"
-        " scored points; mean over the seeds.",
+        f" scored points; mean over {mean_over(summary, named=False)}.",
         ["metric", "seconds", "best row", "its value", "the reference's"],
         rows,
     )

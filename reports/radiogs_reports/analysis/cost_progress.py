@@ -3,7 +3,7 @@
 Values during training are means over a few test views: compare them with each other, not with the table's.
 """
 
-import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -57,7 +57,7 @@ def at_equal_time(summary: Summary) -> list[AtTime]:
         reference = every[reference_of(summary)]
         for place in range(min((len(points) for points in reference.values()), default=0)):
             seconds = max(points[place].seconds for points in reference.values())
-            means = {row: _mean([value_at(points, seconds) for points in runs.values()]) for row, runs in every.items()}
+            means = {row: _mean(_after(runs, seconds)) for row, runs in every.items()}
             known = {row: mean for row, mean in means.items() if mean is not None}
             best = max(known, key=lambda row: _goodness(known[row], column))
             found.append(AtTime(seconds, column, best, known[best], known[reference_of(summary)]))
@@ -92,13 +92,14 @@ def _to_targets(
     every: dict[str, dict[Origin, list[Point]]],
 ) -> ToQuality:
     times = {
-        row: _mean([seconds_to(points.get(origin, []), target, column) for origin, target in targets.items()])
+        row: _mean({at: seconds_to(points.get(at, []), target, column) for at, target in targets.items()})
         for row, points in every.items()
     }
     known = {row: seconds for row, seconds in times.items() if seconds is not None}
     fastest = min(known, key=lambda row: known[row])
-    target = math.fsum(targets.values()) / len(targets)
-    return ToQuality(column, share, target, fastest, known[fastest], known[reference_of(summary)], len(known))
+    target = mean_of(targets)
+    assert target is not None  # only columns with a target are asked for
+    return ToQuality(column, share, target.mean, fastest, known[fastest], known[reference_of(summary)], len(known))
 
 
 def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | None:
@@ -114,6 +115,11 @@ def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | No
     )
     share = mean_of({origin: 1 - points[-2].seconds / points[-1].seconds for origin, points in whole.items()})
     return None if gain is None or share is None else (gain, share)
+
+
+def _after(runs: Mapping[Origin, list[Point]], seconds: float) -> dict[Origin, float | None]:
+    """The value of each run after a number of seconds."""
+    return {origin: value_at(points, seconds) for origin, points in runs.items()}
 
 
 def value_at(points: list[Point], seconds: float) -> float | None:
@@ -145,7 +151,8 @@ def _goodness(value: float, column: ColumnSummary) -> float:
     return {"up": value, "down": -value, "zero": -abs(value), "none": value}[column["direction"]]
 
 
-def _mean(values: list[float | None]) -> float | None:
-    """The mean; None if a value is None or there are no values."""
-    known = [value for value in values if value is not None]
-    return math.fsum(known) / len(known) if known and len(known) == len(values) else None
+def _mean(values: Mapping[Origin, float | None]) -> float | None:
+    """The mean, as tables have it; None if a value is None or there are no values."""
+    known = {origin: value for origin, value in values.items() if value is not None}
+    mean = mean_of(known) if len(known) == len(values) else None
+    return None if mean is None else mean.mean

@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,10 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ..analysis.samples import runs_of
+from ..statistics import Origin, mean_of
 from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail
+from ..wording import mean_over
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import ALL, COLOURS, STYLE, Sketch, blank, legend_columns, plain
 
@@ -46,14 +49,15 @@ def convergence_figures(summary: Summary) -> list[Sketch]:
     return [sketch for sketch in (_losses(summary), _metrics(summary)) if sketch is not None]
 
 
-def mean_curve(trails: Sequence[Sequence[TrailPoint]], read: Read) -> Curve:
-    """Mean over trails of what ``read`` returns for their points, at the iterations that all of them have."""
-    curves = []
-    for trail in trails:
+def mean_curve(trails: Mapping[Origin, Sequence[TrailPoint]], read: Read) -> Curve:
+    """Mean of what ``read`` returns for the points of trails, at the iterations that all of them have."""
+    curves = {}
+    for origin, trail in trails.items():
         known = [(point["iteration"], read(point)) for point in trail]
-        curves.append({iteration: value for iteration, value in known if value is not None})
-    shared = sorted(set.intersection(*(set(curve) for curve in curves))) if curves else []
-    return [(iteration, math.fsum(curve[iteration] for curve in curves) / len(curves)) for iteration in shared]
+        curves[origin] = {iteration: value for iteration, value in known if value is not None}
+    shared = sorted(set.intersection(*map(set, curves.values()))) if curves else []
+    means = [(step, mean_of({origin: curve[step] for origin, curve in curves.items()})) for step in shared]
+    return [(step, mean.mean) for step, mean in means if mean is not None]
 
 
 def stage_titles(summary: Summary) -> dict[str, str]:
@@ -65,12 +69,9 @@ def stage_titles(summary: Summary) -> dict[str, str]:
     return titles
 
 
-def _finished(summary: Summary) -> dict[str, list[RunSummary]]:
-    """Finished runs by row."""
-    return {
-        row["key"]: [run for run in summary["runs"] if run["row"] == row["key"] and run["metrics"]]
-        for row in summary["rows"]
-    }
+def _finished(summary: Summary) -> dict[str, dict[Origin, RunSummary]]:
+    """Finished runs by row, then scene and seed."""
+    return {row["key"]: runs_of(summary, row["key"]) for row in summary["rows"]}
 
 
 def _losses(summary: Summary) -> Sketch | None:
@@ -82,7 +83,7 @@ def _losses(summary: Summary) -> Sketch | None:
     read = _consistency if consistent else _total
     for stage, title in stage_titles(summary).items():
         every = {
-            row: mean_curve([run["trail"].get(stage, []) for run in runs], read)
+            row: mean_curve({origin: run["trail"].get(stage, []) for origin, run in runs.items()}, read)
             for row, runs in _finished(summary).items()
         }
         # L_rad is zero before it sets in and where its weight is zero, which a logarithmic axis cannot show.
@@ -93,8 +94,8 @@ def _losses(summary: Summary) -> Sketch | None:
         return None
     what = "the weighted loss of radiometric consistency" if consistent else "the sum of all weighted losses"
     caption = (
-        f"Convergence of {what}: mean over the steps since the previous point and over the finished cells. A row whose"
-        " loss is zero has no curve."
+        f"Convergence of {what}: mean over the steps since the previous point and over"
+        f" {mean_over(summary)}. A row whose loss is zero has no curve."
     )
     return _figure(summary, "convergence-losses", caption, panels)
 
@@ -115,14 +116,17 @@ def _metrics(summary: Summary) -> Sketch | None:
     panels = []
     for column in summary["columns"]:
         read = _metric(column["key"])
-        curves = {row: mean_curve([last_trail(run) for run in runs], read) for row, runs in _finished(summary).items()}
+        curves = {
+            row: mean_curve({origin: last_trail(run) for origin, run in runs.items()}, read)
+            for row, runs in _finished(summary).items()
+        }
         if any(curves.values()):
             panels.append(Panel(metric_title(column), curves, logarithmic=False))
     if not panels:
         return None
     caption = (
-        f"Metrics during {last_stage_title(summary)}, scored on a few test views with the clock stopped; mean over the"
-        " finished cells."
+        f"Metrics during {last_stage_title(summary)}, scored on a few test views with the clock stopped; mean over"
+        f" {mean_over(summary)}."
     )
     return _figure(summary, "convergence-metrics", caption, panels)
 

@@ -9,7 +9,7 @@ from ..analysis.cost_knobs import Doubling, Knob, doublings, knobs
 from ..analysis.pareto import Point, points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
-from ..wording import ARROWS, population_of
+from ..wording import ARROWS, mean_over, population_of
 from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, legend_columns, plain
 
@@ -127,7 +127,7 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
         for axes in grid[len(columns) :]:
             axes.set_axis_off()
     caption = (
-        f"What accuracy costs in {COSTS[cost]}: means over the finished cells. A line joins the settings of one knob,"
+        f"What accuracy costs in {COSTS[cost]}: means over {mean_over(summary)}. A line joins the settings of one knob,"
         " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the Pareto front"
         " (dashed); bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel,"
         f" {population_of(summary)}. A row that costs nothing has no point."

@@ -14,7 +14,7 @@ from ..analysis.crossed import Crossed, crossed_of
 from ..analysis.samples import values_of
 from ..statistics import Estimate, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary
-from ..wording import population_of
+from ..wording import mean_over, population_of
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import COLOURS, STYLE, Sketch, blank, hide_empty
 from .curves import FEWEST, Curves, curves_of
@@ -80,8 +80,9 @@ def _sketch(summary: Summary, curves: Curves, crossed: Crossed, pairs: Sequence[
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     caption = (
-        f"By {curves.text}: above, the mean over all scenes; below, {crossed.setting} = {crossed.values[0]} less"
-        f" {crossed.values[1]}, with 95 % t intervals {population_of(summary)}. Better is higher up in every panel."
+        f"By {curves.text}: above, the mean over {mean_over(summary)}; below, {crossed.setting} ="
+        f" {crossed.values[0]} less {crossed.values[1]}, with 95 % t intervals {population_of(summary)}."
+        " Better is higher up in every panel."
     )
     return Sketch(name, caption, figure, on_page=True)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..analysis.samples import flat, made_from
 from ..maps import Image
 from ..summary import ColumnSummary, ModesSummary, Summary, reference_of, row_texts
-from ..wording import population_of
+from ..wording import mean_over, population_of
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import COLOURS, STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, wrapped
 from .views import SceneViews, scene_views
@@ -110,8 +110,9 @@ def _progression(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
         hide_empty(grid)
         figure.legend(handles=_handles(summary, tuned), loc="outside lower center", ncols=3, frameon=False)
     caption = (
-        "Fine-tuning the surfels for a new light: metrics by iterations, means over the finished cells; dashed:"
-        f" without fine-tuning; bars: 95 % interval of the paired difference to that, {population_of(summary)}."
+        "Fine-tuning the surfels for a new light: metrics by iterations, means over"
+        f" {mean_over(summary)}; dashed: without fine-tuning; bars: 95 % interval of the paired difference to that,"
+        f" {population_of(summary)}."
     )
     return [Sketch("finetuning", caption, figure, on_page=True, images=True)]
 
@@ -179,8 +180,8 @@ def _crossover(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
         figure.legend(handles=_in_columns(columns), loc="outside lower center", ncols=1 + len(modes), frameon=False)
     caption = (
         "When fine-tuning pays: total seconds for a number of frames under one light, preparation included (times per"
-        f" light and per frame are means over the finished cells, on {summary['machine']}). Points: where a fine-tuned"
-        f" row and {_untuned(summary)} (dashed) break even."
+        f" light and per frame are means over {mean_over(summary)}, on {summary['machine']}). Points: where a"
+        f" fine-tuned row and {_untuned(summary)} (dashed) break even."
     )
     if quality:
         caption += " Right: quality by preparation time; dashed: without fine-tuning."

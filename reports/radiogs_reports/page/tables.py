@@ -19,7 +19,7 @@ def paper_tables(stored: PaperTable, summary: Summary) -> list[Table]:
     """A table of the paper, and a second one of published values if there are any by other conventions."""
     table = paper_table(stored, summary)
     data, key, title = table.published_data, table.name, table.title
-    measured = replace(table, name=f"paper-{key}", caption=f"Published: {data}.")
+    measured = replace(table, name=f"paper-{key}")
     if not table.apart_title:
         return [measured]
     published = replace(

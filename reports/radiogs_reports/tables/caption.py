@@ -4,16 +4,14 @@ import shlex
 from typing import Any
 
 from ..summary import Summary, protocol_title
-from ..wording import count_of
+from ..wording import count_of, mean_over
 
 
 def run_note(summary: Summary) -> str:
     """Scenes, seeds, preset, recipe, protocol, source of published values, machine."""
     return (
-        f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
-        f" {count_of(len(summary['seeds']), 'seed')}; {preset_and_recipe(summary)}; metric protocol"
-        f" {protocol_title(summary)}.{unfinished(summary)} {published_note(summary)}"
-        f" Machine: {summary['machine']}."
+        f"Mean over {mean_over(summary)}; {preset_and_recipe(summary)}; metric protocol {protocol_title(summary)}."
+        f"{unfinished(summary)} {published_note(summary)} Machine: {summary['machine']}."
     )
 
 

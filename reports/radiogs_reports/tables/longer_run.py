@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ..analysis.findings import Finding, measured, record_findings, record_sentences
 from ..analysis.grid import Grid, Item, name_item
 from ..summary import ColumnSummary, LongerRun, RecordedGrid, Summary
-from ..wording import count_of, heading, number, signed
+from ..wording import heading, mean_over, number, signed
 from .caption import ORIGIN
 from .doubts import shown_verdict
 from .legend import legend
@@ -88,6 +88,7 @@ def facts(run: LongerRun) -> dict[str, str]:
         "Metric protocol": run["protocol"],
         "Scenes": ", ".join(run["scenes"]),
         "Seeds": ", ".join(map(str, run["seeds"])),
+        "Mean over": mean_over(run, named=False),
     }
     return {name: text for name, text in found.items() if text}
 
@@ -103,13 +104,12 @@ def recorded_table(run: LongerRun, name: str) -> Table:
         )
         for row in run["rows"]
     ]
-    scenes, seeds = count_of(len(run["scenes"]), "scene"), count_of(len(run["seeds"]), "seed")
     made = Table(
         name,
         run["title"],
         [*metric_columns(run["columns"]), TRAINING],
         rows,
-        caption=f"{HEADING}: {run['title']}. Mean over {scenes} and {seeds}; preset {run['preset']}.",
+        caption=f"{HEADING}: {run['title']}. Mean over {mean_over(run, named=False)}; preset {run['preset']}.",
         reference=next((row for row in rows if row.key == run["reference"]), None),
         findings=record_sentences(run),
     )

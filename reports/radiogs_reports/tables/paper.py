@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..analysis.findings import paper_sentences
 from ..summary import PaperColumn, PaperTable, Summary, protocol_title
-from ..wording import count_of, number
+from ..wording import mean_over, number
 from .doubts import shown_verdict
 from .legend import legend
 from .model import Cell, Column, Row, Table, difference_of, missing_cell, rank_in_words
@@ -138,11 +138,10 @@ def _apart_title(table: PaperTable, summary: Summary) -> str:
 
 def _caption(table: PaperTable, summary: Summary) -> str:
     """Data, seeds, protocol, and the source of published values; plain text."""
-    seeds, scenes = summary["seeds"], summary["scenes"]
+    seeds = ", ".join(map(str, summary["seeds"]))
     text = (
-        f"{table['title']}. Measured: mean over {count_of(len(scenes), 'scene')} ({', '.join(scenes)}) and"
-        f" {count_of(len(seeds), 'seed')} ({', '.join(map(str, seeds))}), preset {summary['preset']}, metric protocol"
-        f" {protocol_title(summary)}."
+        f"{table['title']}. Measured: mean over {mean_over(summary)} ({seeds}), preset {summary['preset']}, metric"
+        f" protocol {protocol_title(summary)}."
     )
     reference = next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
     differences = [value["difference"] for row in table["cells"].values() for value in row.values()]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..analysis.findings import suite_sentences
 from ..summary import CellSummary, ColumnSummary, RowSummary, Summary, protocol_title
-from ..wording import number
+from ..wording import mean_over, number
 from .caption import preset_and_recipe, unfinished
 from .doubts import footnotes, marks, remarks, shown_verdict
 from .legend import legend
@@ -91,8 +91,7 @@ def training_cell(seconds: float | None, reason: str = "no finished cell of the 
 
 
 def _caption(summary: Summary) -> str:
-    seeds = len(summary["seeds"])
     return (
-        f"{summary['title']}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {', '.join(summary['scenes'])};"
-        f" {preset_and_recipe(summary)}; metric protocol {protocol_title(summary)}.{unfinished(summary)}"
+        f"{summary['title']}. Mean over {mean_over(summary)}; {preset_and_recipe(summary)}; metric protocol"
+        f" {protocol_title(summary)}.{unfinished(summary)}"
     )

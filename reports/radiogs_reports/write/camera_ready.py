@@ -7,7 +7,7 @@ from ..summary import Summary, protocol_title
 from ..tables.caption import preset_and_recipe, unfinished
 from ..tables.model import Cell, Column, Table, stored_ranks
 from ..tables.suite import suite_table
-from ..wording import count_of
+from ..wording import mean_over
 from .latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, as_formula, escape
 
 MISSING = "--"
@@ -103,9 +103,7 @@ def _parts(column: Column) -> tuple[str, str]:
 
 
 def _caption(summary: Summary) -> str:
-    scenes, seeds = summary["scenes"], len(summary["seeds"])
-    over = f"{count_of(len(scenes), 'scene')} ({', '.join(scenes)})" if len(scenes) > 1 else f"scene {scenes[0]}"
-    setup = f"Mean over {over} and {count_of(seeds, 'seed')}; {preset_and_recipe(summary)}"
+    setup = f"Mean over {mean_over(summary)}; {preset_and_recipe(summary)}"
     return (
         f"{escape(summary['title'])}. {escape(setup)}; metrics by protocol {escape(protocol_title(summary))}."
         f"{escape(unfinished(summary))} {HIGHLIGHTS}"

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from itertools import groupby
 
-from ..summary import PaperTable
+from ..summary import PaperTable, Summary
 from ..tables.model import Cell, Column, Row, Table
 from ..tables.paper import apart_table
+from ..wording import mean_over
 from .latex import ARROWS, as_formula, colour_of, escape, found_below, note_mark, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
@@ -143,8 +144,9 @@ def _remark(table: Table, row: Row) -> str:
     return f" [{table.note(row.remark) + 1}]" if row.remark else ""
 
 
-def paper_csv(table: PaperTable) -> str:
-    """One record per value: row, column, mean, count, difference, its interval, rank, published value, reasons."""
+def paper_csv(table: PaperTable, summary: Summary) -> str:
+    """One record per value: row, column, mean, what it is over, count, difference, its interval, rank, published value,
+    reasons."""
     records = []
     for row in table["rows"]:
         for column in table["columns"]:
@@ -158,6 +160,7 @@ def paper_csv(table: PaperTable) -> str:
                     "direction": column["direction"],
                     "mean": value["mean"],
                     "count": value["count"],
+                    "mean_over": mean_over(summary),
                     **difference_fields(value["difference"]),
                     "rank": value.get("rank"),
                     "smallest_resolved": column.get("smallest"),

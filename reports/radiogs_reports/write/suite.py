@@ -3,6 +3,7 @@
 from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import Cell, Row, Table
+from ..wording import mean_over
 from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, note_mark, row_label, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, Line, difference_entry, environment, over
@@ -107,7 +108,8 @@ def _measured(cell: Cell) -> str:
 
 
 def suite_csv(summary: Summary) -> str:
-    """One record per value: the mean, its difference, interval, rank, published value, reason and doubt."""
+    """One record per value: the mean and what it is over, its difference, interval, rank, published value, reason
+    and doubt."""
     records = []
     for row in summary["rows"]:
         for column in summary["columns"]:
@@ -120,6 +122,7 @@ def suite_csv(summary: Summary) -> str:
                     "direction": column["direction"],
                     "mean": cell["mean"],
                     "count": cell["count"],
+                    "mean_over": mean_over(summary),
                     **difference_fields(cell["difference"]),
                     "rank": cell.get("rank"),
                     "smallest_resolved": column.get("smallest"),
