@@ -91,14 +91,17 @@ class RadioGS:
         return recipe_values(name, layout, scene)
 
     def recipe_at(self, name: str, variant: Variant, budget: Budget) -> str:
-        """``printed, shortened (rates x 12)`` with fewer steps of stage 2 than are published.
+        """``printed, shortened (600 steps, rates x 12)``; see ``radiogs_bench.methods.ShortensRecipes``.
 
-        The factor is that of the rates of materials, light and harmonics; see
-        ``radiogs_bench.methods.ShortensRecipes``.
+        The mark has the steps of stage 2 where they are fewer than published, and the factor of the rates of materials,
+        light and harmonics. At the published length, another preset than ``paper`` is named: ``closed at tiny``.
         """
-        if name == RECOMMENDED or budget.inverse_iterations >= PRESETS["paper"].inverse_iterations:
+        preset, steps = budget.name.partition(",")[0], budget.inverse_iterations
+        if name == RECOMMENDED:
             return name
-        return f"{name}, shortened (rates x {variant.materials.rates.factor(budget.inverse_iterations):.3g})"
+        if steps < PRESETS["paper"].inverse_iterations:
+            return f"{name}, shortened ({steps:,} steps, rates x {variant.materials.rates.factor(steps):.3g})"
+        return name if preset == "paper" else f"{name}, closed at {preset}"
 
     def recipe_table(self) -> str:
         """All values of the recipes with their sources, as Markdown."""

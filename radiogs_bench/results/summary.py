@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from statistics import fmean
+from statistics import fmean, geometric_mean
 from typing import Any, TypedDict, cast
 
 import numpy as np
@@ -35,14 +35,13 @@ from ..methods import method
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, relighting_of, state_of
 from ..scoring.metrics.comparable import alike
-from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..store.shapes import mismatch
 from ..suites.experiment import COST
-from ..suites.suite import TASKS, Metric
+from ..suites.suite import COLUMNS, TASKS, Metric
 from .doubts import doubts, labels, title_of
 from .paper_tables import interval, paper_tables
 
@@ -189,7 +188,7 @@ def columns_of(sweep: Sweep) -> list[ColumnSummary]:
 
 def column_summary(metric: Metric) -> ColumnSummary:
     """A column's heading."""
-    measure = MEASURES[metric.measure]
+    measure = COLUMNS[metric.measure]
     return ColumnSummary(
         key=metric.key,
         label=metric.label,
@@ -254,7 +253,7 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
     for ref, result in cells:
         if ref["row"] != row:
             continue
-        metric = None if result is None else values_of(result).get(column)
+        metric = None if result is None else shown_values(result).get(column)
         if metric is not None and metric["value"] is not None:
             values[origin_of(ref, kinds)] = metric["value"]
         elif result is None:
@@ -262,6 +261,15 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
         else:
             reason = why_absent(ref["scene"], result, column) if metric is None else metric["reason"]
     return values, reason
+
+
+def shown_values(result: Result) -> dict[str, MetricValue]:
+    """What a table can show of a cell, with ``scale/factor``: the geometric mean of the factors that recovered albedo
+    needs by channel."""
+    scale, values = result["albedo_scale"], values_of(result)
+    if scale is None or min(scale) <= 0:
+        return values
+    return {**values, "scale/factor": MetricValue(value=geometric_mean(scale), reason=None, views=[])}
 
 
 def origin_of(ref: CellRef, kinds: Mapping[str, str]) -> Origin:
@@ -377,7 +385,7 @@ def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None)
     )
     if result is None:
         return run
-    metrics, arrays = values_of(result), store.arrays_path(result["key"])
+    metrics, arrays = shown_values(result), store.arrays_path(result["key"])
     run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
     run["views"], run["by_view"] = result["views"], values_by_view(metrics, sweep["columns"])
     run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]

@@ -25,7 +25,6 @@ from ..methods import (
 )
 from ..methods import method as find_method
 from ..scoring.metrics.conventions import Net
-from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..store.aside import kept_aside
 from ..store.folder import Store, checkpoint_name, product_name
@@ -33,7 +32,7 @@ from ..store.names import plain_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
-from ..suites.suite import TASKS, Row, Suite, recipe_of_row, with_numbers
+from ..suites.suite import COLUMNS, TASKS, Row, Suite, recipe_of_row, with_numbers
 from .cell import Cell, Work, cell_of
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/3"
@@ -373,7 +372,7 @@ def _contradictions(stored: Sweep) -> Iterator[str]:
                 yield f"a cell is of {place} {name!r:.80}, which it lacks"
     for column in stored["columns"]:
         task, _, measure = column.partition("/")
-        if task not in TASKS or measure not in MEASURES:
+        if task not in TASKS or measure not in COLUMNS:
             yield f"its column {column!r:.80} is no metric"
 
 

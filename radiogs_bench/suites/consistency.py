@@ -2,14 +2,15 @@
 
 ``departures`` leads from RadioGS as printed to RadioGS as recommended, one group of settings after another. ``rivals``
 crosses L_rad with the parts that may do the same, from both recipes. ``consistency-length`` runs with and without L_rad
-for more and more steps.
+for more and more steps. ``closed`` has the paper's rates and losses alone.
 """
 
 from collections.abc import Mapping
 from typing import Any
 
 from .own import EVERY_PART
-from .suite import Row, Suite
+from .paper import ABLATIONS
+from .suite import Metric, Row, Suite
 
 SCENES = ("corner", "front_plain", "lamps")
 """Three kinds with much indirect light."""
@@ -188,3 +189,16 @@ CONSISTENCY_LENGTH = Suite(
     scenes=SCENES,
 )  # fmt: skip
 """Four curves for each scene: both recipes, with and without L_rad."""
+
+CLOSED = Suite(
+    name="closed",
+    title="Radiometric consistency at the paper's rates",
+    published="ablation",
+    reference="ours",
+    rows=ABLATIONS.rows[:2],
+    columns=(*EVERY_PART, Metric("environment", "error"), Metric("scale", "factor")),
+    scenes=ABLATIONS.scenes,
+    recipe=PRINTED,
+)
+"""With and without L_rad. At the paper's length (``--set inverse_iterations=20000``) the length rule's factor is 1.
+With ``--set materials.rates.length_power=0`` it is 1 at every length: then length and rates are told apart."""

@@ -20,10 +20,9 @@ from radiogs_datasets.bounded_reading import read_toml
 from radiogs_reports.write.mathematics import is_mathematics
 
 from ..methods import SUFFIX, method, require_recipe
-from ..scoring.metrics.measures import MEASURES
 from ..store.names import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
-from .consistency import CONSISTENCY_LENGTH, DEPARTURES, RIVALS
+from .consistency import CLOSED, CONSISTENCY_LENGTH, DEPARTURES, RIVALS
 from .data_sets import DATA_SET_SUITES
 from .experiment import EXPERIMENTS
 from .own import COST_OF_ACCURACY, EFFECTS_SUITE, FINETUNE, HARD_TRAINING, LENGTH, ORACLES
@@ -40,13 +39,13 @@ from .paper import (
     STRATEGIES,
     VIEWS,
 )
-from .suite import TASKS, Metric, Row, Suite, with_numbers
+from .suite import COLUMNS, TASKS, Metric, Row, Suite, with_numbers
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, RELIGHT_COST, EFFICIENCY, FINETUNE,
-        COST_OF_ACCURACY, LENGTH, DEPARTURES, RIVALS, CONSISTENCY_LENGTH, EFFECTS_SUITE, ORACLES,
+        COST_OF_ACCURACY, LENGTH, CLOSED, DEPARTURES, RIVALS, CONSISTENCY_LENGTH, EFFECTS_SUITE, ORACLES,
         FORWARD_PARITY_SUITE, STABILITY_SUITE, HARD_TRAINING, *DATA_SET_SUITES,
         BASELINES, *BASELINE_ABLATIONS,
     )
@@ -111,7 +110,7 @@ def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
     reader.expect(isinstance(value, str) and value.count("/") == 1, where, value, 'a metric such as "nvs/psnr"')
     metric = Metric.of(value)
     reader.known(where, "task", metric.task, TASKS)
-    reader.known(where, "measure", metric.measure, MEASURES)
+    reader.known(where, "measure", metric.measure, COLUMNS)
     return metric
 
 

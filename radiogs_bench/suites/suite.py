@@ -21,7 +21,7 @@ from ..methods import (
     settings_of,
     variant_of,
 )
-from ..scoring.metrics.measures import MEASURES
+from ..scoring.metrics.measures import MEASURES, Measure
 from .experiment import TRAINING
 
 
@@ -58,7 +58,15 @@ TASKS: Mapping[str, Task] = {
     "training": Task("Training", "of training"),
     "stage2": Task("Stage 2", "of a step of stage 2"),
     "plan": Task("Plan", "of the plan of effects"),
+    "scale": Task("Albedo", "that recovered albedo needs", counted=True),
 }
+
+
+COLUMNS: Mapping[str, Measure] = {
+    **MEASURES,
+    "factor": Measure("factor", "", "up", 2, "geometric mean over channels of the factor"),
+}
+"""Measures of columns by name: those that are computed, and the factor that the alignment of albedo found."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +84,12 @@ class Metric:
     @property
     def label(self) -> str:
         """The heading, such as ``NVS PSNR``."""
-        return f"{TASKS[self.task].label} {MEASURES[self.measure].label}"
+        return f"{TASKS[self.task].label} {COLUMNS[self.measure].label}"
 
     @property
     def meaning(self) -> str:
         """Definition, such as ``peak signal-to-noise ratio of test views under the training light``."""
-        return f"{MEASURES[self.measure].meaning} {TASKS[self.task].meaning}"
+        return f"{COLUMNS[self.measure].meaning} {TASKS[self.task].meaning}"
 
     @classmethod
     def of(cls, key: str) -> "Metric":

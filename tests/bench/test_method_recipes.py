@@ -54,8 +54,8 @@ def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_method
         request = asked(1, replace(suite, recipe=recipe))
         assert [cell.variant for _, cell in request.cells()] == [ours, code]
         lines = request.manifest([])["rows"]
-        shown = f"{recipe}, shortened (rates x 12)" if recipe else "recommended"
-        assert [line["recipe"] for line in lines] == [shown, "released, shortened (rates x 12)"]
+        shown = f"{recipe}, shortened (20 steps, rates x 12)" if recipe else "recommended"
+        assert [line["recipe"] for line in lines] == [shown, "released, shortened (20 steps, rates x 12)"]
 
 
 def test_a_recipe_may_differ_between_the_scenes_of_a_run() -> None:

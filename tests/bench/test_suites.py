@@ -16,13 +16,23 @@ from radiogs_bench.fetching.catalogue import data_set
 from radiogs_bench.installed_methods import method_names, substitutes
 from radiogs_bench.methods import DEFAULT
 from radiogs_bench.runs.sweep import Request
-from radiogs_bench.scoring.metrics.measures import MEASURES
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.suites.baselines import BASELINES
+from radiogs_bench.suites.consistency import CLOSED
 from radiogs_bench.suites.data_sets import CAPTURES, as_published
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field, with_rows
+from radiogs_bench.suites.suite import (
+    COLUMNS,
+    NUMBER,
+    PAPER_BUDGET,
+    Metric,
+    Row,
+    Suite,
+    of_methods,
+    with_field,
+    with_rows,
+)
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap
@@ -57,7 +67,7 @@ def test_every_column_has_a_heading_and_a_way_to_be_better() -> None:
         assert Metric.of(column.key) == column
         assert column.label
         # A bias is better the nearer it is to zero, from either side; everything else has a better end.
-        assert MEASURES[column.measure].better in ({"zero"} if column.measure == "bias" else {"up", "down"})
+        assert COLUMNS[column.measure].better in ({"zero"} if column.measure == "bias" else {"up", "down"})
 
 
 @pytest.mark.parametrize(
@@ -96,13 +106,13 @@ def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
 
 
 def test_beside_other_methods_radiogs_stands_as_printed_and_once_more_as_recommended() -> None:
-    """Suites of RadioGS alone compare variants of its default, but for milliseconds, which are those as printed."""
+    """Suites of RadioGS alone compare variants of its default, but for milliseconds and the paper's rates."""
     checked = []
     for each in SUITES.values():
         ours = [row for row in each.rows if row.method == DEFAULT]
         if not ours or len(ours) == len(each.rows):
-            timed = each.name in ("ns", "mipnerf360-ng", "mipnerf360-ns")
-            assert each.recipe == ("printed" if timed else ""), each.name
+            printed = each.name in ("ns", "mipnerf360-ng", "mipnerf360-ns", "closed")
+            assert each.recipe == ("printed" if printed else ""), each.name
             continue
         printed, again = ([row for row in ours if row.recipe == recipe] for recipe in ("", "recommended"))
         assert each.recipe == "printed", each.name
@@ -114,7 +124,8 @@ def test_beside_other_methods_radiogs_stands_as_printed_and_once_more_as_recomme
 
 
 def test_every_published_table_has_a_suite_that_runs_it_as_it_was_made() -> None:
-    suites = {each.published: as_published(each) for each in SUITES.values() if each.published and each != BASELINES}
+    parts = (BASELINES, CLOSED)  # each with some of the rows of another suite
+    suites = {each.published: as_published(each) for each in SUITES.values() if each.published and each not in parts}
     assert suites.keys() == set(published_tables())
     for key, each in suites.items():
         conditions = published(key).conditions
@@ -129,12 +140,13 @@ def test_every_published_table_has_a_suite_that_runs_it_as_it_was_made() -> None
 
 @pytest.mark.parametrize("key", published_tables())
 def test_a_published_table_has_one_suite_of_all_its_rows_that_come_with_the_package(key: str) -> None:
-    """Its first suite; ``baselines`` is another one of the main table, with one row a method."""
+    """Its first suite. ``baselines`` is another one of the main table, with one row a method, and ``closed`` of the
+    ablation, with its first two rows."""
     whole, *others = [each for each in SUITES.values() if each.published == key]
     rows = published(key).figures.keys()
     shared = {row.key for row in whole.rows if row.key in rows or (row.method == DEFAULT and not row.recipe)}
     assert shared == {each for each in rows if each not in OTHER_METHODS - {*method_names()}}
-    assert [each.name for each in others] == (["baselines"] if key == "tensoir" else [])
+    assert [each.name for each in others] == {"tensoir": ["baselines"], "ablation": ["closed"]}.get(key, [])
 
 
 def test_every_published_column_that_a_run_measures_by_itself_is_a_column() -> None:

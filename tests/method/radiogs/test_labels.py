@@ -78,8 +78,9 @@ def test_published_recipes_are_called_shortened_with_their_factor_in_fewer_steps
         with_values(Variant(), {**PRINTED, **change}) for change in ({}, {"materials.rates.length_power": 0.0})
     )
     tiny, small = PRESETS["tiny"], PRESETS["small"]
-    assert RADIOGS.recipe_at("printed", printed, tiny) == "printed, shortened (rates x 12)"
-    assert RADIOGS.recipe_at("released", printed, small) == "released, shortened (rates x 4.83)"
-    assert RADIOGS.recipe_at("printed", flat, tiny) == "printed, shortened (rates x 1)"
-    assert RADIOGS.recipe_at("printed", printed, replace(tiny, inverse_iterations=20_000)) == "printed"
+    assert RADIOGS.recipe_at("printed", printed, tiny) == "printed, shortened (600 steps, rates x 12)"
+    assert RADIOGS.recipe_at("released", printed, small) == "released, shortened (3,000 steps, rates x 4.83)"
+    assert RADIOGS.recipe_at("printed", flat, tiny) == "printed, shortened (600 steps, rates x 1)"
+    assert RADIOGS.recipe_at("printed", printed, replace(tiny, inverse_iterations=20_000)) == "printed, closed at tiny"
+    assert RADIOGS.recipe_at("printed", printed, WHOLE) == "printed"
     assert RADIOGS.recipe_at("recommended", Variant(), tiny) == "recommended"
