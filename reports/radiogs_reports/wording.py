@@ -71,7 +71,7 @@ def population_of(summary: Summary) -> str:
 
 
 def mean_over(run: Summary | LongerRun, named: bool = True) -> str:
-    """What the means of a complete run are over, in words: ``2 scenes (corner, bowl) and 1 seed``.
+    """The units that the means of a complete run are over, in words: ``2 scenes (corner, bowl) and 1 seed``.
 
     ``named``: with the names of the scenes.
     """
