@@ -264,8 +264,10 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
 
 
 def shown_values(result: Result) -> dict[str, MetricValue]:
-    """The values of a cell that a table can show, with ``scale/factor``: the geometric mean of the factors that recovered albedo
-    needs by channel."""
+    """The values of a cell that a table can show.
+
+    ``scale/factor`` among them is the geometric mean of the factors that recovered albedo needs by channel.
+    """
     scale, values = result["albedo_scale"], values_of(result)
     if scale is None or min(scale) <= 0:
         return values
