@@ -1,0 +1,117 @@
+"""Every form of a run's table has the same means, and says over what they are, where kinds have unequal scenes."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radiogs_bench as rb
+from bench.fake_method import FakeSweep, asked, write_sweep
+from radiogs_bench.cli import main
+from radiogs_bench.results.longer_run import recorded
+from radiogs_bench.results.summary import summarise
+from radiogs_bench.runs.sweep import CellRef, read_sweep
+from radiogs_bench.store.folder import Store
+from radiogs_bench.store.schema import MetricValue
+from radiogs_reports.summary import Summary
+from radiogs_reports.tables.paper import paper_table
+from radiogs_reports.wording import mean_over
+from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
+
+KINDS = {"ball": "round", "bowl": "round", "niche": "front"}
+VALUES = dict(zip(KINDS, (30.0, 32.0, 21.0), strict=True))
+MEAN = "26.00"
+"""Over the two kinds; the mean over the three scenes is 27.67."""
+
+BLACK = np.zeros((8, 8, 3), np.float32)
+
+WORDS = "2 kinds of 3 scenes (ball, bowl, niche), each kind with the mean over its scenes, and 1 seed"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A run of two kinds, one of which has two scenes; every row has the same values."""
+    sweep, request = FakeSweep(tmp_path), asked(3)
+    sweep.run([cell for _, cell in request.cells()])
+    manifest = request.manifest([_placed(sweep, place) for place, _ in request.cells()])
+    manifest |= {"scenes": [*KINDS], "seeds": [0], "kinds": KINDS}
+    write_sweep(sweep.store, manifest)
+    return tmp_path
+
+
+def _placed(sweep: FakeSweep, place: CellRef) -> CellRef:
+    """A cell of one of three seeds as that of one of three scenes, with the scene's value."""
+    scene, result = [*KINDS][place["seed"]], sweep.store.result(place["key"])
+    assert result is not None
+    result["scene"] = scene
+    result["metrics"]["nvs/psnr"] = MetricValue(value=VALUES[scene], reason=None, views=[VALUES[scene]])
+    sweep.store.put_result(result, {"render/image": BLACK, "truth/image": BLACK})
+    return {**place, "scene": scene, "seed": 0}
+
+
+def summary_of(folder: Path) -> Summary:
+    return summarise(Store(folder), read_sweep(folder), {}, "four scenes")
+
+
+def plain(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(folder)]) == 0
+    told = capsys.readouterr()
+    assert main(["report", str(folder), "--style", "paper"]) == 0
+    page = (folder / "report.html").read_text()
+    frame = rb.table(folder)
+    forms = {
+        "terminal": told.out + told.err,
+        "page": re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL),
+        "Markdown": (folder / "ablations.md").read_text(),
+        "LaTeX": (folder / "ablations_table.tex").read_text(),
+        "LaTeX of a paper": (folder / "paper.tex").read_text(),
+        "Python": f"{frame['nvs/psnr'].map('{:.2f}'.format).to_list()} {frame.attrs['caption']}",
+    }
+    for name, text in forms.items():
+        assert MEAN in text, name
+        assert "27.67" not in text, name
+        assert f"Mean over {WORDS}" in plain(text), name
+    with (folder / "ablations.csv").open() as file:
+        lines = [line for line in csv.DictReader(file) if line["column"] == "nvs/psnr"]
+    assert {(float(line["mean"]), line["mean_over"]) for line in lines} == {(26.0, WORDS)}
+    stored = json.loads((folder / "summary.json").read_text())["cells"]["ours"]["nvs/psnr"]
+    assert stored["mean"] == 26.0
+
+
+def test_tables_of_the_paper_say_over_what_they_are(folder: Path) -> None:
+    summary = summary_of(folder)
+    (stored,) = summary["paper"]
+    assert stored["cells"]["ours"]["nvs/psnr"]["mean"] == 26.0
+    table = paper_table(stored, summary)
+    for text in (paper_latex(table), paper_markdown(table), paper_csv(stored, summary)):
+        assert WORDS in plain(text)
+
+
+def test_a_record_says_over_what_its_means_are_by_its_kinds_or_by_its_intervals(folder: Path) -> None:
+    run = recorded(summary_of(folder))
+    assert mean_over(run) == WORDS
+    del run["kinds"]
+    assert mean_over(run) == WORDS
+
+
+@pytest.mark.parametrize(
+    ("scenes", "kinds", "words"),
+    [
+        (["ball", "niche"], KINDS, "2 scenes (ball, niche) and 1 seed"),
+        (["ball", "bowl"], KINDS, "2 scenes (ball, bowl) and 1 seed"),
+        (["ball", "bowl", "niche"], {}, "3 scenes (ball, bowl, niche) and 1 seed"),
+        (["ball"], KINDS, "1 scene (ball) and 1 seed"),
+    ],
+)
+def test_words_are_simple_where_each_scene_counts_alike(
+    folder: Path, scenes: list[str], kinds: dict[str, str], words: str
+) -> None:
+    made = summary_of(folder)
+    assert mean_over({**made, "scenes": scenes, "kinds": kinds}) == words
