@@ -47,7 +47,7 @@ extras: $(READY) ## Chromium and LaTeX (Debian, as root) and Ray, for the tests 
 	|| echo "make extras: Ray could not be installed; its tests will skip themselves"
 
 # The walk of the documents, which has the longest tests, comes first: so two processes end at about the same time.
-WALKS := tests/bench/test_walked_documents.py
+WALKS := tests/bench/cli/test_walked_documents.py
 SLOW = $(WALKS) $(filter-out $(WALKS),$(shell grep -rlE 'mark\.slow' --include='test_*.py' tests | sort))
 ALONE = $(shell grep -rlE 'mark\.alone' --include='test_*.py' tests | sort)
 

@@ -24,9 +24,9 @@ ROOMS: Mapping[str, Sequence[str]] = {
     "method/radiogs": ("tests/method/radiogs",),
     "radiogs_bench/scoring/metrics": ("tests/metrics",),
     "radiogs_bench/store": (
-        "tests/bench/test_store.py", "tests/bench/test_seals.py", "tests/bench/test_engine.py",
-        "tests/bench/test_verify.py", "tests/bench/test_ends.py", "tests/bench/test_export.py",
-        "tests/bench/test_sweep.py", "tests/bench/test_provenance.py",
+        "tests/bench/store/test_store.py", "tests/bench/store/test_seals.py", "tests/bench/runs/engines/test_engine.py",
+        "tests/bench/results/test_verify.py", "tests/bench/attacks/test_ends.py", "tests/bench/export/test_export.py",
+        "tests/bench/runs/test_sweep.py", "tests/bench/store/test_provenance.py",
     ),
     "reports/radiogs_reports/statistics": ("tests/reports",),
     "datasets/radiogs_datasets": ("tests/datasets",),

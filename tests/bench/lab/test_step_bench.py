@@ -38,7 +38,7 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_datasets import load_scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 CPU = torch.device("cpu")
 
 

@@ -9,7 +9,7 @@ import yaml
 from radiogs_bench.cli.main import build_parser
 from radiogs_bench.results.baseline import read_baseline
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 WORKFLOW = ROOT / "docs" / "examples" / "gate.yml"
 
 

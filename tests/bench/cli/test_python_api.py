@@ -20,7 +20,7 @@ from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from scenes import sphere_scene
 
-WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
+WALK = Path(__file__).parents[3] / "docs" / "python_api.md"
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.suites.experiment import FORWARD_PARITY
 from radiogs_bench.suites.registry import SUITES
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LIGHT = ROOT / "datasets" / "radiogs_datasets" / "tiny" / "corner" / "envmaps" / "sunset.hdr"
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)

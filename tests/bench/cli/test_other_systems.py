@@ -19,7 +19,7 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets.image_files import decode_jpeg, read_exr, write_exr
 
 CPU = torch.device("cpu")
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 OF_LINUX = {
     "copy_file_range", "eventfd", "fdatasync", "getrandom", "getxattr", "memfd_create", "pidfd_open", "posix_fadvise",

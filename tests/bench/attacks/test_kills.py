@@ -12,7 +12,7 @@ import pytest
 @pytest.mark.slow
 def test_a_sweep_killed_at_any_write_ends_with_the_same_table(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "bench.kill_everywhere", str(tmp_path)]
-    done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert len(report["table"]) == 2
@@ -27,7 +27,7 @@ def test_a_sweep_killed_at_any_write_ends_with_the_same_table(tmp_path: Path) ->
 
 def killed_at_random(folder: Path, kills: int, processes: int) -> dict[str, Any]:
     command = [sys.executable, "-m", "bench.kill_at_random", str(folder), str(kills), str(processes)]
-    done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     report: dict[str, Any] = json.loads(done.stdout)
     return report

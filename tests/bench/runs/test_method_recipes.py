@@ -26,7 +26,7 @@ from radiogs_bench.suites.suite import Row, Suite, of_methods, with_recipe
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain, with_values
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FakeRun = Callable[..., int]
 
 

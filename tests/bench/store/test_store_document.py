@@ -7,7 +7,7 @@ from pathlib import Path
 from bench.fake_method import FakeSweep, fake_cell
 from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session, StageName
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "store.md").read_text()
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "store.md").read_text()
 
 
 def section(title: str) -> str:

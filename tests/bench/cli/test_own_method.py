@@ -14,7 +14,7 @@ from radiogs_bench.store.seal import sealed, strict_json
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "own_method"
 
 SMALL = ("--long-side", "32")

@@ -15,7 +15,7 @@ from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 def tried(folder: Path, what: str, within: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Run the sweep under every size; what holds at each of them is asserted here."""
     command = [*within, sys.executable, "-m", "bench.full_disk", str(folder), what]
-    done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["cells"] == 5

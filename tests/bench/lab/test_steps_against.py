@@ -11,7 +11,7 @@ from radiogs_bench.errors import Killed
 from radiogs_bench.lab.steps.against import worker
 from radiogs_core.errors import UsageError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 STEPS = "radiogs_bench/lab/steps"
 

@@ -22,7 +22,7 @@ from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import value_at
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"
 GAIN = ROOT / "docs" / "examples" / "auto_beside_everything.toml"
 

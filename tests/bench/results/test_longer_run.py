@@ -23,7 +23,7 @@ from radiogs_core.errors import DataError
 from radiogs_reports.tables.longer_run import HEADING
 from radiogs_reports.write.longer_run import record_document
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DOCUMENTS = ROOT / "docs" / "records"
 
 

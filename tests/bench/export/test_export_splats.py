@@ -19,7 +19,7 @@ from radiogs_bench.export.trained_surfels import surfels_in
 from radiogs_bench.store.folder import Store
 from radiogs_core.surfels import viewer_files
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 CONVERTER = shutil.which("splat-transform", path=f"{ROOT / 'node_modules/.bin'}{os.pathsep}{os.environ['PATH']}")
 needs_converter = pytest.mark.skipif(
     CONVERTER is None, reason="needs node, and SuperSplat's converter: npm install @playcanvas/splat-transform"

@@ -316,7 +316,7 @@ def test_tables_replace_their_marked_parts_of_the_document_alone(tmp_path: Path)
         with_tables(text, {"two": record})
 
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "paper_scale.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "paper_scale.md"
 
 
 def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:

@@ -162,7 +162,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: 
         "assert fake_method.FakeSweep(Path(sys.argv[1])).run(rows) == []\n"
         "print(len(fake_method.begun))\n"
     )
-    command, tests = [sys.executable, "-c", program, str(tmp_path)], Path(__file__).parents[1]
+    command, tests = [sys.executable, "-c", program, str(tmp_path)], Path(__file__).parents[3]
     both = [subprocess.Popen(command, cwd=tests, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     counts = [int(each.communicate()[0]) for each in both]
     assert [each.returncode for each in both] == [0, 0]

@@ -21,7 +21,7 @@ LAYOUTS = ("radiogs", "gs-ir", "tensoir")
 RUN = ("run", "synthetic4relight", "--preset", "smoke", "--scenes", "convex", "--protocol", "default")
 """A suite of one row."""
 
-STAND_IN = Path(__file__).parents[1] / "baselines" / "commands"
+STAND_IN = Path(__file__).parents[2] / "baselines" / "commands"
 
 
 @pytest.fixture(scope="module")
