@@ -1,5 +1,6 @@
 """A benchmark harness for inverse rendering: from Python by the names below, from the shell as ``radiogs-bench``."""
 
+from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,15 @@ if TYPE_CHECKING:
         scene_names,
         train,
     )
-    from .cli.from_python import gate, run, table
+    from .runs.spec import RunSpec
+    from .whole_runs import gate, run, table
 
 __version__ = version("radiogs-bench")
 
 __all__ = [
     "Model",
     "PreparedModel",
+    "RunSpec",
     "__version__",
     "gate",
     "load_scene",
@@ -39,16 +42,14 @@ __all__ = [
     "train",
 ]
 
-COMMANDS = ("gate", "run", "table")
+ELSEWHERE = {"gate": "whole_runs", "run": "whole_runs", "table": "whole_runs", "RunSpec": "runs.spec"}
+"""Modules of the names that ``api`` does not have."""
 
 
 def __getattr__(name: str) -> Any:
     """Names of the API, imported when they are first asked for: the command line answers without PyTorch."""
     if name in __all__:
-        from . import api
-        from .cli import from_python
-
-        return getattr(from_python if name in COMMANDS else api, name)
+        return getattr(import_module(f".{ELSEWHERE.get(name, 'api')}", __name__), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 

@@ -28,7 +28,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Method, Prepared, Run, Trained
-from radiogs_core.errors import UsageError, unknown
+from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.initial_viewpoint import upwards
 from radiogs_core.scene.light import EnvironmentMap
@@ -40,6 +40,7 @@ from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 from radiogs_datasets.soundness import require_trainable
 
+from .device import device_named
 from .export.records import rows
 from .installed_methods import method_names
 from .methods import budget_of, variant_by_recipe
@@ -74,9 +75,6 @@ __all__ = [
     "scene_names",
     "train",
 ]
-
-
-DEVICES = ("cpu", "cuda")
 
 
 @dataclass(frozen=True)
@@ -267,7 +265,7 @@ def train(
         raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
     say = options.get("say", lambda line: None)
     used = _named(method) if isinstance(method, str) else method
-    opened, on = options.get("scene_options", AS_STORED), _usable(device)
+    opened, on = options.get("scene_options", AS_STORED), device_named(device)
     read = scene if isinstance(scene, Scene) else load_scene(str(scene), options=opened)
     for repair in read.repairs:
         say(f"{read.name}: {repair}")
@@ -291,16 +289,6 @@ def train(
 def _named(name: str) -> Method:
     """``method``, where an argument has its name."""
     return method(name)
-
-
-def _usable(device: str) -> torch.device:
-    """The device of that name. Raises UsageError for one that is neither ``cpu`` nor ``cuda``, and without a GPU."""
-    if str(device).partition(":")[0] not in DEVICES:
-        raise unknown("device", str(device), DEVICES)
-    found = torch.device(device)
-    if found.type == "cuda" and not torch.cuda.is_available():
-        raise UsageError("no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Use 'cpu'.")
-    return found
 
 
 def _trained(
@@ -328,7 +316,7 @@ def open_model(folder: str | Path, device: str = "cpu", trust: str | Path = "", 
     or its scene has changed, UsageError where the folder names a method's file that is not trusted.
     """
     with trusting([str(trust)]):
-        run, model = read_trained(Path(folder), _usable(device), changes)
+        run, model = read_trained(Path(folder), device_named(device), changes)
         return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 

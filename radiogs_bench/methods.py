@@ -175,6 +175,11 @@ def mark(name: str, value: Any) -> str:
     return f"{name} = {value if isinstance(value, str) and value.isprintable() else json.dumps(value)}"
 
 
+def marks_of(settings: Mapping[str, Any]) -> str:
+    """Fields and the values that they were set to, in the order of their names; empty for none."""
+    return ", ".join(sorted(mark(name, value) for name, value in settings.items()))
+
+
 @dataclass(frozen=True)
 class Settings:
     """Values for fields of one method, by dotted names."""

@@ -329,8 +329,8 @@ def blend(options: argparse.Namespace) -> int:
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write
 
+    from ..device import usable_cores
     from ..runs.progress import progress_for_stderr
-    from .device import usable_cores
     from .reporter import say
 
     if options.layout not in LAYOUTS:

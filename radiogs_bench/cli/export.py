@@ -116,8 +116,7 @@ def export(options: argparse.Namespace) -> int:
     from ..export.records import export as write
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from .aside import say_aside
-    from .reporter import say
+    from .reporter import say, say_aside
 
     sweep = read_sweep(options.out)  # says what to do where there is no run
     store = Store(options.out)

@@ -47,19 +47,27 @@ ended it: a folder that cannot be read or written, killed processes, an unexpect
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process's exit code (see ``errors``)."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    verbose = "--verbose" in given
+    return answered(lambda: _command(given), "--verbose" in given)
+
+
+def _command(given: list[str]) -> int:
+    if not given:
+        build_parser().print_help()
+        return 0
+    options = build_parser().parse_args(given)
+    options.arguments = given
+    return execute(options)
+
+
+def answered(command: Callable[[], int], verbose: bool) -> int:
+    """Run a command; prints an error that ends it, and returns the exit code."""
     shown = logging.StreamHandler(sys.stderr)
     shown.setFormatter(VisibleFormatter("%(levelname)s: %(message)s"))
     logging.basicConfig(level=logging.DEBUG if verbose else logging.WARNING, handlers=[shown])
     logging.getLogger().setLevel(logging.WARNING)
     logging.getLogger("radiogs_bench").setLevel(logging.DEBUG if verbose else logging.WARNING)
     try:
-        if not given:
-            build_parser().print_help()
-            return 0
-        options = build_parser().parse_args(given)
-        options.arguments = given
-        return execute(options)
+        return command()
     except KeyboardInterrupt:
         error: ExplainedError = Interrupted("stopped at once", "", "Run the same command again: it continues.")
     except BrokenPipeError:

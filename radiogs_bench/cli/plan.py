@@ -8,7 +8,6 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.runtime import workers
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.statistics import Level
 from radiogs_reports.summary import read_summary
@@ -16,10 +15,9 @@ from radiogs_reports.wording import count_of
 
 from ..durations import duration
 from ..results.longer_run import records_of
-from ..runs.engines.choice import Engine
-from ..runs.engines.run import CPU
 from ..runs.forecast import Expected, forecast, total
-from ..runs.sweep import CellRef, Request, label, preset_text, recipe_of_rows, state_of
+from ..runs.plan import RunPlan
+from ..runs.sweep import CellRef, label, preset_text, recipe_of_rows, state_of
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..suites.scenes import absent_scenes
@@ -45,26 +43,16 @@ def plan_without_data(suite: Suite, seeds: int) -> list[str]:
     ]
 
 
-def show_request(
-    request: Request, store: Store, engine: Engine, as_json: bool, difference: Mapping[str, float]
-) -> None:
-    """Print the cells, estimates of their time and memory, and what the run could show."""
-    if as_json:
-        emit_plan(request, store, difference)
-    else:
-        show_plan(request, store, *engine.cells_and_threads(workers(CPU)), difference)
-
-
-def show_plan(request: Request, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
+def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
     """Print every cell, its state, and forecasts from the store: time, memory and the differences that would be
     resolved.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
-    cells = request.own_cells()
+    cells = plan.own_cells
     expected = forecast(store, [cell for _, cell in cells])
-    preset = preset_text(request.preset, request.settings)
-    table = RichTable("cell", "key", "state", "time", "memory", title=escape(f"{request.suite.title}, preset {preset}"))
+    preset = preset_text(plan.preset, plan.marks)
+    table = RichTable("cell", "key", "state", "time", "memory", title=escape(f"{plan.suite.title}, preset {preset}"))
     for (place, _), each in zip(cells, expected, strict=True):
         row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)
@@ -76,20 +64,18 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int, want
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
-        for sentence in recorded_plan(
-            request, [place for (place, _), each in zip(cells, expected, strict=True) if each]
-        ):
+        for sentence in recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]):
             say(sentence)
-    for sentence in power_sentences(request, store, wanted):
+    for sentence in power_sentences(plan, store, wanted):
         say(sentence)
 
 
-def recorded_plan(request: Request, missing: Sequence[CellRef]) -> list[str]:
+def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:
     """Sentences on what these cells took, and what the run could show, in the suite's record of the same preset, recipe
     and protocol; none where there is no such record with all their rows."""
-    recipe, preset = recipe_of_rows(request.manifest([])["rows"]), preset_text(request.preset, request.settings)
-    title, sentences = protocol(request.protocol).title, []
-    for run in records_of(request.suite.name):
+    recipe, preset = recipe_of_rows(plan.lines), preset_text(plan.preset, plan.marks)
+    title, sentences = protocol(plan.protocol).title, []
+    for run in records_of(plan.suite.name):
         seconds = {row["key"]: row["seconds"] for row in run["rows"]}
         known = [taken for ref in missing if (taken := seconds.get(ref["row"])) is not None]
         alike = (run["recipe"], run["preset"], run["protocol"]) == (recipe, preset, title)
@@ -110,9 +96,9 @@ def recorded_plan(request: Request, missing: Sequence[CellRef]) -> list[str]:
     return sentences
 
 
-def power_sentences(request: Request, store: Store, wanted: Mapping[str, float]) -> list[str]:
+def power_sentences(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[str]:
     """Sentences on the differences that the run could resolve, by the spread in the store's last summary."""
-    found = [each for each in power_of(request, store, wanted) if each.smallest is not None or each.wanted is not None]
+    found = [each for each in power_of(plan, store, wanted) if each.smallest is not None or each.wanted is not None]
     if not found:
         return [
             "The smallest differences that it could show are not known: no summary of this suite with several scenes"
@@ -145,33 +131,33 @@ def needs(of: Planned) -> str:
     return f"To resolve {amount(of, of.wanted)} of {of.column['label']} in four of five runs: {found}."
 
 
-def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
+def power_of(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
     """The differences that each column of the run could resolve; empty where no run of this suite is stored.
 
     Raises UsageError for a wanted difference in a column that the suite does not have.
     """
-    columns = [metric.key for metric in request.suite.columns]
+    columns = [metric.key for metric in plan.suite.columns]
     for name in wanted:
         if name not in columns:
-            raise UsageError(f"--difference: '{name}' is no column of suite '{request.suite.name}'", "",
+            raise UsageError(f"--difference: '{name}' is no column of suite '{plan.suite.name}'", "",
                              f"Its columns: {', '.join(columns)}.")  # fmt: skip
     try:
         summary = read_summary(store.folder)
     except (OSError, ValueError):  # none yet, or of another version: only a run tells then
         return []
-    if summary["suite"] != request.suite.name:
+    if summary["suite"] != plan.suite.name:
         return []
-    scenes = Counter(request.kinds().get(name, "") for name in request.scenes)
-    return planned(summary, Plan(len(scenes), min(scenes.values()), request.seeds), wanted)
+    scenes = Counter(plan.kinds.get(name, "") for name in plan.scenes)
+    return planned(summary, Plan(len(scenes), min(scenes.values()), plan.spec.seeds), wanted)
 
 
-def emit_plan(request: Request, store: Store, wanted: Mapping[str, float]) -> None:
+def emit_plan(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> None:
     """The plan as events: one per cell, then one per column with a stored spread; null for unknown values."""
-    cells = request.own_cells()
+    cells = plan.own_cells
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)
         emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
-    for found in power_of(request, store, wanted):
+    for found in power_of(plan, store, wanted):
         emit("power", **{**found._asdict(), "column": found.column["key"]})
 
 

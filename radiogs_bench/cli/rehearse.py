@@ -179,11 +179,12 @@ def _by_formula(options: argparse.Namespace) -> int:
 def _subject_of(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
     """The subject's name, its rows, the rehearsed scene, the protocol, and the number of scenes of the whole run."""
     from ..lab.rehearsal.row import Row
-    from ..runs.sweep import Request
-    from ..scoring.metrics.protocols import protocol
+    from ..runs.plan import planned
+    from ..runs.rows import of_methods
+    from ..runs.spec import RunSpec
     from ..suites.registry import SUITES
     from ..suites.scenes import load_scenes, own_scenes
-    from ..suites.suite import Metric, Suite, of_methods
+    from ..suites.suite import Metric, Suite
 
     if options.subject in SUITES or options.subject.endswith(".toml"):
         suite = suite_of(options.subject)
@@ -197,17 +198,17 @@ def _subject_of(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, st
         scenes = [options.subject]
     ((name, scene),) = load_scenes(scenes[:1], scene_options(options)).items()
     scene = _enlarged(scene, options)
-    rules = protocol(options.protocol or suite.protocol).name
-    request = Request(suite, {name: scene}, 1, options.preset, rules, options.device)
+    spec = RunSpec(suite.name, preset=options.preset, protocol=options.protocol or "", device=options.device)
+    plan = planned(suite, {name: scene}, spec)
     rows = []
     by_key = {row.key: row for row in suite.rows}
-    for ref, cell in request.cells():
+    for ref, cell in plan.cells:
         if not cell.stages:
             raise UsageError(f"suite '{suite.name}' trains nothing", "There is nothing to rehearse.")
         row = by_key[ref["row"]]
-        rows.append(Row(row.key, request.method(row.method), cell.found_as, cell.variant, cell.budget))
+        rows.append(Row(row.key, plan.method(row.method), cell.found_as, cell.variant, cell.budget))
     subject = suite.name if suite.name != "one" else name
-    return subject, rows, scene, rules, len(scenes)
+    return subject, rows, scene, plan.protocol, len(scenes)
 
 
 def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":

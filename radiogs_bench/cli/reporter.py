@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from ..store.folder import Store
+
 LOG_WIDTH = 160
 """Width in characters if stdout is a file or a pipe: a suite's table does not wrap."""
 
@@ -81,3 +83,14 @@ def console(width: int | None = None) -> "Console":
     from ..runs.progress import TextConsole  # not before something is shown: help and errors must answer at once
 
     return TextConsole(width=width or (None if sys.stdout.isatty() else LOG_WIDTH))
+
+
+def say_aside(store: "Store") -> None:
+    """Print one line where files lie in OUT/aside; nothing where there are none."""
+    from ..store.aside import FOLDER, kept_aside
+
+    names = kept_aside(store.folder)
+    if names:
+        shown = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
+        files = "1 file was" if len(names) == 1 else f"{len(names)} files were"
+        say(f"{files} found damaged and not used: {store.folder / FOLDER} has {shown}")

@@ -4,69 +4,40 @@ A suite's table is cut into as many tables below each other as the width needs, 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 
 from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from radiogs_baselines.published import values_beside
-from radiogs_core.errors import UsageError
-from radiogs_reports.analysis.beside import beside_report, other_run
-from radiogs_reports.run_folder import write_reports
-from radiogs_reports.summary import OtherRun, Summary, protocol_title, row_texts
-from radiogs_reports.tables.caption import origin, preset_and_recipe, published_note
+from radiogs_reports.analysis.beside import beside_report
+from radiogs_reports.summary import Summary, protocol_title
+from radiogs_reports.tables.caption import preset_and_recipe, published_note
 from radiogs_reports.tables.longer_run import HEADING, longer_reports
 from radiogs_reports.tables.model import Cell, Column, Table
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.wording import count_of, mean_over
 
-from ..results.longer_run import records_of
-from ..results.summary import summarise
-from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Sweep, of_scenes, read_sweep
-from ..store.atomic import explained
+from ..results.reports import EVERYTHING, Shown, write
+from ..runs.sweep import Sweep
 from ..store.folder import Store
-from ..store.seal import write_sealed
-from .aside import damage_explained, say_aside
-from .reporter import console, say, show
+from .reporter import console, say, say_aside, show
 
 PAGE = "report.html"
 
 
-@dataclass(frozen=True)
-class Shown:
-    """How much of a run its reports show."""
-
-    alone: bool = False
-    """Whether the page has to be a single file."""
-    scenes: Sequence[str] = ()
-    """The scenes that are reported on; all, if it is empty."""
-    pictures: bool = True
-    """Whether there are figures, images and surfels, which take nearly all of the time."""
-    width: int | None = None
-    """Characters of a line of the printed table; None: as many as the terminal has."""
-    beside: Path | None = None
-    """Folder of another run, to which this one is compared."""
-
-
-EVERYTHING = Shown()
-
-
-def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> None:
-    """Rebuild the summary and the reports of a run, print the table; the last line says what to open."""
+def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width: int | None = None) -> None:
+    """Rebuild the summary and the reports of a run, and print the table in lines of ``width`` characters (default: as
+    many as the terminal has); the last line names the page."""
     summary, written = write(store, sweep, shown)
     table = suite_table(summary)
-    for part in parts_of(table, title_of(summary), console(shown.width).width):
-        show(part, shown.width)
+    for part in parts_of(table, title_of(summary), console(width).width):
+        show(part, width)
     for sentence in below(table):
         say(sentence)
     say_remarks(table)
     say(f"Mean over {mean_over(summary)}.")
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
-    show_records(summary, shown.width)
+    show_records(summary, width)
     if (compared := beside_report(summary)) is not None:
         for sentence in compared.sentences:
             say(sentence)
@@ -108,53 +79,6 @@ def say_remarks(table: Table) -> None:
     count = len(table.remarks)
     if count:
         say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
-
-
-def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summary, list[Path]]:
-    """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files.
-
-    Raises UsageError for a scene that the run does not have.
-    """
-    part = of_scenes(sweep, shown.scenes or sweep["scenes"])
-    summary = summarise(store, part, *values_beside(sweep["published"], sweep["columns"]))
-    if left := [name for name in sweep["scenes"] if name not in part["scenes"]]:
-        summary["left_out"] = left
-    if longer := records_of(summary["suite"]):
-        summary["longer_runs"] = longer
-    if shown.beside is not None:
-        summary["beside"] = run_beside(summary, shown.beside)
-    with store.patient_claim("summary"), progress_for_stderr() as progress:
-        write_sealed(store.folder / "summary.json", summary)
-        with explained(store.folder), damage_explained():
-            told = partial(progress.advance, "figures, tables, page")
-            written = write_reports(store.folder, shown.alone, told, shown.pictures)
-    return summary, [store.folder / "summary.json", *written]
-
-
-def run_beside(summary: Summary, folder: Path) -> OtherRun:
-    """The run in ``folder``, from its stored results, to be compared with another run.
-
-    Raises UsageError for results of another metric protocol, and where the two share no cell.
-    """
-    sweep = read_sweep(folder)
-    other = summarise(Store(folder), sweep, *values_beside(sweep["published"], sweep["columns"]))
-    here, there = protocol_title(summary), protocol_title(other)
-    if here != there:
-        raise UsageError(
-            f"{folder} was scored under metric protocol {there}, this run under {here}",
-            "Their values follow other conventions, so that a difference would not say which run is better.",
-            f"Run one of them again with --protocol {summary['protocol']}, or with the other's version of the harness.",
-        )
-    cells = [
-        {(run["row"], run["scene"], run["seed"]) for run in each["runs"] if run["metrics"]} for each in (summary, other)
-    ]
-    if not cells[0] & cells[1]:
-        raise UsageError(
-            f"{folder} has no finished cell of the same row, scene and seed",
-            f"Its rows are {', '.join(row_texts(other))}, on {', '.join(other['scenes'])}.",
-            "Name a run of the same suite.",
-        )
-    return other_run(other, folder.resolve().name, origin(other))
 
 
 def explanation(table: Table) -> str:

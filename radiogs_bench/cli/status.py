@@ -51,7 +51,7 @@ def status(options: argparse.Namespace) -> int:
     from ..results.standing import standing_of
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
-    from .aside import say_aside
+    from .reporter import say_aside
 
     if not has_sweep(options.out) and is_training(options.out):
         show_training(options.out, options.json, options.watch)

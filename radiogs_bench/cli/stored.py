@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import DataError, UsageError, unknown
 
 from ..errors import exit_code
-from .options import add_verbose, declare, names, positive
+from .options import add_verbose, declare, names
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -49,7 +49,6 @@ def add_to(commands: "Commands") -> None:
         "--columns", type=names, default=[], metavar="A,B",
         help="With --style, print these metrics, such as nvs/psnr, in this order (default: all that have a value).",
     )  # fmt: skip
-    reporting.add_argument("--width", type=positive, help=argparse.SUPPRESS)
 
 
 def _declare(
@@ -67,8 +66,7 @@ def verify(options: argparse.Namespace) -> int:
     from ..results.verify import verify as look
     from ..runs.progress import working
     from ..store.folder import Store
-    from .aside import say_aside
-    from .reporter import say
+    from .reporter import say, say_aside
 
     with working(f"reading {options.out}"):
         found = look(options.out)
@@ -99,7 +97,7 @@ def report(options: argparse.Namespace) -> int:
         return report_for_paper(options)
     if options.columns:
         raise UsageError("--columns goes with --style paper", "", "Leave it out; tables of a run have all columns.")
-    shown = Shown(options.self_contained, options.scenes, options.pictures, options.width, options.beside)
+    shown = Shown(options.self_contained, options.scenes, options.pictures, options.beside)
     write_and_show(Store(options.out), read_sweep(options.out), shown)
     return 0
 
@@ -110,9 +108,9 @@ def report_for_paper(options: argparse.Namespace) -> int:
     from radiogs_reports.tables.suite import suite_table
     from radiogs_reports.write.camera_ready import camera_ready_document
 
+    from ..results.reports import damage_explained
     from ..runs.sweep import read_sweep
     from ..store.atomic import explained, write_atomically
-    from .aside import damage_explained
     from .reporter import say
 
     if options.scenes:
@@ -172,8 +170,7 @@ def gate(options: argparse.Namespace) -> int:
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
     from ..store.seal import write_sealed
-    from .aside import say_aside
-    from .reporter import say
+    from .reporter import say, say_aside
 
     _require_gate_options(options)
     if options.power:

@@ -39,11 +39,10 @@ def trusting_named(options: argparse.Namespace) -> Iterator[None]:
     method, named = getattr(options, "method", None) or [], getattr(options, "name", None) or []
     chosen = [*([method] if isinstance(method, str) else method), *([named] if isinstance(named, str) else named)]
     with trusting(chosen), trusting(getattr(options, "trust", [])) as added:
-        if getattr(options, "worker", None) is None:  # the process that started a worker has said it
-            for path, found in added.items():
-                complain(f"{visible(str(path))} is trusted and may run:")
-                for line in commands_of(found.file):
-                    complain(f"  {line}")
+        for path, found in added.items():
+            complain(f"{visible(str(path))} is trusted and may run:")
+            for line in commands_of(found.file):
+                complain(f"  {line}")
         yield
 
 

@@ -34,7 +34,7 @@ from radiogs_reports.tables.caption import origin
 from radiogs_reports.tables.doubts import shown_verdict
 
 from ..runs.rows_from_files import measured
-from ..runs.sweep import WITH, Sweep, finished_results, label
+from ..runs.sweep import Sweep, finished_results, label
 from ..store.folder import Store
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
@@ -64,12 +64,11 @@ def longer_run(store: Store, sweep: Sweep) -> LongerRun:
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))
     if "command" in made:
         made["command"] = _without_out(made["command"])
-    return LongerRun(**recorded(made), keys={label(ref): ref["key"] for ref in own["cells"]})
+    return LongerRun(**recorded(made, own.get("marks", "")), keys={label(ref): ref["key"] for ref in own["cells"]})
 
 
-def recorded(made: Summary) -> LongerRun:
-    """The record of a summary. Fields that were set in all rows are said with the preset, not with every row."""
-    marks = made["preset"].partition(WITH)[2]
+def recorded(made: Summary, marks: str = "") -> LongerRun:
+    """The record of a summary. ``marks``: the fields that were set, which the preset names, and not every row."""
     run = LongerRun(
         suite=made["suite"],
         title=made["title"],

@@ -21,7 +21,7 @@ from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValu
 
 from ..methods import budget_of, mark, method, nearest_recipe, variant_by_recipe
 from ..runs.rows_from_files import measured
-from ..runs.sweep import Sweep, plain_preset
+from ..runs.sweep import Sweep
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
@@ -69,7 +69,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
                 for row in sweep["rows"]
             }
         else:
-            shared = rows_by_content(made_alike, rows_of(suite).values(), plain_preset(sweep["preset"]))
+            shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
             rows = as_published(shared, published(key), rows_of(suite))
         table = filled(key, published(key), Measured(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):

@@ -7,7 +7,7 @@ import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..runs.sweep import FINISHED, CellRef, Sweep, label, state_of
+from ..runs.sweep import FINISHED, CellRef, Sweep, label, shown_preset, state_of
 from ..store.folder import Store, product_name
 from ..store.pace import Pace, pace_of
 from ..store.schema import Result
@@ -103,7 +103,7 @@ def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
     """The content of ``status --json`` (docs/suites.md)."""
     return {
         "suite": sweep["suite"],
-        "preset": sweep["preset"],
+        "preset": shown_preset(sweep),
         "finished": standing.count(FINISHED),
         "running": standing.count(RUNNING),
         "total": len(standing.cells),

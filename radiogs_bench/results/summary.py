@@ -32,8 +32,9 @@ from radiogs_reports.summary import (
 )
 
 from ..methods import method
+from ..runs.plan import relighting_of
 from ..runs.rows_from_files import is_from_files
-from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, relighting_of, state_of
+from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, shown_preset, state_of
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
@@ -62,7 +63,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         suite=sweep["suite"],
         title=sweep["title"],
         protocol=sweep["protocol"],
-        preset=sweep["preset"],
+        preset=shown_preset(sweep),
         scenes=sweep["scenes"],
         seeds=sweep["seeds"],
         reference=sweep["reference"],

@@ -23,8 +23,8 @@ from ..method_calls import calling
 from ..own_values import own_scene
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
+from .plan import RunPlan
 from .stages import Bench, begun, close_stage
-from .sweep import Request
 
 logger = logging.getLogger(__name__)
 
@@ -72,17 +72,17 @@ def say_contradictions(scene: Scene, say: Callable[[str], None]) -> None:
         say(f"more on {scene.name}:  radiogs-bench datasets check {shlex.quote(str(scene.folder))} --deep")
 
 
-def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
+def preflight(plan: RunPlan, unfinished: Sequence[Cell], bench: Bench) -> None:
     """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
-    scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
+    scenes = [plan.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     progress = bench.progress
     for name in dict.fromkeys(cell.scene for cell in unfinished if cell.stages):
-        require_trainable(request.scenes[name])
+        require_trainable(plan.scenes[name])
     for scene in scenes:
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
         say_contradictions(scene, progress.say)
     if scenes:
-        for net in filter(complaint, request.lpips_networks()):
+        for net in filter(complaint, plan.lpips_networks):
             progress.say(complaint(net))
         progress.say("compiling kernels (kept for the next run)")
         work = ((bench.method(cell.found_as), cell.variant) for cell in unfinished if cell.stages)

@@ -25,7 +25,7 @@ from radiogs_datasets.image_files import write_exr
 from radiogs_datasets.options import options_of
 
 from ..method_calls import calling
-from ..methods import budget_of, method, variant_of
+from ..methods import budget_of, marks_of, method, variant_of
 from ..store.atomic import explained
 from ..store.folder import FOLDERS, Store, product_name
 from ..store.names import plain_name
@@ -162,7 +162,7 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
 
 def _described(about: About) -> str:
     """Method, scene, preset and seed of a model, in words."""
-    preset = preset_text(about["preset"], about.get("budget", {}))
+    preset = preset_text(about["preset"], marks_of(about.get("budget", {})))
     return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
 
 

@@ -2,25 +2,15 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
-from radiogs_core.capabilities import OffersRecipes, Part
+from radiogs_core.capabilities import Part
 from radiogs_core.contract import current_name
-from radiogs_core.errors import UsageError, unknown
-from radiogs_core.plain_values import flat, to_plain, value_at
+from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import flat, to_plain
 
-from ..methods import (
-    DEFAULT,
-    Settings,
-    budget_of,
-    mark,
-    method,
-    require_recipe,
-    settable,
-    settings_of,
-    variant_of,
-)
+from ..methods import DEFAULT
 from ..scoring.metrics.measures import MEASURES, Measure
 from .experiment import TRAINING
 
@@ -116,6 +106,8 @@ class Row:
     """Fields of the variant that differ from the full method, as plain values."""
     budget: Mapping[str, float] = field(default_factory=dict)
     """Factors for fields of the preset, so that a row is the same share of the work in each preset."""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """Values that take the place of the preset's numbers, by dotted names; the factors multiply them."""
     settings: Mapping[str, float] = field(default_factory=dict)
     """Settings of the experiment, if it has any."""
     method: str = DEFAULT
@@ -167,152 +159,6 @@ class Suite:
             raise UsageError(
                 f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
             )
-
-
-def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
-    """The suite with a recipe for all rows that name none, and remarks on the rows that do not run by it.
-
-    Raises UsageError for a recipe that no row's method offers.
-    """
-    refused: dict[str, UsageError] = {}
-    for used in dict.fromkeys(row.method for row in suite.rows):
-        try:
-            require_recipe(method(used), name)
-        except UsageError as error:
-            refused[used] = error
-    if all(row.method in refused for row in suite.rows):
-        raise next(iter(refused.values()))
-    misnamed = [error for each, error in refused.items() if isinstance(method(each), OffersRecipes)]
-    if misnamed:
-        raise misnamed[0]
-    kept = [f"row '{row.key}' keeps its recipe, {row.recipe}" for row in suite.rows if row.recipe not in ("", name)]
-    lacking = [f"rows of method '{each}' run as they are: it has no recipes" for each in refused]
-    return replace(suite, recipe=name), [*kept, *lacking]
-
-
-def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
-    """The suite with some of its rows, in its order. Raises UsageError for a key that is none of them.
-
-    Differences are taken against the suite's reference row if it remains, else against the first row.
-    """
-    own = [row.key for row in suite.rows]
-    for key in keys:
-        if key not in own:
-            raise unknown("row", key, own, of=f"suite '{suite.name}'")
-    rows = tuple(row for row in suite.rows if row.key in keys)
-    reference = suite.reference if suite.reference in keys or suite.reference is None else rows[0].key
-    return replace(suite, rows=rows, reference=reference)
-
-
-def recipe_of_row(suite: Suite, row: Row) -> str:
-    """The recipe that a row runs by: its own, else that of the suite if its method offers any; empty for none."""
-    if row.recipe or not suite.recipe:
-        return row.recipe
-    return suite.recipe if isinstance(method(row.method), OffersRecipes) else ""
-
-
-def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:
-    """The suite with a field of the variant set in every row, and ``mark`` added to the row's label.
-
-    Rows that set the field themselves keep their value; rows whose method lacks the field or rejects the value are
-    unchanged.
-    """
-
-    def changed(row: Row) -> Row:
-        variant = {**row.variant, name: value}
-        if name in row.variant or not _accepted(row.method, variant):
-            return row
-        latex = f"{row.latex} ({mark})" if row.latex else ""
-        return replace(row, variant=variant, latex=latex, text=f"{row.text} ({name}: {mark})")
-
-    return replace(suite, rows=tuple(map(changed, suite.rows)))
-
-
-def with_settings(suite: Suite, given: Mapping[str, Any], preset: str) -> tuple[Suite, list[str]]:
-    """The suite with fields set in every row whose method has them, and remarks on the rows that differ.
-
-    ``given`` has plain values by dotted names of fields of a variant or a budget (``methods.settings_of``). Labels say
-    what was set. Budgets are changed by the run (``runs.sweep.Request``): a row's factors multiply what is set. A row
-    that sets a field of its variant itself keeps its value: it is what the suite compares. Raises UsageError for a name
-    that no row's method has, and for a value that a method does not take.
-    """
-    methods = {name: method(name) for name in dict.fromkeys(row.method for row in suite.rows)}
-    found = {name: settings_of(used, preset, given) for name, used in methods.items()}
-    for name in given:
-        if not any(_has(settings_of(used, preset, {name: given[name]})) for used in methods.values()):
-            names = dict.fromkeys(each for used in methods.values() for each in settable(used, preset))
-            raise unknown("field", name, names, "See the fields of each method:  radiogs-bench methods")
-    for name, used in methods.items():
-        variant_of(used, found[name].variant)
-        budget_of(used, preset, found[name].budget)
-    remarks: list[str] = []
-    rows = tuple(_with_settings(row, found[row.method], preset, remarks) for row in suite.rows)
-    lacking = [name for name, settings in found.items() if not _has(settings)]
-    remarks += [f"rows of method '{name}' run as they are: it has none of the fields that are set" for name in lacking]
-    return replace(suite, rows=rows), remarks
-
-
-def _has(settings: Settings) -> bool:
-    return bool(settings.variant or settings.budget)
-
-
-def _with_settings(row: Row, settings: Settings, preset: str, remarks: list[str]) -> Row:
-    """A row with fields of its variant set and marks on its label; adds to ``remarks`` what the row keeps."""
-    used, own = method(row.method), flat(row.variant)
-    kept = {
-        name
-        for name in settings.variant
-        if any(name == each or name.startswith(f"{each}.") or each.startswith(f"{name}.") for each in own)
-    }
-    remarks += [f"row '{row.key}' sets {name} itself and keeps its value" for name in sorted(kept)]
-    changes = {name: value for name, value in settings.variant.items() if name not in kept}
-    try:
-        made = variant_of(used, {**row.variant, **changes})
-    except UsageError as refused:
-        remarks.append(f"row '{row.key}' keeps its variant: {refused.what}")
-        made, changes = variant_of(used, row.variant), {}
-    budget = budget_of(used, preset, settings.budget)
-    marks = [
-        *(mark(name, value_at(made, name)) for name in changes),
-        *(mark(name, value_at(budget, name)) for name in settings.budget),
-    ]
-    if not marks:
-        return row
-    return replace(row, variant={**row.variant, **changes}, latex="", text=f"{row.text} ({', '.join(sorted(marks))})")
-
-
-def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
-    try:
-        variant_of(method(name), variant)
-    except UsageError:
-        return False
-    return True
-
-
-def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
-    """The suite for these methods: their rows in the suite, and one row for each method that has none.
-
-    In a suite that gives parts of the truth, a method without rows gets one for each choice of parts.
-
-    Differences are taken against the suite's reference row if it remains, else against the first row.
-    """
-    rows: list[Row] = []
-    for name in names:
-        found = method(name)
-        own = [row for row in suite.rows if row.method in (name, found.name)]
-        key = re.sub(r"[^\w.-]", "-", found.name)
-        rows += own or _rungs(suite, name, key, found.title) or [Row(key, "", found.title, method=name)]
-    keys = [row.key for row in rows]
-    reference = suite.reference if suite.reference in keys else keys[0]
-    return replace(suite, rows=tuple(rows), reference=reference)
-
-
-def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
-    """The suite's choices of given parts as rows of another method's full form."""
-    choices = {row.given: row for row in suite.rows if row.given is not None}
-    return [
-        Row(f"{key}-{row.key}", "", f"{title}, {row.text}", method=name, given=given) for given, row in choices.items()
-    ]
 
 
 PAPER_BUDGET: Mapping[str, int] = {"consistency_surfels": 4096, "incident_samples": 64}

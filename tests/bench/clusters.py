@@ -16,7 +16,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.own import COST_OF_ACCURACY, EFFECTS_SUITE
 
 SHARING = [
-    next(cell for place, cell in asked(1, suite).cells() if place["row"] == row)
+    next(cell for place, cell in asked(1, suite).cells if place["row"] == row)
     for suite, row in ((COST_OF_ACCURACY, "reference"), (EFFECTS_SUITE, "everything"), (EFFECTS_SUITE, "no-rays"))
 ]
 """Cells of two suites and experiments; all begin alike, and each ends in a stage of its own."""

@@ -21,10 +21,12 @@ from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.plan import RunPlan, planned
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.sweep import CellRef, Request, Sweep, changing_sweep
+from radiogs_bench.runs.sweep import CellRef, Sweep, changing_sweep
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
@@ -187,17 +189,18 @@ def method(name: str) -> FakeMethod:
     return FAKE
 
 
-class FakeRequest(Request):
-    """A request whose rows run the fake."""
-
-    def cells(self) -> list[tuple[CellRef, Cell]]:
-        with patch.dict(substitutes, {FAKE.name: FAKE}):
-            return super().cells()
-
-
-def asked(seeds: int = 1, suite: Suite = ABLATIONS, preset: str = "smoke") -> FakeRequest:
-    """A suite on the scene that is none."""
-    return FakeRequest(suite, {"fake": SCENE}, seeds, preset, "default", "cpu")
+def asked(
+    seeds: int = 1,
+    suite: Suite = ABLATIONS,
+    preset: str = "smoke",
+    scenes: Mapping[str, Scene] = {"fake": SCENE},
+    protocol: str = "default",
+    **fields: Any,
+) -> RunPlan:
+    """A plan whose rows run the fake, by default on the scene that is none; ``fields`` are further ones of the spec."""
+    spec = RunSpec(suite.name, seeds=seeds, preset=preset, protocol=protocol, **fields)
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        return planned(suite, scenes, spec)
 
 
 def evaluate(bench: Bench, cell: Cell, scene: Scene, model: FakeTrained) -> Evaluation:
@@ -262,7 +265,7 @@ def write_sweep(store: Store, sweep: Sweep) -> None:
 def finished_sweep(folder: Path, seeds: int = 1) -> Path:
     """Run the ablations by the fake method into a folder, with their manifest; returns the folder."""
     sweep, request = FakeSweep(folder), asked(seeds)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     return folder

@@ -50,8 +50,8 @@ SEEN = (Broken, DataError, StoreError)
 def finished(folder: Path) -> None:
     """A run with everything that is stored: cells, arrays, products, manifest, summary, baseline, a trained model."""
     sweep, request = FakeSweep(folder), asked(1)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         for command in (["report"], ["gate", "--baseline", str(folder / "baseline.json"), "--update"]):

@@ -41,7 +41,7 @@ def why_nothing_can_be_mounted(folder: Path) -> str | None:
     return None if done.returncode == 0 else f"no tmpfs can be mounted here: {done.stderr.strip()}"
 
 
-CELLS = [cell for _, cell in asked().cells()]
+CELLS = [cell for _, cell in asked().cells]
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 STEPS = {"space": 8192, "size": 1024}
 """Bytes from one attempt to the next; a tmpfs has room for whole pages of 4096 only."""

@@ -20,7 +20,7 @@ from bench.kill_everywhere import table
 from radiogs_bench.runs.engines import in_process as engine
 from radiogs_bench.store.provenance import session
 
-CELLS = [cell for _, cell in asked(2).cells()]
+CELLS = [cell for _, cell in asked(2).cells]
 
 POLL_SECONDS = 0.01
 """How long a process waits for another one's cell; a run's second would be longer than the whole sweep."""

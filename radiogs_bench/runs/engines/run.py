@@ -1,17 +1,20 @@
-"""Runs the missing cells of a request with the chosen engine: in this process, in a pool of processes, or on a cluster.
+"""Runs the missing cells of a plan with the chosen engine: in this process, in a pool of processes, or on a cluster.
 
-In a pool, each process runs the same sweep on the same store, and claims keep them apart. A worker is the command
-itself with one more option, so it does exactly what a run does. If a worker dies, the work since its last checkpoint is
-lost: its claim is released, and another worker continues the cell.
+In a pool, each process is given the same spec and works on the same store; claims keep them apart. If a worker dies,
+the work since its last checkpoint is lost: its claim is released, and another worker continues the cell.
 """
 
+import json
+import logging
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from queue import Empty, SimpleQueue
+from typing import Any
 
 import torch
 
@@ -22,18 +25,22 @@ from radiogs_datasets import load_scene
 from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
 from ...store.folder import Store
 from ...store.pace import Pace, pace_of
+from ...trusted_methods import trusted_files
 from ..cell import Cell
 from ..forecast import lengths_of
 from ..interruption import Interruption
 from ..kept_pace import KeptPace
+from ..plan import Cells, RunPlan
 from ..preflight import COMPILED_ON, preflight
 from ..progress import Progress
 from ..stages import Bench
-from ..sweep import CellRef, Request, label
+from ..sweep import CellRef, label
 from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, ray_library, run_on_cluster
 from .delegate import Recipe
 from .in_process import Task, run_cells
+
+logger = logging.getLogger(__name__)
 
 CPU = torch.device("cpu")
 
@@ -46,31 +53,46 @@ class Ended:
     code: int = DONE
 
 
-def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
-    """Run the missing cells. The workers of a pool are started by the request's command.
+def run_plan(plan: RunPlan, bench: Bench, engine: Engine) -> Ended:
+    """Run the missing cells of a plan's shard.
 
     Raises the errors that end a whole run: Interrupted, DataError, StoreError.
     """
-    cells = request.own_cells()
+    cells = plan.own_cells
     unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
     if engine.name == "ray" and unfinished:
         ray_library()  # what is missing is said before kernels compile
-    preflight(request, unfinished, bench)
+    preflight(plan, unfinished, bench)
     tasks = [Task(cell, label(ref)) for ref, cell in cells]
     if engine.name == "pool" and unfinished:
-        return run_by_pool(cells, bench, engine, request.command)
+        return run_by_pool(plan, bench, engine)
     if engine.name == "ray" and unfinished:
-        return _on_cluster(request, tasks, bench, engine)
-    return Ended(run_tasks(request, tasks, bench))
+        return _on_cluster(plan, tasks, bench, engine)
+    return Ended(run_tasks(plan, tasks, bench))
 
 
-def run_worker(request: Request, bench: Bench, count: int) -> Ended:
+@dataclass(frozen=True)
+class Order:
+    """The part of one worker in a run, as plain values: it reaches the worker's process on its standard input."""
+
+    spec: dict[str, Any]
+    """``RunSpec.plain``, with the worker's threads."""
+    out: str
+    """Folder of the results."""
+    trusted: Sequence[str]
+    """Methods' files that the run's own command or call names."""
+    count: int
+    """Number of workers."""
+    verbose: bool = False
+
+
+def run_worker(plan: RunPlan, bench: Bench, count: int) -> Ended:
     """Run the cells as one of ``count`` workers. All take the next one from the same list (``in_turn``)."""
-    ordered = in_turn(request.own_cells(), bench.store, count)
-    return Ended(run_tasks(request, [Task(cell, label(ref)) for ref, cell in ordered], bench))
+    ordered = in_turn(plan.own_cells, bench.store, count)
+    return Ended(run_tasks(plan, [Task(cell, label(ref)) for ref, cell in ordered], bench))
 
 
-def in_turn(cells: Sequence[tuple[CellRef, Cell]], store: Store, count: int) -> list[tuple[CellRef, Cell]]:
+def in_turn(cells: Cells, store: Store, count: int) -> Cells:
     """The cells in the order in which ``count`` workers take them.
 
     Scene by scene and seed by seed, so that complete comparisons finish early; the last ``count`` of these are mixed,
@@ -86,19 +108,20 @@ def in_turn(cells: Sequence[tuple[CellRef, Cell]], store: Store, count: int) -> 
     return [*(each for part in parts[:-count] for each in part), *(last[place] for place in longest_first)]
 
 
-def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
+def run_tasks(plan: RunPlan, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
     """Run cells in this process; returns the errors of those that failed."""
-    experiment = request.experiment()
+    experiment = plan.experiment
 
     def run(cell: Cell) -> None:
         with KeptPace(bench.progress, bench.store, cell.key) as progress:
-            experiment(replace(bench, progress=progress), cell, request.scenes[cell.scene])
+            experiment(replace(bench, progress=progress), cell, plan.scenes[cell.scene])
 
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
 
 
-def run_by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, command: Sequence[str]) -> Ended:
+def run_by_pool(plan: RunPlan, bench: Bench, engine: Engine) -> Ended:
     """Run cells in processes of their own, and show how far they are until the last one has ended."""
+    cells = plan.own_cells
     labels = {cell.key: label(ref) for ref, cell in cells}
     shown = OthersProgress(bench.progress, bench.store, labels)
 
@@ -108,8 +131,10 @@ def run_by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Eng
         shown.look()
 
     threads = workers(CPU)
-    commands = worker_commands(command, engine.workers or threads, threads)
-    codes = run_pool(commands, bench.progress.say, look, bench.interruption)
+    count = engine.workers or threads
+    share = replace(plan.spec, threads=max(1, threads // count))
+    order = Order(share.plain(), str(bench.store.folder), trusted_files(), count, logger.isEnabledFor(logging.DEBUG))
+    codes = run_pool([(*CHILD, "work")] * count, order, bench.progress.say, look, bench.interruption)
     bench.interruption.check()
     # A worker that was killed costs time only, if the others have taken up its cells.
     left = sum(not bench.store.has_result(cell.key) for _, cell in cells)
@@ -123,11 +148,12 @@ POLL_SECONDS = 0.2
 
 def run_pool(
     commands: Sequence[Sequence[str]],
+    order: Order,
     say: Callable[[str], None],
     look: Callable[[], None],
     interruption: Interruption,
 ) -> list[int]:
-    """Run the commands side by side until all have ended; returns their exit codes.
+    """Run the commands side by side until all have ended, each with the order on its stdin; returns their exit codes.
 
     Their stderr goes to ``say`` line by line; ``look`` is called at intervals. A requested stop is passed on once and
     waited for, because workers write their state before they end.
@@ -136,6 +162,7 @@ def run_pool(
     processes = [
         subprocess.Popen(
             command,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
@@ -147,6 +174,8 @@ def run_pool(
     readers = [threading.Thread(target=_relay, args=(each, lines), daemon=True) for each in processes]
     for reader in readers:
         reader.start()
+    for each in processes:
+        give(each, asdict(order))
     asked = False
     try:
         while any(reader.is_alive() for reader in readers) or not lines.empty():
@@ -172,16 +201,16 @@ def _relay(worker: "subprocess.Popen[str]", lines: "SimpleQueue[str]") -> None:
             lines.put(line.rstrip("\n"))
 
 
-COMMAND = (sys.executable, "-P", "-m", "radiogs_bench")
-"""Begins the command line of a process of the harness: the installed code, and no module of the folder where the
-process is started, whatever it is called."""
+CHILD = (sys.executable, "-P", "-m", "radiogs_bench.cli.child")
+"""Begins the command line of a process that does a part of a run: the installed code, and no module of the folder where
+the process is started, whatever it is called."""
 
 
-def worker_commands(arguments: Sequence[str], count: int, threads: int) -> list[list[str]]:
-    """The command line of each worker: the user's, with the worker's number and its share of the threads."""
-    share = max(1, threads // count)
-    own = [*COMMAND, *arguments, "--threads", str(share)]
-    return [[*own, "--worker", f"{number}/{count}"] for number in range(count)]
+def give(process: "subprocess.Popen[str]", order: Mapping[str, Any]) -> None:
+    """Write an order to the stdin of a process; one that has ended already explains itself by its exit code."""
+    assert process.stdin is not None
+    with suppress(BrokenPipeError), process.stdin as stream:
+        stream.write(json.dumps(order))
 
 
 class OthersProgress:
@@ -232,8 +261,8 @@ def worst_of(codes: Sequence[int]) -> int:
     return min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)
 
 
-def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
-    for _, cell in request.own_cells():
+def _on_cluster(plan: RunPlan, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
+    for _, cell in plan.own_cells:
         if any(stage.keeps_files for stage in bench.method(cell.found_as).stages(cell.variant, cell.budget)):
             raise UsageError(
                 f"{cell.method} cannot run on a cluster",
@@ -242,13 +271,13 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
             )
     recipe = Recipe(
         bench.method,
-        request.experiment(),
+        plan.experiment,
         load_scene,
         COMPILED_ON,
-        request.options,
+        plan.spec.scene_options,
         bench.kept_views,
     )
     with connected(engine.address) as ray:
         threads = engine.threads or ONE_THREAD
-        cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)
+        cluster = Cluster(ray, recipe, plan.places, threads, plan.spec.device, bench.store)
         return Ended(run_on_cluster(tasks, cluster, bench.store, bench.progress, bench.interruption))

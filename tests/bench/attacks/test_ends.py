@@ -32,8 +32,8 @@ WITH_FIGURES = True
 
 def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
     sweep, request = FakeSweep(folder), asked(1, suite)
-    cells = request.cells()
-    manifest = request.manifest([place for place, _ in cells])
+    cells = request.cells
+    manifest = request.manifest()
     write_sweep(sweep.store, manifest)
     sweep.run([cell for _, cell in cells])
     return manifest
@@ -60,7 +60,7 @@ def test_a_run_reports_itself_where_another_was_started_in_its_folder(
 
     first = finished(tmp_path)
     store, second = Store(tmp_path), replace(ABLATIONS, name="second", title="Another")
-    write_sweep(store, asked(1, second).manifest([place for place, _ in asked(1, second).cells()]))
+    write_sweep(store, asked(1, second).manifest())
     summary, written = write(store, first)
     assert summary["suite"] == "ablations"
     assert tmp_path / "ablations.md" in written
@@ -216,8 +216,9 @@ def test_a_second_training_in_a_folder_is_refused_with_the_first_ones_process(
 def by_pool(commands: Sequence[Sequence[str]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> engines.Ended:
     """A pool of these commands on cells of which none is finished."""
     bench = FakeSweep(folder).bench
-    monkeypatch.setattr(engines, "worker_commands", lambda *given: commands)
-    return engines.run_by_pool(asked(1).cells(), bench, Engine("pool", workers=len(commands)), [])
+    run_pool = engines.run_pool
+    monkeypatch.setattr(engines, "run_pool", lambda _, *given: run_pool(commands, *given))
+    return engines.run_by_pool(asked(1), bench, Engine("pool", workers=len(commands)))
 
 
 KILL = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"]

@@ -15,8 +15,8 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, scene_of
 from radiogs_bench.cli import growing as module
 from radiogs_bench.cli import main
-from radiogs_bench.cli.growing import FIRST_SECONDS, PAUSE, GrowingReports
 from radiogs_bench.errors import CellFailed, StoreError
+from radiogs_bench.results.growing import FIRST_SECONDS, PAUSE, GrowingReports
 from radiogs_bench.runs.engines.in_process import Task, record_failure
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.sweep import CellRef
@@ -220,6 +220,7 @@ def test_a_cell_that_fails_completes_its_scene_and_an_earlier_failure_does_not(t
 def test_runs_of_a_single_scene_and_parts_of_runs_do_not_grow(tmp_path: Path) -> None:
     store, progress, request = Store(tmp_path), LogProgress(), asked()
     assert module.growing(request, store, progress, False) is progress
-    both = replace(request, scenes={"fake": SCENE, "other": scene_of("other")})
-    assert module.growing(replace(both, shard=(0, 2)), store, progress, False) is progress
+    scenes = {"fake": SCENE, "other": scene_of("other")}
+    assert module.growing(asked(scenes=scenes, shard=(0, 2)), store, progress, False) is progress
+    both = asked(scenes=scenes)
     assert isinstance(module.growing(both, store, progress, False), GrowingReports)

@@ -12,7 +12,7 @@ import pytest
 import torch
 from PIL import Image
 
-from radiogs_bench.cli.device import usable_cores
+from radiogs_bench.device import usable_cores
 from radiogs_bench.lab.kernels import clock
 from radiogs_bench.store import provenance
 from radiogs_core.errors import DataError, UsageError

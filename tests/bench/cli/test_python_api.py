@@ -14,8 +14,8 @@ import torch
 import radiogs_bench as rb
 from bench.chain_method import Chain, ChainPrepared, ChainTrained, Turned
 from radiogs.showing import TrainedRadioGS
-from radiogs_bench import api
-from radiogs_bench.cli import from_python, main
+from radiogs_bench import api, whole_runs
+from radiogs_bench.cli import main
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from scenes import sphere_scene
@@ -49,8 +49,8 @@ def test_the_examples_of_the_python_api_page_run_unchanged(
 
 def test_every_public_name_is_there_and_documented() -> None:
     walk = WALK.read_text()
-    assert {*api.__all__, *from_python.__all__} == set(rb.__all__) - {"__version__"}
-    for module in (api, from_python):
+    assert {*api.__all__, *whole_runs.__all__, "RunSpec"} == set(rb.__all__) - {"__version__"}
+    for module in (api, whole_runs):
         for name in module.__all__:
             assert getattr(rb, name) is getattr(module, name)
             assert f"rb.{name}" in walk
@@ -105,7 +105,7 @@ def test_a_run_from_python_takes_the_options_of_the_command_and_returns_its_tabl
 ) -> None:
     assert fake_run("ablations") == 0
     finished = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
-    options = {"scenes": ["corner"], "seeds": 2, "preset": "smoke", "verbose": False, "shard": None}
+    options = {"scenes": ["corner"], "seeds": 2, "preset": "smoke", "shard": None}
     values = rb.run("ablations", tmp_path, **options)
     assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()} == finished
     frame = rb.open_store(tmp_path)
@@ -123,7 +123,7 @@ def test_a_run_from_python_takes_the_options_of_the_command_and_returns_its_tabl
 
 
 def test_a_run_from_python_raises_what_ends_it(fake_run: Callable[..., int], tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="run does not know --sedes"):
+    with pytest.raises(UsageError, match="unknown option 'sedes'"):
         rb.run("ablations", tmp_path, sedes=3)
     with pytest.raises(DataError, match="no table in"):
         rb.table(tmp_path)

@@ -17,12 +17,13 @@ from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import setting
 from radiogs_bench.installed_methods import substitutes
-from radiogs_bench.methods import budget_of, method, settable, settings_of
+from radiogs_bench.methods import budget_of, marks_of, method, settable, settings_of
 from radiogs_bench.results.paper_tables import paper_tables
-from radiogs_bench.runs.sweep import plain_preset, preset_text, read_sweep
+from radiogs_bench.runs.rows import with_settings
+from radiogs_bench.runs.sweep import preset_text, read_sweep, shown_preset
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.suites.paper import ABLATIONS, NS
-from radiogs_bench.suites.suite import Row, with_numbers, with_settings
+from radiogs_bench.suites.suite import Row, with_numbers
 from radiogs_core.errors import UsageError
 
 FakeRun = Callable[..., int]
@@ -202,23 +203,22 @@ def test_a_field_that_no_method_has_and_a_value_that_it_does_not_take_are_errors
 
 def test_factors_of_a_row_multiply_the_number_that_is_set() -> None:
     suite, _ = with_settings(NS, {"incident_samples": 16}, "smoke")
-    request = replace(asked(1, suite), settings={"incident_samples": 16})
-    samples = {place["row"]: cell.budget.incident_samples for place, cell in request.cells()}
+    request = asked(1, suite, settings={"incident_samples": 16})
+    samples = {place["row"]: cell.budget.incident_samples for place, cell in request.cells}
     assert samples == {row.key: round(16 * row.budget["incident_samples"]) for row in NS.rows}
-    manifest = request.manifest([])
-    assert manifest["preset"] == "smoke with incident_samples = 16"
+    manifest = request.manifest()
+    assert (manifest["preset"], manifest["marks"]) == ("smoke", "incident_samples = 16")
     half = next(row for row in NS.rows if row.budget["incident_samples"] == 0.5)
     (line,) = [line for line in manifest["rows"] if line["key"] == half.key]
     assert line["text"].startswith("N_s = 8 (paper: 32)")
     assert line["text"].endswith("(incident_samples = 16)")
-    names = {cell.budget.name for place, cell in request.cells() if place["row"] == half.key}
+    names = {cell.budget.name for place, cell in request.cells if place["row"] == half.key}
     assert names == {"smoke, incident_samples = 16, consistency_surfels x 0.5, incident_samples x 0.5"}
 
 
 def test_a_preset_with_settings_is_told_from_the_plain_one() -> None:
-    text = preset_text("tiny", {"b": "x", "a.c": 0.5})
-    assert text == "tiny with a.c = 0.5, b = x"
-    assert plain_preset(text) == plain_preset("tiny") == preset_text("tiny", {}) == "tiny"
+    assert preset_text("tiny", marks_of({"b": "x", "a.c": 0.5})) == "tiny with a.c = 0.5, b = x"
+    assert preset_text("tiny", marks_of({})) == "tiny"
 
 
 @pytest.mark.slow
@@ -233,7 +233,7 @@ def test_a_run_with_a_set_field_has_cells_labels_and_reports_of_its_own(
     assert "row 'no-rad' sets radiometric_weight itself and keeps its value" in printed.out
     changed, summary = read_sweep(tmp_path), json.loads((tmp_path / "summary.json").read_text())
     assert not {cell["key"] for cell in plain["cells"]} & {cell["key"] for cell in changed["cells"]}
-    assert summary["preset"] == changed["preset"] == "smoke with inverse_iterations = 7, radiometric_weight = 0.1"
+    assert summary["preset"] == shown_preset(changed) == "smoke with inverse_iterations = 7, radiometric_weight = 0.1"
     assert all("inverse_iterations = 7" in row["text"] for row in summary["rows"])
     assert [row["key"] for row in summary["rows"] if "radiometric_weight" in row["text"]] == [
         row.key for row in ABLATIONS.rows if "radiometric_weight" not in row.variant
@@ -257,9 +257,9 @@ def test_a_row_whose_variant_is_changed_has_not_the_papers_label(tmp_path: Path)
     """Scenes, images and budget could be the paper's all the same."""
     sweep = FakeSweep(tmp_path)
     suite, _ = with_settings(ABLATIONS, {"view_share": 0.5, "inverse_iterations": 7}, "smoke")
-    request = replace(asked(1, suite), settings={"view_share": 0.5, "inverse_iterations": 7})
-    sweep.run([cell for _, cell in request.cells()])
-    (table,) = paper_tables(sweep.store, request.manifest([place for place, _ in request.cells()]))
+    request = asked(1, suite, settings={"view_share": 0.5, "inverse_iterations": 7})
+    sweep.run([cell for _, cell in request.cells])
+    (table,) = paper_tables(sweep.store, request.manifest())
     ran = {row["key"]: row["ran"] for row in table["rows"]}
     assert "view_share = 0.5; preset smoke, inverse_iterations = 7, N_g" in ran["ours"]
 

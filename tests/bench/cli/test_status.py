@@ -117,15 +117,15 @@ def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
 def half_done(tmp_path: Path) -> Iterator[tuple[Store, Sweep]]:
     """A folder in which the cells of seed 0 have finished, 10 s a stage and 1 s of scoring; one of seed 1 runs."""
     request, sweep = asked(2), FakeSweep(tmp_path)
-    places = [place for place, _ in request.cells()]
-    sweep.run([cell for place, cell in request.cells() if place["seed"] == 0])
+    places = [place for place, _ in request.cells]
+    sweep.run([cell for place, cell in request.cells if place["seed"] == 0])
     for place in places[:5]:
         result = sweep.store.result(place["key"])
         assert result is not None
         seconds = {"initialise": 10.0, "invert": 20.0, "evaluate": 0.5, "relight": 0.5}
         arrays = {"render/image": np.zeros((1, 4, 3), np.float32)}
         sweep.store.put_result({**result, "seconds": seconds}, arrays)
-    manifest = request.manifest(places)
+    manifest = request.manifest()
     write_sweep(sweep.store, manifest)
     put_pace(sweep.store, places[5]["key"], Pace("stage 1", 30, 120, 6.0, time.time()))
     with sweep.store.claim(places[5]["key"]):
@@ -166,8 +166,8 @@ def test_what_was_killed_is_not_running_and_its_leavings_go_with_the_next_run(
 ) -> None:
     """Attack status_after_kill: the state was running for ever, and --watch never ended."""
     request, sweep = asked(1), FakeSweep(tmp_path)
-    places = [place for place, _ in request.cells()]
-    write_sweep(sweep.store, request.manifest(places))
+    places = [place for place, _ in request.cells]
+    write_sweep(sweep.store, request.manifest())
     first = places[0]
     given = [str(tmp_path), first["key"], first["stages"][0]]
     assert subprocess.run([sys.executable, "-c", KILLED, *given], check=False).returncode == -9
@@ -285,8 +285,8 @@ def test_watching_ends_when_no_cell_is_left(
 ) -> None:
     looks = 0
     request = asked(1)
-    sweep, cells = FakeSweep(tmp_path), [cell for _, cell in request.cells()]
-    write_sweep(sweep.store, request.manifest([place for place, _ in request.cells()]))
+    sweep, cells = FakeSweep(tmp_path), [cell for _, cell in request.cells]
+    write_sweep(sweep.store, request.manifest())
 
     def meanwhile(seconds: float) -> None:
         nonlocal looks
@@ -322,7 +322,7 @@ def test_a_run_keeps_the_pace_of_its_cells(
 def test_one_cell_alone_has_no_time_left_before_anything_like_it_has_finished(tmp_path: Path) -> None:
     request = asked(1)
     sweep = FakeSweep(tmp_path)
-    manifest = request.manifest([place for place, _ in request.cells()])
+    manifest = request.manifest()
     put_pace(sweep.store, fake_cell().key, Pace("stage 1", 1, 3, None, time.time()))
     with sweep.store.claim(fake_cell().key):
         standing = standing_of(sweep.store, manifest)

@@ -23,8 +23,8 @@ REQUEST = asked()
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """A run of which the second row alone is trained."""
-    cells = REQUEST.cells()
-    write_sweep(Store(tmp_path), REQUEST.manifest([place for place, _ in cells]))
+    cells = REQUEST.cells
+    write_sweep(Store(tmp_path), REQUEST.manifest())
     FakeSweep(tmp_path).run([cells[1][1]])
     return tmp_path
 

@@ -18,8 +18,8 @@ REQUEST = asked(2)
 @pytest.fixture
 def store(tmp_path: Path) -> FakeSweep:
     sweep = FakeSweep(tmp_path)
-    cells = REQUEST.cells()
-    write_sweep(sweep.store, REQUEST.manifest([place for place, _ in cells]))
+    cells = REQUEST.cells
+    write_sweep(sweep.store, REQUEST.manifest())
     sweep.run([cell for _, cell in cells])
     return sweep
 
@@ -94,7 +94,7 @@ def test_event_files_hold_the_trail_of_every_cell(store: FakeSweep, capsys: pyte
         return
     assert main(arguments) == 0
     assert len(list((folder / "tensorboard").rglob("events.*"))) == 10
-    place = REQUEST.manifest([place for place, _ in REQUEST.cells()])["cells"][0]
+    place = REQUEST.manifest()["cells"][0]
     result = store.store.result(place["key"])
     assert result is not None
     read = EventAccumulator(

@@ -30,8 +30,8 @@ needs_converter = pytest.mark.skipif(
 def run(tmp_path: Path) -> Path:
     """A run of which the second row alone is trained."""
     request = asked()
-    cells = request.cells()
-    write_sweep(Store(tmp_path), request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(Store(tmp_path), request.manifest())
     FakeSweep(tmp_path).run([cells[1][1]])
     return tmp_path
 

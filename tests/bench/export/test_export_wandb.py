@@ -22,8 +22,8 @@ BLOCK = 32_768
 
 @pytest.fixture
 def sweep(tmp_path: Path) -> FakeSweep:
-    made, cells = FakeSweep(tmp_path), REQUEST.cells()
-    write_sweep(made.store, REQUEST.manifest([place for place, _ in cells]))
+    made, cells = FakeSweep(tmp_path), REQUEST.cells
+    write_sweep(made.store, REQUEST.manifest())
     made.run([cell for _, cell in cells[:2]])
     return made
 
@@ -58,7 +58,7 @@ def test_a_run_written_offline_holds_settings_course_and_end(
     folder = sweep.store.folder
     assert main(["export", str(folder), "--to", "wandb"]) == 0
     assert f"{folder / 'wandb'}: progress of 2 cells" in capsys.readouterr().out
-    place, result = REQUEST.cells()[0][0], stored(sweep, 0)
+    place, result = REQUEST.cells[0][0], stored(sweep, 0)
     (file,) = (folder / "wandb").glob(f"offline-run-*-{place['key']}/run-{place['key']}.wandb")
     begun, steps, last = read(file)
     assert begun["name"] == label(place)
@@ -74,7 +74,7 @@ def test_a_run_written_offline_holds_settings_course_and_end(
 
 
 def stored(sweep: FakeSweep, number: int) -> Result:
-    result = sweep.store.result(REQUEST.cells()[number][1].key)
+    result = sweep.store.result(REQUEST.cells[number][1].key)
     assert result is not None
     return result
 

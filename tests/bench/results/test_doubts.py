@@ -222,13 +222,13 @@ def test_results_from_before_it_was_measured_leave_no_doubt(tmp_path: Path) -> N
 
 def test_a_summary_carries_the_doubts_of_its_results(tmp_path: Path) -> None:
     request = asked(1)
-    places = [place for place, _ in request.cells()]
+    places = [place for place, _ in request.cells]
     bench = FakeSweep(tmp_path)
-    bench.run([each for _, each in request.cells()])
-    assert summarise(bench.store, request.manifest(places), {}, "none").get("doubts") == []
+    bench.run([each for _, each in request.cells])
+    assert summarise(bench.store, request.manifest(), {}, "none").get("doubts") == []
     result = bench.store.result(places[1]["key"])
     assert result is not None
     result["determined"] = {"roughness": record(False)}
     bench.store.put_result(result, {})
-    (found,) = summarise(bench.store, request.manifest(places), {}, "none").get("doubts", [])
+    (found,) = summarise(bench.store, request.manifest(), {}, "none").get("doubts", [])
     assert (found["column"], found["rows"]) == ("roughness/mse", [places[1]["row"]])

@@ -12,7 +12,8 @@ from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import BAND, baseline_of
 from radiogs_bench.results.gate import compare
-from radiogs_bench.runs.sweep import Request, read_sweep
+from radiogs_bench.runs.plan import RunPlan
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
@@ -27,10 +28,10 @@ def _fake_in_the_place_of_radiogs() -> Iterator[None]:
         yield
 
 
-def run(folder: Path, request: Request = REQUEST) -> Path:
+def run(folder: Path, request: RunPlan = REQUEST) -> Path:
     sweep = FakeSweep(folder)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     return folder
 
@@ -177,8 +178,8 @@ def test_runs_of_another_kind_are_not_compared(finished: Path, baseline: Path) -
 
 def test_a_baseline_is_refused_while_cells_are_missing(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
-    cells = REQUEST.cells()
-    write_sweep(sweep.store, REQUEST.manifest([place for place, _ in cells]))
+    cells = REQUEST.cells
+    write_sweep(sweep.store, REQUEST.manifest())
     sweep.run([cell for _, cell in cells[:-1]])
     with pytest.raises(DataError, match="1 of 15 cells are not finished"):
         baseline_of(sweep.store, read_sweep(tmp_path))

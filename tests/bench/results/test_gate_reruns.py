@@ -32,8 +32,8 @@ def _fake_in_the_place_of_radiogs() -> Iterator[None]:
 def run(folder: Path, threads: int, seeds: int = 3) -> Path:
     """A run of the fake that says that it had so many threads."""
     sweep, request = FakeSweep(folder), asked(seeds)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(provenance, "workers", lambda device: threads)
         sweep.run([cell for _, cell in cells])

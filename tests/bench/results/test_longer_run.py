@@ -32,8 +32,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of two rows and two seeds, whose manifest states a recipe."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(2, replace(ABLATIONS, rows=ABLATIONS.rows[:2]))
-    cells = request.cells()
-    stated = request.manifest([place for place, _ in cells])
+    cells = request.cells
+    stated = request.manifest()
     for row in stated["rows"]:
         row["recipe"] = "twice the steps"
     stated["command"] = ["run", "ablations", "--out", str(folder), "--seeds", "2"]
@@ -117,7 +117,7 @@ def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_coul
     (kept,) = read_record(record)
     show_plan(request, Store(tmp_path / "new"), 1, 1, {})
     assert "In the record" not in capsys.readouterr().out  # which is by another recipe
-    kept["recipe"] = recipe_of_rows(request.manifest([])["rows"])
+    kept["recipe"] = recipe_of_rows(request.manifest()["rows"])
     for row, seconds in zip(kept["rows"], (300.0, 60.0), strict=True):
         row["seconds"] = seconds
     write_record(record, [kept])
@@ -132,8 +132,8 @@ def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_coul
 
 def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
     sweep, request = FakeSweep(tmp_path / "run"), asked(2, replace(RIVALS, rows=RIVALS.rows[:4]))
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     record, document = tmp_path / "rivals.json", tmp_path / "rivals.md"
     assert main(["record", str(tmp_path / "run"), "--to", str(record), "--markdown", str(document)]) == 0
@@ -148,8 +148,8 @@ def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
 
 def test_a_record_keeps_what_turning_a_knob_gains_and_costs(tmp_path: Path) -> None:
     sweep, request = FakeSweep(tmp_path), asked(2, NS)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     found = longer_run.longer_run(sweep.store, read_sweep(tmp_path))["analyses"]
     assert len(found) > 1
@@ -170,7 +170,7 @@ def test_a_changed_record_is_refused_and_the_run_is_shown_without_it(
 
 def test_a_run_with_a_missing_cell_makes_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     request = asked(1)
-    write_sweep(Store(tmp_path), request.manifest([place for place, _ in request.cells()]))
+    write_sweep(Store(tmp_path), request.manifest())
     assert main(["record", str(tmp_path), "--to", str(tmp_path / "record.json")]) == 3
     assert "5 of 5 cells are not finished" in capsys.readouterr().err
     assert not (tmp_path / "record.json").exists()

@@ -36,8 +36,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two kinds, one of which has two scenes; every row has the same values."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(3)
-    sweep.run([cell for _, cell in request.cells()])
-    manifest = request.manifest([_placed(sweep, place) for place, _ in request.cells()])
+    sweep.run([cell for _, cell in request.cells])
+    manifest = request.manifest([_placed(sweep, place) for place, _ in request.cells])
     manifest |= {"scenes": [*KINDS], "seeds": [0], "kinds": KINDS}
     write_sweep(sweep.store, manifest)
     return folder

@@ -7,13 +7,15 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeRequest, FakeSweep, asked, scene_of
+from bench.fake_method import FakeSweep, asked, scene_of
 from radiogs.settings import PRESETS
 from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables, ran, value_of, why_not
-from radiogs_bench.runs.sweep import Request, Sweep
+from radiogs_bench.runs.plan import RunPlan
+from radiogs_bench.runs.rows import with_settings
+from radiogs_bench.runs.sweep import Sweep
 from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
-from radiogs_bench.suites.suite import Suite, with_settings
+from radiogs_bench.suites.suite import Suite
 from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
@@ -21,22 +23,22 @@ PRINTED = replace(ABLATIONS, recipe="printed")
 """The paper's ablations of its own values; by default they are those of the recommended recipe."""
 
 
-def request(suite: Suite = PRINTED, preset: str = "smoke", seeds: int = 2) -> Request:
+def request(suite: Suite = PRINTED, preset: str = "smoke", seeds: int = 2) -> RunPlan:
     return asked(seeds, suite, preset)
 
 
-def run(sweep: FakeSweep, asked: Request) -> Mapping[str, PaperTable]:
+def run(sweep: FakeSweep, plan: RunPlan) -> Mapping[str, PaperTable]:
     """Run what is asked for; the tables of the store by key."""
-    sweep.run([cell for _, cell in asked.cells()])
-    return {table["key"]: table for table in paper_tables(sweep.store, manifest(asked))}
+    sweep.run([cell for _, cell in plan.cells])
+    return {table["key"]: table for table in paper_tables(sweep.store, plan.manifest())}
 
 
-def manifest(asked: Request) -> Sweep:
-    return asked.manifest([place for place, _ in asked.cells()])
+def manifest(asked: RunPlan) -> Sweep:
+    return asked.manifest()
 
 
-def stored(sweep: FakeSweep, asked: Request, row: str) -> list[float]:
-    places = [place for place, _ in asked.cells() if place["row"] == row]
+def stored(sweep: FakeSweep, asked: RunPlan, row: str) -> list[float]:
+    places = [place for place, _ in asked.cells if place["row"] == row]
     results = [sweep.store.result(place["key"]) for place in places]
     return [result["metrics"]["nvs/psnr"]["value"] for result in results if result is not None]  # type: ignore[misc]
 
@@ -85,9 +87,8 @@ def tensoir(names: Sequence[str] = NAMES, layout: str = "tensoir", width: int = 
 
 def run_on(folder: Path, scenes: Sequence[Scene], suite: Suite = PRINTED, **settings: Any) -> Mapping[str, PaperTable]:
     """Tables after a run with the paper's budget and protocol, but for the settings."""
-    given = {"seeds": 1, "preset": "paper", "protocol": "radiogs", "device": "cpu"} | settings
-    asked = FakeRequest(suite, {scene.name: scene for scene in scenes}, **given)
-    return run(FakeSweep(folder, *scenes), asked)
+    given = {"seeds": 1, "preset": "paper", "protocol": "radiogs"} | settings
+    return run(FakeSweep(folder, *scenes), asked(suite=suite, scenes={scene.name: scene for scene in scenes}, **given))
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +120,8 @@ def test_a_row_has_the_papers_label_only_under_all_of_its_conditions(
 
 def test_a_set_field_takes_the_papers_label_from_the_rows_that_it_changes(tmp_path: Path) -> None:
     scenes, (suite, _) = tensoir(), with_settings(PRINTED, {"radiometric_weight": 0.1}, "paper")
-    asked = FakeRequest(suite, {scene.name: scene for scene in scenes}, 1, "paper", "radiogs", "cpu")
-    ran = {row["key"]: row["ran"] for row in run(FakeSweep(tmp_path, *scenes), asked)["ablation"]["rows"]}
+    plan = asked(1, suite, "paper", {scene.name: scene for scene in scenes}, "radiogs")
+    ran = {row["key"]: row["ran"] for row in run(FakeSweep(tmp_path, *scenes), plan)["ablation"]["rows"]}
     assert ran.pop("no-rad") == "", "it sets the field itself"
     assert all(": radiometric_weight = 0.1; preset paper, N_g" in label for label in ran.values())
 
@@ -146,7 +147,7 @@ def test_a_row_of_the_default_with_a_set_field_says_both(tmp_path: Path) -> None
 def test_a_row_that_another_method_ran_says_so_and_needs_no_such_method_here(sweep: FakeSweep) -> None:
     """A suite of one's own may give the rows of a published table to methods of other names and with other fields."""
     mine = request()
-    sweep.run([cell for _, cell in mine.cells()])
+    sweep.run([cell for _, cell in mine.cells])
     result = next(sweep.store.results())
     result["cell"]["method"] = "elsewhere"
     no_rad = next(row for row in ABLATIONS.rows if row.key == "no-rad")
@@ -189,8 +190,8 @@ def test_every_table_has_all_rows_and_columns_of_the_paper_and_a_reason_for_each
 def test_results_of_another_preset_seed_or_suite_stay_out(sweep: FakeSweep) -> None:
     asked = request(seeds=1)
     before = run(sweep, asked)
-    sweep.run([cell for _, cell in request(preset="tiny").cells()])
-    sweep.run([cell for _, cell in request(seeds=3).cells()])
+    sweep.run([cell for _, cell in request(preset="tiny").cells])
+    sweep.run([cell for _, cell in request(seeds=3).cells])
     after = {table["key"]: table for table in paper_tables(sweep.store, manifest(asked))}
     assert after == before
 

@@ -17,20 +17,20 @@ from radiogs_core.errors import DataError
 from radiogs_reports.summary import Summary
 
 REQUEST = asked(3)
-PLACES = [place for place, _ in REQUEST.cells()]
+PLACES = [place for place, _ in REQUEST.cells]
 PUBLISHED = {"ours": {"nvs/psnr": 37.86}}
 
 
 @pytest.fixture
 def sweep(tmp_path: Path) -> FakeSweep:
     sweep = FakeSweep(tmp_path)
-    cells = [cell for _, cell in REQUEST.cells()]
+    cells = [cell for _, cell in REQUEST.cells]
     sweep.run(cells[:-1])  # the last row lacks its last seed
     return sweep
 
 
 def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) -> None:
-    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     stored = {
         (place["row"], place["seed"]): result["metrics"]["nvs/psnr"]["value"]
         for place in PLACES
@@ -55,11 +55,11 @@ def test_values_by_two_versions_of_a_protocol_are_not_put_into_one_table(sweep: 
     stored["protocol"] |= {"title": "fake@2"}
     sweep.store.put_result(stored, {})
     with pytest.raises(DataError, match="are by fake and fake@2"):
-        summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+        summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
 
 
 def test_lpips_that_no_row_has_for_lack_of_weights_is_left_out_with_the_reason(sweep: FakeSweep) -> None:
-    manifest = REQUEST.manifest(PLACES)
+    manifest = REQUEST.manifest()
     reason = missing_weights("alex") or f"{NO_WEIGHTS} of alex were not found"
 
     def stored(value: float | None, places: Sequence[CellRef]) -> Summary:
@@ -81,7 +81,7 @@ def test_lpips_that_no_row_has_for_lack_of_weights_is_left_out_with_the_reason(s
 
 
 def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:
-    manifest = REQUEST.manifest(PLACES)
+    manifest = REQUEST.manifest()
     manifest["scenes"], manifest["seeds"] = ["ball", "bowl", "niche"], [0]
     manifest["cells"] = [{**place, "scene": manifest["scenes"][place["seed"]], "seed": 0} for place in PLACES]
     values = [
@@ -104,7 +104,7 @@ def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep:
 
 
 def test_values_of_views_are_kept_where_there_are_any(sweep: FakeSweep) -> None:
-    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     result = sweep.store.result(PLACES[0]["key"])
     assert result is not None
     run = summary["runs"][0]
@@ -153,7 +153,7 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
 
 
 def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
-    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     found = summary["cells"]["ours"]["albedo/psnr"]
     assert found == {
         "mean": None,
@@ -165,14 +165,14 @@ def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
 
 
 def test_the_sheet_shows_the_first_seed_of_every_row_that_is_there(sweep: FakeSweep, tmp_path: Path) -> None:
-    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     assert [entry["row"] for entry in summary["sheet"]] == [row.key for row in ABLATIONS.rows]
     assert all((tmp_path / entry["arrays"]).exists() for entry in summary["sheet"])
     assert len(summary["keys"]) == 14
 
 
 def test_an_empty_store_gives_a_summary_without_figures(tmp_path: Path) -> None:
-    summary = summarise(FakeSweep(tmp_path).store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    summary = summarise(FakeSweep(tmp_path).store, REQUEST.manifest(), PUBLISHED, "four scenes")
     assert summary["sheet"] == []
     assert all(figure["mean"] is None for row in summary["cells"].values() for figure in row.values())
 

@@ -20,8 +20,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of five cells, three of which share their first stage, with reports and a failure."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(1)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     assert main(["report", str(folder)]) == 0
     return folder
@@ -69,7 +69,7 @@ def test_arrays_that_are_gone_are_found(run: Path) -> None:
 def test_a_rerun_scores_again_what_is_trained_and_trains_what_is_not(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    store, (scored, trained, *_) = Store(run), [place for place, _ in asked(1).cells()]
+    store, (scored, trained, *_) = Store(run), [place for place, _ in asked(1).cells]
     took = [result["seconds"] for result in store.results() if result["key"] not in (scored["key"], trained["key"])]
     (run / "cells" / f"{scored['key']}.json").write_bytes(b"")
     (run / "cells" / f"{trained['key']}.npz").unlink()

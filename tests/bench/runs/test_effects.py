@@ -15,9 +15,9 @@ from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
 from radiogs_bench.cli.probe import loss_beside
 from radiogs_bench.methods import variant_of
+from radiogs_bench.runs.rows import with_effects
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.suites.registry import read_suite, suite
-from radiogs_bench.suites.suite import with_field
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.transport.plan import EFFECTS, EffectPlan
@@ -35,7 +35,7 @@ def test_effects_are_given_by_name() -> None:
 
 
 def test_rows_whose_effects_are_chosen_say_so() -> None:
-    marked = with_field(suite("strategies"), "effects", "auto", "auto")
+    marked = with_effects(suite("strategies"), "auto")
     for before, row in zip(suite("strategies").rows, marked.rows, strict=True):
         if row.variant.get("shading") == "split-sum":
             assert row == before

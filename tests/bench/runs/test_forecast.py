@@ -16,7 +16,7 @@ from radiogs_core.kernels.runtime import workers
 from radiogs_reports.analysis.power import Planned
 from radiogs_reports.statistics import Level
 
-CELLS = [cell for _, cell in asked(2).cells()]
+CELLS = [cell for _, cell in asked(2).cells]
 SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
 
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from bench.chain_method import Chain
-from bench.fake_method import FakeRequest, asked, scene_of
+from bench.fake_method import asked, scene_of
 from radiogs.constants import recipe_table
 from radiogs.method import RADIOGS
 from radiogs.recipes import recipe_values
@@ -17,12 +17,13 @@ from radiogs.settings import Variant
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import nearest_recipe, variant_by_recipe
+from radiogs_bench.runs.rows import of_methods, with_recipe
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS, INDIRECT
 from radiogs_bench.suites.registry import read_suite
-from radiogs_bench.suites.suite import Row, Suite, of_methods, with_recipe
+from radiogs_bench.suites.suite import Row, Suite
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain, with_values
 
@@ -52,8 +53,8 @@ def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_method
     code = by("released", **{"materials.weights.mask": 0.5})
     for recipe, ours in (("printed", by("printed", radiometric_weight=0.1)), ("", Variant(radiometric_weight=0.1))):
         request = asked(1, replace(suite, recipe=recipe))
-        assert [cell.variant for _, cell in request.cells()] == [ours, code]
-        lines = request.manifest([])["rows"]
+        assert [cell.variant for _, cell in request.cells] == [ours, code]
+        lines = request.manifest()["rows"]
         shown = f"{recipe}, shortened (20 steps, rates x 12)" if recipe else "recommended"
         assert [line["recipe"] for line in lines] == [shown, "released, shortened (20 steps, rates x 12)"]
 
@@ -61,7 +62,7 @@ def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_method
 def test_a_recipe_may_differ_between_the_scenes_of_a_run() -> None:
     scenes = {scene.name: scene for scene in (scene_of("lego", "tensoir"), scene_of("ficus", "tensoir"))}
     suite = replace(ABLATIONS, rows=ABLATIONS.rows[:1], reference=ABLATIONS.rows[0].key, recipe="released")
-    cells = FakeRequest(suite, scenes, 1, "smoke", "default", "cpu").cells()
+    cells = asked(1, suite, scenes=scenes).cells
     assert {cell.scene: cell.variant for _, cell in cells} == {
         name: by("released", "tensoir", name) for name in ("lego", "ficus")
     }
@@ -96,7 +97,7 @@ method = "chain"
         file.write_text(text)
         return read_suite(file)
 
-    variants = [cell.variant for _, cell in asked(1, read(content)).cells()]
+    variants = [cell.variant for _, cell in asked(1, read(content)).cells]
     assert variants == [by("printed"), by("released", radiometric_weight=0.0), chain.variant()]
     for old, new, says in (
         ('recipe = "released"', 'recipe = "relaesed"', r"suite.rows\[1\].recipe: unknown recipe 'relaesed' of radiogs"),
@@ -114,7 +115,7 @@ def test_a_recipe_of_a_run_takes_the_place_of_the_suites_and_the_rows_that_keep_
     assert remarks == [f"row '{key}' keeps its recipe, recommended" for key in ("recommended-no-rad", "recommended")]
     both, remarks = with_recipe(of_methods(ABLATIONS, ["radiogs", "chain"]), "printed")
     assert remarks == ["rows of method 'chain' run as they are: it has no recipes"]
-    variants = {place["row"]: cell.variant for place, cell in asked(1, both).cells()}
+    variants = {place["row"]: cell.variant for place, cell in asked(1, both).cells}
     assert (variants["ours"], variants["chain"]) == (by("printed"), chain.variant())
 
 

@@ -18,8 +18,9 @@ from radiogs_bench.cli import main
 from radiogs_bench.runs import hard_cases
 from radiogs_bench.runs.cell import evaluation_code
 from radiogs_bench.runs.hard_cases import AXES, axis_and_points, run_stability, stand_of
+from radiogs_bench.runs.plan import planned
+from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
-from radiogs_bench.runs.sweep import Request
 from radiogs_bench.suites.experiment import EXPERIMENTS
 from radiogs_bench.suites.paper import STABILITY_SUITE as STABILITY
 from radiogs_core.errors import DataError, UsageError
@@ -160,8 +161,8 @@ def test_a_cell_stores_its_curves_and_how_often_each_guard_acted(tmp_path: Path)
 def test_rows_are_all_the_axes_and_the_code_of_the_curves_is_part_of_a_cells_name() -> None:
     assert [row.key for row in STABILITY.rows] == list(AXES)
     assert [axis_and_points(row.settings)[0].key for row in STABILITY.rows] == list(AXES)
-    request = Request(STABILITY, {SCENE.name: SCENE}, 1, "tiny", "default", "cpu")
-    assert len({cell.key for _, cell in request.cells()}) == len(AXES)
+    request = planned(STABILITY, {SCENE.name: SCENE}, RunSpec("stability", preset="tiny"))
+    assert len({cell.key for _, cell in request.cells}) == len(AXES)
     codes = {evaluation_code(EXPERIMENTS[name], RADIOGS) for name in ("stability", "training")}
     assert len(codes) == 2
 

@@ -10,7 +10,9 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, write_sweep
 from radiogs.settings import PRESETS
 from radiogs_bench.results.summary import summarise
-from radiogs_bench.runs.sweep import Request, read_sweep, state_of, steps_to_take
+from radiogs_bench.runs.plan import RunPlan, planned
+from radiogs_bench.runs.spec import RunSpec
+from radiogs_bench.runs.sweep import read_sweep, state_of, steps_to_take
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed
 from radiogs_bench.suites.paper import ABLATIONS
@@ -18,12 +20,12 @@ from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 
 
-def request() -> Request:
+def request() -> RunPlan:
     return asked(2)
 
 
 def test_cells_are_every_row_of_every_scene_and_seed() -> None:
-    places = [place for place, _ in request().cells()]
+    places = [place for place, _ in request().cells]
     assert len(places) == 10
     assert len({place["key"] for place in places}) == 10
     assert len({place["stages"][0] for place in places}) == 4  # two kinds, two seeds
@@ -31,25 +33,25 @@ def test_cells_are_every_row_of_every_scene_and_seed() -> None:
 
 
 def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
-    manifest = request().manifest([place for place, _ in request().cells()])
+    manifest = request().manifest()
     write_sweep(Store(tmp_path), manifest)
     assert read_sweep(tmp_path) == sealed(manifest)
 
 
 def test_the_manifest_holds_the_kinds_that_scenes_state() -> None:
     stated = {name: load_scene(name) for name in ("corner", "bowl", "front_plain")}
-    kinds = replace(request(), scenes={**stated, "fake": SCENE}).manifest([])["kinds"]
+    kinds = replace(request(), scenes={**stated, "fake": SCENE}).manifest()["kinds"]
     assert kinds["corner"] == kinds["bowl"]
     assert len({kinds["corner"], kinds["front_plain"], kinds["fake"]}) == 3
-    assert "kinds" not in request().manifest([])
+    assert "kinds" not in request().manifest()
 
 
 def test_the_command_line_is_kept_in_the_summary(tmp_path: Path) -> None:
-    places = [place for place, _ in request().cells()]
+    places = [place for place, _ in request().cells]
     typed = ["run", "ablations", "--scenes", "a b", "--long-side", "48"]
-    write_sweep(Store(tmp_path), replace(request(), command=typed).manifest(places))
+    write_sweep(Store(tmp_path), request().manifest(typed))
     assert summarise(Store(tmp_path), read_sweep(tmp_path), {}, "")["command"] == typed
-    assert "command" not in summarise(Store(tmp_path), request().manifest(places), {}, "")
+    assert "command" not in summarise(Store(tmp_path), request().manifest(), {}, "")
 
 
 @pytest.mark.parametrize("content", ["{", '{"schema": "other/1"}'])
@@ -70,7 +72,7 @@ def test_a_manifest_that_cannot_be_read_is_explained(content: str, tmp_path: Pat
     ],
 )
 def test_a_manifest_that_contradicts_itself_is_explained(changes: dict[str, Any], says: str, tmp_path: Path) -> None:
-    manifest = request().manifest([place for place, _ in request().cells()])
+    manifest = request().manifest()
     write_sweep(Store(tmp_path), {**manifest, **changes})  # type: ignore[typeddict-item]
     with pytest.raises(DataError, match=says):
         read_sweep(tmp_path)
@@ -103,8 +105,8 @@ def test_the_state_of_a_cell_follows_from_its_stored_files(tmp_path: Path) -> No
 
 
 def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_path: Path) -> None:
-    of_radiogs = Request(ABLATIONS, {"fake": SCENE}, 2, "smoke", "default", "cpu")
-    store, cells = Store(tmp_path), [cell for _, cell in of_radiogs.cells()]
+    of_radiogs = planned(ABLATIONS, {"fake": SCENE}, RunSpec("ablations", seeds=2, preset="smoke", protocol="default"))
+    store, cells = Store(tmp_path), [cell for _, cell in of_radiogs.cells]
     cost = PRESETS["smoke"]
     whole = 4 * cost.geometry.steps + 10 * cost.inverse_iterations
     assert steps_to_take(store, cells) == whole
@@ -118,7 +120,7 @@ def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_p
 @pytest.mark.parametrize("count", [1, 2, 3, 50])
 def test_shards_are_every_cell_once_and_share_no_first_stage(count: int) -> None:
     whole = asked(4)
-    shards = [[cell for _, cell in replace(whole, shard=(number, count)).own_cells()] for number in range(count)]
-    assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for _, cell in whole.cells())
+    shards = [[cell for _, cell in asked(4, shard=(number, count)).own_cells] for number in range(count)]
+    assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for _, cell in whole.cells)
     firsts = [{cell.first_key for cell in shard} for shard in shards]
     assert sum(map(len, firsts)) == len(set().union(*firsts))

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,11 @@ from bench.fake_method import write_sweep
 from public_outputs import WRITERS, noisy
 from radiogs_bench.cli import main
 from radiogs_bench.runs.cell import Cell
+from radiogs_bench.runs.plan import planned
 from radiogs_bench.runs.result import empty_result
 from radiogs_bench.runs.rows_from_files import measured, row_key, with_rows_from_files
-from radiogs_bench.runs.sweep import Request, read_sweep
+from radiogs_bench.runs.spec import RunSpec
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.experiment import TRAINING
@@ -30,7 +31,8 @@ SUITE = Suite(
     experiment=TRAINING,
 )  # fmt: skip
 SCENE = load_scene("corner")
-REQUEST = Request(SUITE, {"corner": SCENE}, 1, "smoke", "default", "cpu")
+SMOKE = RunSpec(SUITE.name, preset="smoke", protocol="default")
+REQUEST = planned(SUITE, {"corner": SCENE}, SMOKE)
 
 
 def finish(store: Store, cell: Cell, value: float) -> None:
@@ -48,10 +50,10 @@ def finish(store: Store, cell: Cell, value: float) -> None:
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """A finished run of two rows on scene corner."""
-    store, cells = Store(tmp_path / "out"), REQUEST.cells()
+    store, cells = Store(tmp_path / "out"), REQUEST.cells
     for number, (_, cell) in enumerate(cells):
         finish(store, cell, 20.0 + number)
-    write_sweep(store, REQUEST.manifest([place for place, _ in cells]))
+    write_sweep(store, REQUEST.manifest())
     return store.folder
 
 
@@ -109,11 +111,11 @@ def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, 
 
 @pytest.mark.slow
 def test_a_row_of_one_scene_beside_means_of_two_is_marked_in_its_cells(files: Path, tmp_path: Path) -> None:
-    request = replace(REQUEST, scenes={"corner": SCENE, "convex": load_scene("convex")})
-    store, cells = Store(tmp_path / "two"), request.cells()
+    request = planned(SUITE, {"corner": SCENE, "convex": load_scene("convex")}, SMOKE)
+    store, cells = Store(tmp_path / "two"), request.cells
     for number, (_, cell) in enumerate(cells[:-1]):  # a row that is not finished is not marked
         finish(store, cell, 20.0 + number)
-    write_sweep(store, request.manifest([place for place, _ in cells]))
+    write_sweep(store, request.manifest())
     assert into(store.folder, files) == 0
     summary = read_summary(store.folder)
     said = "GS-IR, 30k: over corner alone, 1 of 2 scenes and seeds."
@@ -163,8 +165,8 @@ def test_files_that_cannot_be_compared_are_refused_and_change_nothing(
 @pytest.mark.slow
 def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(run: Path, files: Path) -> None:
     into(run, files)
-    store, places = Store(run), [place for place, _ in REQUEST.cells()]
-    fresh = REQUEST.manifest(places)
+    store, places = Store(run), [place for place, _ in REQUEST.cells]
+    fresh = REQUEST.manifest()
     kept, outdated = with_rows_from_files(store, fresh, {"corner": SCENE.checksum})
     assert kept == {name: part for name, part in read_sweep(run).items() if name != "seal"}
     assert not outdated

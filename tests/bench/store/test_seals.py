@@ -27,8 +27,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of five cells."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(1)
-    cells = request.cells()
-    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    cells = request.cells
+    write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     return folder
 
@@ -215,7 +215,7 @@ def test_damaged_arrays_are_set_aside_and_the_cell_made_again(
     sweep = FakeSweep(run)
     (place,) = [place for place in read_sweep(run)["cells"] if place["key"] == path.stem]
     assert state_of(sweep.store, place).startswith("trained, not scored")
-    sweep.run([cell for _, cell in asked(1).cells()])
+    sweep.run([cell for _, cell in asked(1).cells])
     assert path.read_bytes() == whole
     assert sweep.store.result(path.stem) is not None
 
@@ -228,7 +228,7 @@ def test_arrays_that_are_gone_are_said_and_made_again(run: Path, caplog: pytest.
     assert store.result(path.stem) is None
     assert f"{path} is gone" in caplog.text
     assert not store.has_result(path.stem)
-    FakeSweep(run).run([cell for _, cell in asked(1).cells()])
+    FakeSweep(run).run([cell for _, cell in asked(1).cells])
     assert store.result(path.stem) is not None
 
 

@@ -15,16 +15,19 @@ from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import train
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.plan import RunPlan, planned
 from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.rows import of_methods
 from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.sweep import Request, read_sweep
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites import scenes
 from radiogs_bench.suites.own import ORACLES
 from radiogs_bench.suites.registry import read_suite
-from radiogs_bench.suites.suite import Row, Suite, of_methods
+from radiogs_bench.suites.suite import Row, Suite
 from radiogs_core.capabilities import PARTS, Part
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError, UsageError
@@ -63,10 +66,13 @@ class Oracle(Chain):
         return replace(variant, told=parts)
 
 
-def asked(suite: Suite, method: Chain | None = None, **changes: Any) -> Request:
+SMOKE = RunSpec("oracles", preset="smoke", protocol="default")
+
+
+def asked(suite: Suite, method: Chain | None = None, **changes: Any) -> RunPlan:
     found: dict[str, Callable[[str], Any]] = {} if method is None else {"method": lambda name: method}
     scene = replace(SCENE, **changes)
-    return Request(suite, {scene.name: scene}, 1, "smoke", "default", "cpu", **found)
+    return planned(suite, {scene.name: scene}, SMOKE, **found)
 
 
 def ladder(name: str, method: Chain, monkeypatch: pytest.MonkeyPatch) -> Suite:
@@ -89,7 +95,7 @@ def test_the_ladder_has_each_part_alone_and_left_out_alone() -> None:
     assert {frozenset(PARTS) - {part} for part in PARTS} <= {*given}
     for own in ("albedo", "light"):  # giving it settles its own metric
         assert {frozenset(PARTS) - {own, other} for other in PARTS} <= {*given}
-    cells = [cell for _, cell in asked(ORACLES).cells()]
+    cells = [cell for _, cell in asked(ORACLES).cells]
     assert [{*cell.variant.given} for cell in cells] == [{*each} for each in given]
     assert len({cell.first_key for cell in cells}) == 1  # stage 1 is trained once for all
 
@@ -97,12 +103,12 @@ def test_the_ladder_has_each_part_alone_and_left_out_alone() -> None:
 def test_any_method_that_takes_parts_gets_the_rungs_that_it_can_take(monkeypatch: pytest.MonkeyPatch) -> None:
     method = Oracle(("fit",), name="oracle")
     request = asked(ladder("oracle", method, monkeypatch), method)
-    told = {place["row"]: cell.variant.told for place, cell in request.cells()}
+    told = {place["row"]: cell.variant.told for place, cell in request.cells}
     assert told == {
         "oracle-none": (), "oracle-geometry": ("geometry",), "oracle-light": ("light",),
         "oracle-geometry-light": ("geometry", "light"),
     }  # fmt: skip
-    refused = request.refused()
+    refused = {line["key"]: line["refused"] for line in request.lines if "refused" in line}
     assert refused["oracle-albedo"] == "oracle does not take albedo as given"
     assert refused["oracle-light-albedo"] == "oracle does not take albedo as given"
     assert refused["oracle-all"] == "oracle does not take albedo and roughness and indirect as given"
@@ -147,7 +153,7 @@ def test_rows_that_a_method_cannot_run_give_their_reason(
 @pytest.mark.parametrize("missing", [{"surfaces": None}, {"training_light": None}])
 def test_a_scene_whose_truth_is_not_known_ends_the_run_before_it_begins(missing: dict[str, None]) -> None:
     with pytest.raises(DataError, match=r"are not known: '(geometry|light)' cannot be given"):
-        asked(ORACLES, **missing).cells()
+        asked(ORACLES, **missing)
 
 
 @pytest.mark.parametrize("given", ['["light"]', '["shape"]'])
@@ -171,15 +177,15 @@ def test_with_everything_given_albedo_is_at_its_ceiling_and_indirect_light_and_l
     parts: tuple[Part, ...] = ("geometry", "light", "albedo", "roughness")
     rows = (Row("none", "", "", given=()), Row("most", "", "", given=parts))
     scene = load_scene("convex")
-    request = Request(replace(ORACLES, rows=rows), {"convex": scene}, 1, "smoke", "default", "cpu")
+    request = planned(replace(ORACLES, rows=rows), {"convex": scene}, SMOKE)
     bench = Bench(Store(tmp_path), CPU, LogProgress(), Interruption(), request.method, checksum_now)
-    cells = [cell for _, cell in request.cells()]
+    cells = [cell for _, cell in request.cells]
     tasks = [Task(cell, cell.key) for cell in cells]
     assert not run_cells(
         tasks, lambda each: train_and_score(bench, each, scene), bench.store, bench.progress, bench.interruption
     )
     found = {}
-    for (place, cell), row in zip(request.cells(), rows, strict=True):
+    for (place, cell), row in zip(request.cells, rows, strict=True):
         assert place["row"] == row.key
         result = bench.store.result(cell.key)
         assert result is not None

@@ -162,7 +162,7 @@ def test_rows_of_another_method_have_its_own_fields(
     monkeypatch.setitem(substitutes, "chain", Chain(("fit",)))
     suite = read(STRANGERS)
     assert [row.method for row in suite.rows] == ["radiogs", "chain"]
-    _, cell = asked(1, suite).cells()[1]
+    _, cell = asked(1, suite).cells[1]
     assert (cell.variant, cell.budget.each) == (Turned(weight=2.0), 6)
     for old, new, says in (
         ("weight = 2", "wieght = 2", r"suite.rows\[1\].variant: there is no field 'wieght'\nDid you mean 'weight'"),

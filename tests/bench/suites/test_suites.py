@@ -15,7 +15,9 @@ from radiogs_baselines.published import published, published_tables
 from radiogs_bench.fetching.catalogue import data_set
 from radiogs_bench.installed_methods import method_names, substitutes
 from radiogs_bench.methods import DEFAULT
-from radiogs_bench.runs.sweep import Request
+from radiogs_bench.runs.plan import planned
+from radiogs_bench.runs.rows import of_methods, with_effects, with_rows
+from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.suites.baselines import BASELINES
 from radiogs_bench.suites.consistency import CLOSED
@@ -29,9 +31,6 @@ from radiogs_bench.suites.suite import (
     Metric,
     Row,
     Suite,
-    of_methods,
-    with_field,
-    with_rows,
 )
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
@@ -47,7 +46,7 @@ MEASURED_APART = {"training/hours", "relight/samples"}
 
 
 def test_the_ablations_are_the_five_rows_of_the_paper() -> None:
-    assert [cell.variant for _, cell in asked().cells()] == [
+    assert [cell.variant for _, cell in asked().cells] == [
         Variant(),
         Variant(radiometric_weight=0.0),
         Variant(detach="pbr"),
@@ -175,8 +174,8 @@ def truth() -> Scene:
 def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str, truth: Scene) -> None:
     """Rounding must not make two rows one cell."""
     scene = replace(truth, name=each.scenes[0])
-    request = Request(each, {scene.name: scene}, 1, preset, each.protocol, "cpu")
-    assert len({cell.key for _, cell in request.cells()}) == len(each.rows)
+    request = planned(each, {scene.name: scene}, RunSpec(each.name, preset=preset))
+    assert len({cell.key for _, cell in request.cells}) == len(each.rows)
 
 
 def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
@@ -191,7 +190,7 @@ def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
 def test_the_paper_preset_relights_by_as_many_rays_as_each_row_states() -> None:
     """Rows of table efficiency are shares of the preset; at the paper's they are its numbers."""
     request = asked(1, SUITES["efficiency"], "paper")
-    for place, cell in request.cells():
+    for place, cell in request.cells:
         _, _, rays = place["row"].partition("traced-")
         if rays:
             assert cell.budget.relight_hemisphere_samples + cell.budget.relight_light_samples == int(rays)
@@ -211,7 +210,7 @@ def test_suite_stanford_orb_has_the_42_captures() -> None:
 
 @pytest.mark.parametrize("name", ["ng", "ns"])
 def test_rows_of_one_knob_share_stage_one_and_nothing_else(name: str) -> None:
-    cells = [cell for _, cell in asked(1, SUITES[name], "tiny").cells()]
+    cells = [cell for _, cell in asked(1, SUITES[name], "tiny").cells]
     assert len({cell.first_key for cell in cells}) == 1
     assert len({cell.training_key for cell in cells}) == len(cells)
     knob = {"ng": "consistency_surfels", "ns": "incident_samples"}[name]
@@ -232,8 +231,8 @@ KNOBS = {
 @pytest.mark.parametrize("preset", list(PRESETS))
 def test_a_row_is_labelled_by_what_it_runs_under_every_preset(name: str, preset: str) -> None:
     request = asked(1, SUITES[name], preset)
-    lines = {line["key"]: line for line in request.manifest([])["rows"]}
-    for place, cell in request.cells():
+    lines = {line["key"]: line for line in request.manifest()["rows"]}
+    for place, cell in request.cells:
         if name == "efficiency" and not SUITES[name].rows[list(lines).index(place["row"])].budget:
             continue
         ran, paper = sum(getattr(cell.budget, field) for field in KNOBS[name]), place["row"].rpartition("-")[2]
@@ -257,7 +256,7 @@ def test_numbers_that_a_row_changes_are_in_its_label() -> None:
 def test_a_label_that_names_no_number_of_the_budget_is_refused() -> None:
     wrong = replace(SUITES["ns"], rows=(Row("ns-64", "", "N_s = <incident_rays>"),))
     with pytest.raises(UsageError, match="names 'incident_rays'") as raised:
-        asked(1, wrong).manifest([])
+        asked(1, wrong).manifest()
     assert "incident_samples" in raised.value.why
 
 
@@ -272,7 +271,7 @@ def test_the_cost_is_measured_with_knobs_of_both_stages_and_of_relighting() -> N
     assert set(turned) == stage_1 | stage_2 | relighting, "every knob is turned without the others"
     assert min(turned.values()) >= 2
     for preset in ("smoke", "tiny", "paper"):
-        cells = {place["row"]: cell for place, cell in asked(1, SUITES["cost"], preset).cells()}
+        cells = {place["row"]: cell for place, cell in asked(1, SUITES["cost"], preset).cells}
         whole = cells.pop("reference")
         for row, cell in cells.items():
             assert (cell.first_key == whole.first_key) == (not rows[row] & stage_1), row
@@ -281,7 +280,7 @@ def test_the_cost_is_measured_with_knobs_of_both_stages_and_of_relighting() -> N
 
 def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
     request = asked(1, SUITES["finetune"])
-    cells = [cell for _, cell in request.cells()]
+    cells = [cell for _, cell in request.cells]
     assert len({cell.training_key for cell in cells}) == 1
     assert len({cell.key for cell in cells}) == len(cells)
 
@@ -332,7 +331,7 @@ def test_a_field_is_set_in_every_row_that_has_it_and_does_not_set_it_itself(chai
         Row("split-sum", "S", "S", {"shading": "split-sum"}),  # the method refuses a choice of effects with it
         Row("stranger", "X", "X", method="chain"),
     )
-    suite = with_field(replace(ABLATIONS, rows=rows, reference="ours"), "effects", "auto", "auto")
+    suite = with_effects(replace(ABLATIONS, rows=rows, reference="ours"), "auto")
     assert [row.variant for row in suite.rows] == [{"effects": "auto"}, {"effects": []}, {"shading": "split-sum"}, {}]
     assert [row.text for row in suite.rows] == ["Ours (effects: auto)", "C", "S", "X"]
     assert suite.rows[0].latex == "Ours (auto)"
@@ -340,17 +339,17 @@ def test_a_field_is_set_in_every_row_that_has_it_and_does_not_set_it_itself(chai
 
 
 def test_no_row_is_turned_to_a_value_that_its_method_refuses() -> None:
-    assert with_field(ABLATIONS, "effects", ["sunshine"], "sunshine") == ABLATIONS
+    assert with_effects(ABLATIONS, ["sunshine"]) == ABLATIONS
 
 
 def test_cells_of_several_methods_stand_in_one_request(chain: Chain) -> None:
     suite = of_methods(replace(ABLATIONS, rows=ABLATIONS.rows[:1]), ["radiogs", "chain"])
-    cells = dict(zip(("ours", "chain"), (cell for _, cell in asked(1, suite).cells()), strict=True))
+    cells = dict(zip(("ours", "chain"), (cell for _, cell in asked(1, suite).cells), strict=True))
     assert [cell.method for cell in cells.values()] == ["radiogs", "chain"]
     assert [stage.name for stage in cells["chain"].stages] == ["fit"]
     assert cells["chain"].budget == chain.presets["smoke"]
     with pytest.raises(UsageError, match="unknown preset 'paper' of chain"):
-        asked(1, suite, "paper").cells()
+        asked(1, suite, "paper").cells
 
 
 def test_the_ablations_run_on_the_eight_scenes_with_the_most_indirect_light() -> None:

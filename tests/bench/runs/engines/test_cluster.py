@@ -29,7 +29,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.scene import Scene
 
-CELLS = [cell for _, cell in asked(3).cells()]
+CELLS = [cell for _, cell in asked(3).cells]
 CELL_SECONDS = 0.5
 """Long enough for a machine to be lost while it works on one."""
 

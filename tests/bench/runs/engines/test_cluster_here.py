@@ -116,7 +116,7 @@ def test_cells_that_share_stages_are_on_the_cluster_together(tmp_path: Path) -> 
 def test_cells_wait_for_a_first_stage_that_another_process_trains(tmp_path: Path) -> None:
     """They are sent as soon as it is let go, and nothing else waits for that."""
     cluster, said = cluster_of(HereInsteadOfRay(), tmp_path), []
-    other = asked(2).cells()[-1][1]
+    other = asked(2).cells[-1][1]
     theirs = cluster.store.claim(f"stages-{SHARING[0].first_key}")
     theirs.__enter__()
 

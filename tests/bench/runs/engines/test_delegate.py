@@ -29,7 +29,7 @@ from radiogs_datasets import load_scene
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 RECIPE = Recipe(fake_method.method, fake_method.experiment, fake_method.load, "nowhere/fake")
-CELLS = [cell for _, cell in asked().cells()]
+CELLS = [cell for _, cell in asked().cells]
 
 
 def remote(cell: Cell = CELLS[0], **changes: Any) -> RemoteCell:

@@ -25,7 +25,7 @@ from radiogs_bench.store.claim import Claimed
 from radiogs_bench.store.folder import product_name
 from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 
-ROWS = [cell for _, cell in asked().cells()]
+ROWS = [cell for _, cell in asked().cells]
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: 
         "import sys\n"
         "from pathlib import Path\n"
         "from bench import fake_method\n"
-        "rows = [cell for _, cell in fake_method.asked().cells()]\n"
+        "rows = [cell for _, cell in fake_method.asked().cells]\n"
         "assert fake_method.FakeSweep(Path(sys.argv[1])).run(rows) == []\n"
         "print(len(fake_method.begun))\n"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_bench.runs.engines.run import COMMAND, run_pool, worker_commands
+from radiogs_bench.runs.engines.run import CHILD, Order, run_pool
 from radiogs_bench.runs.interruption import Interruption
 
 WAIT = """
@@ -21,6 +21,10 @@ time.sleep(60)
 """
 
 
+NOTHING = Order({}, "", (), 1)
+"""For processes that read no order."""
+
+
 def python(code: str) -> list[str]:
     return [sys.executable, "-c", code]
 
@@ -28,7 +32,7 @@ def python(code: str) -> list[str]:
 def test_lines_of_workers_are_printed_and_their_exit_codes_returned() -> None:
     said: list[str] = []
     commands = [python("import sys; print('one', file=sys.stderr); sys.exit(3)"), python("print('not this')")]
-    assert run_pool(commands, said.append, lambda: None, Interruption()) == [3, 0]
+    assert run_pool(commands, NOTHING, said.append, lambda: None, Interruption()) == [3, 0]
     assert said == ["one"]
 
 
@@ -41,20 +45,32 @@ def test_the_pool_asks_each_worker_to_stop_once_and_waits_for_it() -> None:
         if said.count("ready") == 2:
             interruption.requested = True
 
-    assert run_pool([python(WAIT)] * 2, say, lambda: None, interruption) == [130, 130]
+    assert run_pool([python(WAIT)] * 2, NOTHING, say, lambda: None, interruption) == [130, 130]
     assert said.count("asked") == 2
 
 
 def test_the_exit_code_of_a_killed_worker_is_its_signal() -> None:
     code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
-    assert run_pool([python(code)], lambda line: None, lambda: None, Interruption()) == [-signal.SIGKILL]
+    assert run_pool([python(code)], NOTHING, lambda line: None, lambda: None, Interruption()) == [-signal.SIGKILL]
 
 
-def test_workers_share_the_threads_and_know_their_number() -> None:
-    first, second = worker_commands(["run", "ablations", "--threads", "8"], 2, 5)
-    assert first[-4:] == ["--threads", "2", "--worker", "0/2"]
-    assert second[-1] == "1/2"
-    assert first[4:-4] == ["run", "ablations", "--threads", "8"]
+def test_workers_are_given_the_spec_with_their_share_of_the_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[tuple[list[tuple[str, ...]], Order]] = []
+
+    def pool(commands: list[tuple[str, ...]], order: Order, *rest: object) -> list[int]:
+        given.append((commands, order))
+        return [0] * len(commands)
+
+    monkeypatch.setattr(engines, "run_pool", pool)
+    use_threads(5)
+    plan = asked(2, keep_views=3)
+    run_by_pool(plan, FakeSweep(tmp_path).bench, Engine("pool", workers=2))
+    ((commands, order),) = given
+    assert commands == [(*CHILD, "work")] * 2
+    assert RunSpec.from_plain(order.spec) == replace(plan.spec, threads=2)
+    assert (order.out, order.trusted, order.count) == (str(tmp_path), (), 2)
 
 
 DECOYS = ("queue", "json", "numpy", "torch", "signal", "radiogs_bench", "radiogs_core", "radiogs", "conftest")
@@ -71,7 +87,12 @@ def test_no_process_of_the_harness_runs_code_of_the_folder_where_it_is_started(t
         (tmp_path / f"{name}.py").write_text("from pathlib import Path\nPath(__file__).with_name('ran').touch()\n")
     elsewhere = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
     done = subprocess.run(
-        [*COMMAND, "methods", "--json"], cwd=tmp_path, capture_output=True, text=True, env=elsewhere, check=False
+        [*CHILD[:3], "radiogs_bench", "methods", "--json"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=elsewhere,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert not list(tmp_path.rglob("ran"))

@@ -2,7 +2,6 @@
 
 import heapq
 import random
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,8 +18,8 @@ STAGE_1, REST = 54.0, 36.0
 
 def cells_of(scenes: int) -> list[Cell]:
     """The ablations on so many scenes."""
-    whole = replace(asked(), scenes={name: scene_of(name) for name in map(str, range(scenes))})
-    return [cell for _, cell in in_turn(whole.cells(), Store(Path("nowhere")), 2)]
+    whole = asked(scenes={name: scene_of(name) for name in map(str, range(scenes))})
+    return [cell for _, cell in in_turn(whole.cells, Store(Path("nowhere")), 2)]
 
 
 def seconds_of(order: list[Cell], seed: int) -> tuple[float, float]:

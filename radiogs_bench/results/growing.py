@@ -1,9 +1,10 @@
 """Reports that grow while a run goes on: they are written again once a further scene has all of its rows.
 
-They are written by the command ``report`` in a process of its own, over the complete scenes alone and without
-pictures. Neither its errors nor its memory reach the run: the peaks of memory that cells measure stay what they were.
+A process of its own writes them, over the complete scenes alone and without pictures. Neither its errors nor its memory
+reach the run: the peaks of memory that cells measure stay what they were.
 """
 
+import json
 import shutil
 import subprocess
 import sys
@@ -14,9 +15,10 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import StoreError
-from ..runs.engines.run import COMMAND
+from ..runs.engines.run import CHILD
+from ..runs.plan import RunPlan
 from ..runs.progress import ForwardingProgress, Progress
-from ..runs.sweep import CellRef, Request
+from ..runs.sweep import CellRef
 from ..store.folder import Store
 from ..store.schema import Failure
 
@@ -28,7 +30,7 @@ FIRST_SECONDS = 60.0
 """Shortest time from the beginning of a run to its first table; a shorter run shows the one at its end."""
 
 LONGEST_SECONDS = 600.0
-"""Time after which ``report`` is ended: the run waits for it."""
+"""Time after which that process is ended: the run waits for it."""
 
 Report = Callable[[Sequence[str]], str]
 """Writes the reports over some scenes; returns the text that it prints. Raises StoreError."""
@@ -108,17 +110,15 @@ class GrowingReports(ForwardingProgress):
 
 
 def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
-    """Run ``report`` over some scenes of the run in ``folder``; returns what it prints, ``width`` characters wide.
+    """Write the reports over some scenes of the run in ``folder``; returns their table, ``width`` characters wide.
 
-    Raises StoreError where it fails, with the message that it gave.
+    Raises StoreError where that fails, with the message that it gave.
     """
-    command = [
-        *COMMAND, "report", str(folder), f"--scenes={','.join(scenes)}", "--no-pictures",
-        *([] if width is None else ["--width", str(width)]),
-    ]  # fmt: skip
+    order = {"folder": str(folder), "scenes": list(scenes), "width": width}
     try:
         done = subprocess.run(
-            command,
+            [*CHILD, "report"],
+            input=json.dumps(order),
             capture_output=True,
             text=True,
             errors="replace",
@@ -127,23 +127,23 @@ def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
             start_new_session=True,  # Ctrl-C asks the run to stop, which lets this end
         )
     except OSError as error:
-        raise StoreError(f"`report` could not be started: {error.strerror}") from error
+        raise StoreError(f"reports could not be begun: {error.strerror}") from error
     except subprocess.TimeoutExpired as error:
-        raise StoreError(f"`report` took more than {LONGEST_SECONDS:.0f} s and was ended") from error
+        raise StoreError(f"reports took more than {LONGEST_SECONDS:.0f} s and were ended") from error
     if done.returncode:
         said = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-        raise StoreError(said[0].removeprefix("error: ") if said else f"`report` ended with code {done.returncode}")
+        raise StoreError(said[0].removeprefix("error: ") if said else f"reports ended with code {done.returncode}")
     return done.stdout
 
 
-def growing(request: Request, store: Store, progress: Progress, as_events: bool) -> Progress:
+def growing(plan: RunPlan, store: Store, progress: Progress, table: bool) -> Progress:
     """The progress of a run whose reports grow; of a single scene, or of one part of several, the progress as it is.
 
-    ``as_events``: lines are said as events, and no table is among them.
+    ``table``: whether the first table is said.
     """
-    parts = request.shard[1]
-    if parts > 1 or len(request.scenes) == 1:
+    parts = plan.spec.shard[1]
+    if parts > 1 or len(plan.scenes) == 1:
         return progress
     width = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
-    refs, report = [ref for ref, _ in request.cells()], partial(reported, store.folder, width=width)
-    return GrowingReports(progress, store, refs, report, table=not as_events)
+    report = partial(reported, store.folder, width=width)
+    return GrowingReports(progress, store, [ref for ref, _ in plan.cells], report, table)

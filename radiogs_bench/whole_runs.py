@@ -1,0 +1,227 @@
+"""Whole runs: a suite's cells, their reports, tables and the gate, for the shell and for Python alike."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+import torch
+
+from radiogs_core.errors import DataError, ExplainedError
+from radiogs_reports.summary import read_summary
+from radiogs_reports.tables.model import Cell
+from radiogs_reports.tables.suite import suite_table
+
+from .device import use
+from .errors import CellFailed, explain, worst_exit_code
+from .fetching.lpips_weights import fetch_missing
+from .results.baseline import read_baseline
+from .results.gate import compare
+from .results.growing import growing
+from .results.invariance import invariance_kept
+from .results.reports import keep_reports, write
+from .runs.engines.choice import Engine, choose
+from .runs.engines.run import run_plan
+from .runs.hard_cases import tolerances_kept
+from .runs.interruption import Interruption
+from .runs.plan import Cells, RunPlan, resolve
+from .runs.progress import Progress, SweepProgress, progress_for_stderr
+from .runs.rows_from_files import with_rows_from_files
+from .runs.scene_digest import checksum_now
+from .runs.spec import RunSpec
+from .runs.stages import Bench
+from .runs.sweep import Sweep, changing_sweep, read_sweep, steps_to_take
+from .store.folder import Store
+from .store.seal import sealed
+from .suites.experiment import STABILITY
+from .suites.own import HARD_TRAINING
+from .trusted_methods import trusting
+
+__all__ = ["gate", "run", "table"]
+
+Shown = Literal["value", "difference", "low", "high", "verdict", "paper"]
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Receives what a run has to tell while it goes on."""
+
+    say: Callable[[str], None]
+    """Receives remarks and verdicts."""
+    complain: Callable[[str], None]
+    """Receives warnings, and the failures of cells."""
+    progress: Callable[[Store, Cells], Progress] = lambda store, cells: progress_for_stderr()
+    """Makes what shows the steps and the messages of the engine."""
+    table: bool = False
+    """Whether the first table of several scenes is shown as soon as it is complete."""
+
+
+QUIET = Audience(lambda line: None, lambda line: None)
+
+
+def run(
+    suite: str | RunSpec,
+    out: str | Path | None = None,
+    *,
+    engine: str | None = None,
+    workers: int | None = None,
+    ray_address: str | None = None,
+    trust: Sequence[str | Path] = (),
+    say: Callable[[str], None] = lambda line: None,
+    **options: Any,
+) -> pd.DataFrame:
+    """Run the cells of a suite that are not in ``out`` yet, write its reports, and return its table (see ``table``).
+
+    ``suite`` is a suite's name or file, with ``options`` that are fields of ``RunSpec`` and of ``SceneOptions`` such as
+    ``scenes=["corner"]``, ``seeds=2``, ``preset="smoke"`` or ``settings={"inverse_iterations": 600}``; or it is a whole
+    ``RunSpec``. ``engine``, ``workers`` and ``ray_address`` tell where cells run, as the options of ``radiogs-bench
+    run`` do. Methods' files that ``options`` or ``trust`` name may run their commands; a spec alone names none.
+    ``say`` receives remarks and failures. Raises UsageError and DataError for what cannot be run, CellFailed where a
+    cell failed (the other cells are kept), and NumericalFailure where suite ``stability`` or ``hard-training`` exceeds
+    its tolerances.
+    """
+    spec = suite if isinstance(suite, RunSpec) else RunSpec.of(suite, **options)
+    own = () if isinstance(suite, RunSpec) else spec.methods
+    with trusting([*own, *map(str, trust)]):
+        plan = resolve(spec)
+        store = Store(Path("out") / plan.suite.name if out is None else Path(out))
+        ended = carry_out(plan, store, choose(engine, workers, ray_address, spec.threads), Audience(say, say))
+        write(store, ended.manifest)
+        for line in verdicts(plan, store):
+            say(line)
+    if ended.code:
+        raise CellFailed(
+            f"the run ended with exit code {ended.code}", "Some of its cells failed; ``say`` is told why each did."
+        )
+    return table(store.folder)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: its exit code, and its manifest."""
+
+    code: int
+    manifest: Sweep
+
+
+def carry_out(plan: RunPlan, store: Store, engine: Engine, to: Audience, command: Sequence[str] = ()) -> Ended:
+    """Run the missing cells of a plan. ``command``: the arguments of the command line, if the run came from there."""
+    store.remove_leavings()
+    with progress_for_stderr() as progress:
+        fetch_missing(plan.lpips_networks, to.say, progress.advance)
+    manifest = write_manifest(plan, store, to, command)
+    unfinished = [cell for _, cell in plan.own_cells if store.result(cell.key) is None]
+    titles = {stage.title for _, cell in plan.own_cells for stage in cell.stages}
+    bars = SweepProgress(to.progress(store, plan.own_cells), titles, steps_to_take(store, unfinished))
+    with working_bench(plan, store, growing(plan, store, bars, to.table)) as bench:
+        ended = run_plan(plan, bench, engine)
+    code = ended.code or explained_code(ended.failures, to.complain)
+    return Ended(code, with_rows_from_files(store, manifest, checksums_of(plan))[0])  # rows may have been added
+
+
+@contextmanager
+def working_bench(plan: RunPlan, store: Store, progress: Progress | None = None) -> Iterator[Bench]:
+    """Where the cells of a plan run in this process: its device, its threads, and Ctrl-C as a request to stop."""
+    device: torch.device = use(plan.spec.device, plan.spec.threads)
+    with progress or progress_for_stderr() as shown, Interruption() as interruption:
+        yield Bench(store, device, shown, interruption, plan.method, checksum_now, kept_views=plan.spec.keep_views)
+
+
+def explained_code(failures: Sequence[ExplainedError], complain: Callable[[str], None]) -> int:
+    """Tell each failure once; returns the exit code of the whole run."""
+    for message in dict.fromkeys(explain(failure) for failure in failures):
+        complain(message)
+    return worst_exit_code(failures)
+
+
+def verdicts(plan: RunPlan, store: Store) -> list[str]:
+    """The sentences with which suites ``stability`` and ``hard-training`` end; none for others.
+
+    Raises NumericalFailure where errors, or changes of metrics, exceed their tolerances.
+    """
+    if plan.suite.experiment == STABILITY:
+        return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
+    if plan.suite.name == HARD_TRAINING.name:
+        return [invariance_kept(store, [ref for ref, _ in plan.own_cells])]
+    return []
+
+
+def write_manifest(plan: RunPlan, store: Store, to: Audience, command: Sequence[str]) -> Sweep:
+    """Write the run's manifest, with the folder's rows that were scored from files and can be compared with it."""
+    with changing_sweep(store) as write_it:
+        manifest, outdated = with_rows_from_files(store, plan.manifest(command), checksums_of(plan))
+        kept = keep_reports(store, manifest)
+        write_it(manifest)
+    if kept is not None:
+        to.complain(f"the reports of the folder's last run, which was another one, are kept in {kept}")
+    for name in outdated:
+        to.complain(
+            f"row '{name}' was scored from files by another version of the code and is left out."
+            f" Score it again:  radiogs-bench score FOLDER --scene SCENE --into {store.folder} --row '{name}'"
+        )
+    return manifest
+
+
+def checksums_of(plan: RunPlan) -> dict[str, str]:
+    """The scenes' checksums, by the names that the run has for them."""
+    return {name: scene.checksum for name, scene in plan.scenes.items()}
+
+
+def other_run(store: Store, manifest: Sweep) -> str:
+    """A remark if another run was started in the folder meanwhile: `report` rebuilds the other run's reports."""
+    try:
+        last = read_sweep(store.folder)
+    except DataError as error:
+        return f"{error.what} {error.remedy}"
+    if last == sealed(manifest):
+        return ""
+    return (
+        f"Meanwhile suite '{last['suite']}' was started in {store.folder}: the reports above are of this run,"
+        " `report` and `status` show the other one."
+    )
+
+
+def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
+    """The table of the run in a folder, as ``run`` and ``report`` print it: a line a row, a column a metric.
+
+    ``what``: ``value`` (means; ``attrs["caption"]`` of the frame says over what), ``difference`` to the reference row,
+    ``low`` and ``high`` of its 95 % interval, ``verdict`` (better, worse, or none), or ``paper`` (the published value).
+    Raises DataError where no run has a table there yet.
+    """
+    try:
+        made = suite_table(read_summary(Path(folder)))
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"no table in '{folder}'", str(error), f"Finish a run, or rebuild it:  radiogs-bench report {folder}"
+        ) from error
+    lines = {row.text: [_entry(cell, what) for cell in row.cells] for row in made.rows}
+    frame = pd.DataFrame.from_dict(lines, orient="index", columns=[column.key for column in made.columns])
+    frame.attrs["caption"] = made.caption
+    return frame
+
+
+def gate(folder: str | Path, baseline: str | Path, slow_fails: bool = False) -> pd.DataFrame:
+    """Differences between the run in a folder and a baseline, a line each: ``severity``, ``cell``, ``what``.
+
+    Severities are those of docs/gate.md; the run is worse where one is ``regression``. Raises DataError for results or
+    a baseline that cannot be compared.
+    """
+    path = Path(folder)
+    changes = compare(Store(path), read_sweep(path), read_baseline(Path(baseline)), slow_fails)
+    return pd.DataFrame(
+        [(each.severity, each.cell, each.what) for each in changes], columns=["severity", "cell", "what"]
+    )
+
+
+def _entry(cell: Cell, what: Shown) -> Any:
+    if what == "value":
+        return cell.value
+    if what == "paper":
+        return None if cell.published is None else cell.published.value
+    if cell.difference is None:
+        return None
+    if what == "verdict":
+        return cell.verdict
+    return cell.difference.interval["mean" if what == "difference" else what]
