@@ -106,8 +106,6 @@ class Row:
     """Fields of the variant that differ from the full method, as plain values."""
     budget: Mapping[str, float] = field(default_factory=dict)
     """Factors for fields of the preset, so that a row is the same share of the work in each preset."""
-    numbers: Mapping[str, Any] = field(default_factory=dict)
-    """Values that take the place of the preset's numbers, by dotted names; the factors multiply them."""
     settings: Mapping[str, float] = field(default_factory=dict)
     """Settings of the experiment, if it has any."""
     method: str = DEFAULT
@@ -118,6 +116,8 @@ class Row:
     given: tuple[Part, ...] | None = None
     """Parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``): empty for the row of a
     ladder that is given nothing, None for a row outside a ladder."""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """Values that take the place of the preset's numbers, by dotted names; the factors multiply them."""
 
 
 @dataclass(frozen=True)

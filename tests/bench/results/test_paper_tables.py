@@ -13,7 +13,6 @@ from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables, ran, value_of, why_not
 from radiogs_bench.runs.plan import RunPlan
 from radiogs_bench.runs.rows import with_settings
-from radiogs_bench.runs.sweep import Sweep
 from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
 from radiogs_bench.suites.suite import Suite
 from radiogs_core.scene.scene import Scene
@@ -31,10 +30,6 @@ def run(sweep: FakeSweep, plan: RunPlan) -> Mapping[str, PaperTable]:
     """Run what is asked for; the tables of the store by key."""
     sweep.run([cell for _, cell in plan.cells])
     return {table["key"]: table for table in paper_tables(sweep.store, plan.manifest())}
-
-
-def manifest(asked: RunPlan) -> Sweep:
-    return asked.manifest()
 
 
 def stored(sweep: FakeSweep, asked: RunPlan, row: str) -> list[float]:
@@ -192,7 +187,7 @@ def test_results_of_another_preset_seed_or_suite_stay_out(sweep: FakeSweep) -> N
     before = run(sweep, asked)
     sweep.run([cell for _, cell in request(preset="tiny").cells])
     sweep.run([cell for _, cell in request(seeds=3).cells])
-    after = {table["key"]: table for table in paper_tables(sweep.store, manifest(asked))}
+    after = {table["key"]: table for table in paper_tables(sweep.store, asked.manifest())}
     assert after == before
 
 
@@ -209,4 +204,4 @@ def test_changes_are_to_all_views_and_hours_are_those_of_training(sweep: FakeSwe
 
 
 def test_an_empty_store_fills_no_table(sweep: FakeSweep) -> None:
-    assert paper_tables(sweep.store, manifest(request())) == []
+    assert paper_tables(sweep.store, request().manifest()) == []

@@ -47,7 +47,6 @@ def test_the_manifest_holds_the_kinds_that_scenes_state() -> None:
 
 
 def test_the_command_line_is_kept_in_the_summary(tmp_path: Path) -> None:
-    places = [place for place, _ in request().cells]
     typed = ["run", "ablations", "--scenes", "a b", "--long-side", "48"]
     write_sweep(Store(tmp_path), request().manifest(typed))
     assert summarise(Store(tmp_path), read_sweep(tmp_path), {}, "")["command"] == typed

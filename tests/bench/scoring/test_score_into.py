@@ -165,8 +165,7 @@ def test_files_that_cannot_be_compared_are_refused_and_change_nothing(
 @pytest.mark.slow
 def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(run: Path, files: Path) -> None:
     into(run, files)
-    store, places = Store(run), [place for place, _ in REQUEST.cells]
-    fresh = REQUEST.manifest()
+    store, fresh = Store(run), REQUEST.manifest()
     kept, outdated = with_rows_from_files(store, fresh, {"corner": SCENE.checksum})
     assert kept == {name: part for name, part in read_sweep(run).items() if name != "seal"}
     assert not outdated

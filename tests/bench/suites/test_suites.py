@@ -349,7 +349,7 @@ def test_cells_of_several_methods_stand_in_one_request(chain: Chain) -> None:
     assert [stage.name for stage in cells["chain"].stages] == ["fit"]
     assert cells["chain"].budget == chain.presets["smoke"]
     with pytest.raises(UsageError, match="unknown preset 'paper' of chain"):
-        asked(1, suite, "paper").cells
+        asked(1, suite, "paper")
 
 
 def test_the_ablations_run_on_the_eight_scenes_with_the_most_indirect_light() -> None:

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, scene_of
-from radiogs_bench.cli import growing as module
 from radiogs_bench.cli import main
 from radiogs_bench.errors import CellFailed, StoreError
+from radiogs_bench.results import growing as module
 from radiogs_bench.results.growing import FIRST_SECONDS, PAUSE, GrowingReports
 from radiogs_bench.runs.engines.in_process import Task, record_failure
 from radiogs_bench.runs.progress import LogProgress
