@@ -12,12 +12,12 @@ from unittest.mock import patch
 import pytest
 
 from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
-from radiogs_bench.cli import main, showing
-from radiogs_bench.cli.run import say_other_run
-from radiogs_bench.cli.showing import write
+from radiogs_bench.cli import main
 from radiogs_bench.errors import UNEXPECTED, Killed, StoreError, exit_code, explain
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import budget_of, variant_of
+from radiogs_bench.results import reports
+from radiogs_bench.results.reports import write
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.engines import run as engines
 from radiogs_bench.runs.engines.choice import Engine
@@ -25,6 +25,7 @@ from radiogs_bench.runs.sweep import Sweep
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.suite import Suite
+from radiogs_bench.whole_runs import other_run
 from radiogs_datasets import load_scene
 
 WITH_FIGURES = True
@@ -53,7 +54,7 @@ def run(made: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_run_reports_itself_where_another_was_started_in_its_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
 ) -> None:
     """Audit M9: the first printed the second's table and wrote no report of its own."""
     from dataclasses import replace
@@ -64,11 +65,9 @@ def test_a_run_reports_itself_where_another_was_started_in_its_folder(
     summary, written = write(store, first)
     assert summary["suite"] == "ablations"
     assert tmp_path / "ablations.md" in written
-    say_other_run(store, first)
-    assert "Meanwhile suite 'second' was started" in capsys.readouterr().out
+    assert "Meanwhile suite 'second' was started" in other_run(store, first)
     write_sweep(store, first)
-    say_other_run(store, first)
-    assert capsys.readouterr().out == ""
+    assert other_run(store, first) == ""
 
 
 @pytest.mark.slow
@@ -101,7 +100,7 @@ def test_reports_that_do_not_fit_on_the_disk_are_explained_and_made_later(
     bound: int, first: str, run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Audit M22: a full disk while reports are written was a traceback. ``first`` is a file that does not fit."""
-    whole, writing = files_of(run), showing.write_reports
+    whole, writing = files_of(run), reports.write_reports
 
     def scarce(out: Path, *told: Any) -> list[Path]:
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -111,13 +110,13 @@ def test_reports_that_do_not_fit_on_the_disk_are_explained_and_made_later(
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
-    monkeypatch.setattr(showing, "write_reports", scarce)
+    monkeypatch.setattr(reports, "write_reports", scarce)
     assert main(["report", str(run)]) == UNEXPECTED
     said = capsys.readouterr().err
     assert f"no space left to write {run}" in said
     assert "Traceback" not in said
     assert {name: content for name, content in files_of(run).items() if name in whole} == whole
-    monkeypatch.setattr(showing, "write_reports", writing)
+    monkeypatch.setattr(reports, "write_reports", writing)
     assert main(["report", str(run)]) == 0
     late = [name for name, content in files_of(run).items() if first in name and len(content) > bound]
     assert late, "the bound is below no file of this kind"

@@ -22,7 +22,7 @@ import torch
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, Turned
 from radiogs_bench import installed_methods, methods
 from radiogs_bench.cli import main
-from radiogs_bench.cli.run import report_failures
+from radiogs_bench.cli.reporter import complain
 from radiogs_bench.errors import MethodFailed, exit_code, explain
 from radiogs_bench.method_calls import calling, lacking, losses_of, members, require, require_storable
 from radiogs_bench.own_values import own_scene
@@ -37,6 +37,7 @@ from radiogs_bench.runs.stages import Bench, facts_of
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.maps import on_black
 from radiogs_bench.store.folder import Store
+from radiogs_bench.whole_runs import explained_code
 from radiogs_core.contract import MapKind, Method, NotOffered, Prepared, Run, Stage, Trained
 from radiogs_core.errors import ExplainedError, NumericalFailure, UsageError
 from scenes import sphere_scene
@@ -127,7 +128,7 @@ def test_an_exception_in_a_method_fails_its_cell_with_its_name_and_traceback(
     (file,) = (tmp_path / "tracebacks").iterdir()
     assert file.read_text().startswith("Traceback (most recent call last):")
     assert str(file) in failures[0].remedy
-    assert report_failures(failures) == 1
+    assert explained_code(failures, complain) == 1
     assert capsys.readouterr().err.count("error: ") == 1, "what failed alike is explained once"
 
 
@@ -498,7 +499,7 @@ def test_an_error_s_text_cannot_command_the_terminal(tmp_path: Path, capsys: pyt
     run_all(Store(tmp_path), failures := Wrong(step=fails(ValueError, "\x1b[2J\x1b]0;title\x07")))
     assert failures.begun
     (failure,) = run_all(Store(tmp_path), failures)
-    report_failures([failure])
+    explained_code([failure], complain)
     said = capsys.readouterr().err
     assert "title" in said
     assert "\x1b" not in said
