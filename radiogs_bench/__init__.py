@@ -1,6 +1,5 @@
 """A benchmark harness for inverse rendering: from Python by the names below, from the shell as ``radiogs-bench``."""
 
-from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
         scene_names,
         train,
     )
-    from .runs.spec import RunSpec
-    from .whole_runs import gate, run, table
+    from .whole_runs import RunSpec, gate, run, table
 
 __version__ = version("radiogs-bench")
 
@@ -42,14 +40,13 @@ __all__ = [
     "train",
 ]
 
-ELSEWHERE = {"gate": "whole_runs", "run": "whole_runs", "table": "whole_runs", "RunSpec": "runs.spec"}
-"""Modules of the names that ``api`` does not have."""
-
 
 def __getattr__(name: str) -> Any:
     """Names of the API, imported when they are first asked for: the command line answers without PyTorch."""
     if name in __all__:
-        return getattr(import_module(f".{ELSEWHERE.get(name, 'api')}", __name__), name)
+        from . import api, whole_runs
+
+        return getattr(api if name in api.__all__ else whole_runs, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 

@@ -39,7 +39,7 @@ from .suites.experiment import STABILITY
 from .suites.own import HARD_TRAINING
 from .trusted_methods import trusting
 
-__all__ = ["gate", "run", "table"]
+__all__ = ["RunSpec", "gate", "run", "table"]
 
 Shown = Literal["value", "difference", "low", "high", "verdict", "paper"]
 

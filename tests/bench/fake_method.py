@@ -164,7 +164,7 @@ class FakeMethod:
     presets: Mapping[str, Budget] = PRESETS
     sources = SOURCES
     recipes, published_recipe = RADIOGS.recipes, RADIOGS.published_recipe
-    recipe_values, recipe_table = RADIOGS.recipe_values, RADIOGS.recipe_table
+    recipe_values, recipe_table, recipe_at = RADIOGS.recipe_values, RADIOGS.recipe_table, RADIOGS.recipe_at
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
         reads = [stage.reads for stage in RADIOGS.stages(variant, budget)]

@@ -1,8 +1,8 @@
 """The reports of a run over several scenes grow while it goes on, and change nothing about how it ends."""
 
 import io
+import json
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
@@ -13,11 +13,12 @@ from typing import Any
 import pytest
 
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, scene_of
-from radiogs_bench.cli import main
+from radiogs_bench.cli import child, main
 from radiogs_bench.errors import CellFailed, StoreError
 from radiogs_bench.results import growing as module
 from radiogs_bench.results.growing import FIRST_SECONDS, PAUSE, GrowingReports
 from radiogs_bench.runs.engines.in_process import Task, record_failure
+from radiogs_bench.runs.engines.run import CHILD
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.sweep import CellRef
 from radiogs_bench.store.folder import Store
@@ -25,7 +26,7 @@ from radiogs_bench.suites import scenes
 from scenes import sphere_scene
 
 Started = Callable[..., int]
-Command = Callable[[Sequence[str]], tuple[int, str, str]]
+Command = Callable[[dict[str, Any]], tuple[int, str, str]]
 
 
 SUITE = """
@@ -60,21 +61,21 @@ def two_scenes(fake_run: Started, tmp_path_factory: pytest.TempPathFactory, monk
 
 
 def commands(monkeypatch: pytest.MonkeyPatch, answer: Command) -> list[Sequence[str]]:
-    """The commands that are started from now on, each answered with an exit code, stdout and stderr."""
+    """The commands that are started from now on, the order of each answered with an exit code, stdout and stderr."""
     started: list[Sequence[str]] = []
 
     def run(command: Sequence[str], **how: Any) -> "subprocess.CompletedProcess[str]":
         started.append(command)
-        code, out, error = answer(command)
+        code, out, error = answer(json.loads(how["input"]))
         return subprocess.CompletedProcess(command, code, out, error)
 
     monkeypatch.setattr(module, "subprocess", SimpleNamespace(run=run, TimeoutExpired=subprocess.TimeoutExpired))
     return started
 
 
-def in_this_process(command: Sequence[str]) -> tuple[int, str, str]:
+def in_this_process(order: dict[str, Any]) -> tuple[int, str, str]:
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
-        code = main([*command[4:]])
+        code = child.report(**order)
     return code, out.getvalue(), error.getvalue()
 
 
@@ -89,14 +90,14 @@ def test_a_first_table_comes_with_the_first_scene_and_the_last_is_as_without_it(
 ) -> None:
     so_far: dict[str, bytes] = {}
 
-    def look(command: Sequence[str]) -> tuple[int, str, str]:
-        answer = in_this_process(command)
+    def look(order: dict[str, Any]) -> tuple[int, str, str]:
+        answer = in_this_process(order)
         so_far.update(reports_in(tmp_path))
         return answer
 
     started = commands(monkeypatch, look)
     assert two_scenes() == 0
-    assert [command[:4] for command in started] == [[sys.executable, "-P", "-m", "radiogs_bench"]]
+    assert started == [[*CHILD, "report"]]
     assert b"Mean over 1 scene (one) and 1 seed" in so_far["mine.md"]
     assert b"1 of the run's 2 scenes are left out" in so_far["mine.md"]
     assert b"Figures, images and surfels are left out" in so_far["report.html"]
@@ -123,7 +124,7 @@ def test_a_first_table_comes_with_the_first_scene_and_the_last_is_as_without_it(
 def test_reports_that_cannot_be_written_do_not_end_the_run(
     two_scenes: Started, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    commands(monkeypatch, lambda command: (6, "", "error: no space left to write it\n(exit code 6)\n"))
+    commands(monkeypatch, lambda order: (6, "", "error: no space left to write it\n(exit code 6)\n"))
     assert two_scenes("--json") == 0
     out, _ = capsys.readouterr()
     said = "the reports over 1 of 2 scenes were not written, and the run goes on: no space left to write it"
@@ -135,11 +136,11 @@ def test_reports_that_cannot_be_written_do_not_end_the_run(
 def test_a_report_that_does_not_start_or_end_is_an_error_that_is_said(
     failure: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(command: Sequence[str]) -> tuple[int, str, str]:
+    def fail(order: dict[str, Any]) -> tuple[int, str, str]:
         raise failure
 
     commands(monkeypatch, fail)
-    with pytest.raises(StoreError, match=r"could not be started: out of memory|was ended"):
+    with pytest.raises(StoreError, match=r"could not be begun: out of memory|were ended"):
         module.reported(tmp_path, ["one"], None)
 
 

@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(3)
     sweep.run([cell for _, cell in request.cells])
-    manifest = request.manifest([_placed(sweep, place) for place, _ in request.cells])
+    manifest = request.manifest() | {"cells": [_placed(sweep, place) for place, _ in request.cells]}
     manifest |= {"scenes": [*KINDS], "seeds": [0], "kinds": KINDS}
     write_sweep(sweep.store, manifest)
     return folder
