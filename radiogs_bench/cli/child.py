@@ -7,7 +7,7 @@ The order is JSON from the process of the run, which started this one.
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 
@@ -42,7 +42,8 @@ def main() -> int:
     """Do the part that the command line names; returns the exit code of a command."""
     from .main import answered
 
-    part, order = {"work": work, "report": report}[sys.argv[1]], json.load(sys.stdin)
+    parts: dict[str, Callable[..., int]] = {"work": work, "report": report}
+    part, order = parts[sys.argv[1]], json.load(sys.stdin)
     return answered(lambda: part(**order), bool(order.get("verbose")))
 
 

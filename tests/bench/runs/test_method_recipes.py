@@ -129,7 +129,7 @@ def test_run_takes_a_recipe_or_refuses_it_by_name(
     assert fake_run("ablations", "--method", "chain", "--recipe", "printed") == 2
     assert "chain has no recipes, and none called 'printed'" in capsys.readouterr().err
     assert fake_run("ablations", "--recipe", "printed", "--set", "materials.weights.mask=0.5") == 0
-    assert {row["recipe"] for row in read_sweep(tmp_path)["rows"]} == {"printed"}
+    assert {row["recipe"] for row in read_sweep(tmp_path)["rows"]} == {"printed, shortened (20 steps, rates x 12)"}
     variants = [result["cell"]["variant"] for result in Store(tmp_path).results()]
     assert to_plain(by("printed", **{"materials.weights.mask": 0.5})) in variants
     assert {variant["masking"] for variant in variants} == {"height-correlated"}
