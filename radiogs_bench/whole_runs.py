@@ -20,11 +20,9 @@ from .fetching.lpips_weights import fetch_missing
 from .results.baseline import read_baseline
 from .results.gate import compare
 from .results.growing import growing
-from .results.invariance import invariance_kept
-from .results.reports import keep_reports, write
+from .results.reports import keep_reports, verdicts, write
 from .runs.engines.choice import Engine, choose
 from .runs.engines.run import run_plan
-from .runs.hard_cases import tolerances_kept
 from .runs.interruption import Interruption
 from .runs.plan import Cells, RunPlan, resolve
 from .runs.progress import Progress, SweepProgress, progress_for_stderr
@@ -35,8 +33,6 @@ from .runs.stages import Bench
 from .runs.sweep import Sweep, changing_sweep, read_sweep, steps_to_take
 from .store.folder import Store
 from .store.seal import sealed
-from .suites.experiment import STABILITY
-from .suites.own import HARD_TRAINING
 from .trusted_methods import trusting
 
 __all__ = ["RunSpec", "gate", "run", "table"]
@@ -134,18 +130,6 @@ def explained_code(failures: Sequence[ExplainedError], complain: Callable[[str],
     for message in dict.fromkeys(explain(failure) for failure in failures):
         complain(message)
     return worst_exit_code(failures)
-
-
-def verdicts(plan: RunPlan, store: Store) -> list[str]:
-    """The sentences with which suites ``stability`` and ``hard-training`` end; none for others.
-
-    Raises NumericalFailure where errors, or changes of metrics, exceed their tolerances.
-    """
-    if plan.suite.experiment == STABILITY:
-        return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
-    if plan.suite.name == HARD_TRAINING.name:
-        return [invariance_kept(store, [ref for ref, _ in plan.own_cells])]
-    return []
 
 
 def write_manifest(plan: RunPlan, store: Store, to: Audience, command: Sequence[str]) -> Sweep:

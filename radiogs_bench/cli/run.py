@@ -192,7 +192,8 @@ def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", options: arg
 
     Raises NumericalFailure where suite ``stability`` or ``hard-training`` exceeds its tolerances.
     """
-    from ..whole_runs import Audience, carry_out, other_run, verdicts
+    from ..results.reports import verdicts
+    from ..whole_runs import Audience, carry_out, other_run
     from .events import EventProgress, emit
 
     to = Audience(partial(say_line, as_json=options.json), complain, table=not options.json)

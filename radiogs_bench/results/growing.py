@@ -14,8 +14,8 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+from ..child_process import CHILD
 from ..errors import StoreError
-from ..runs.engines.run import CHILD
 from ..runs.plan import RunPlan
 from ..runs.progress import ForwardingProgress, Progress
 from ..runs.sweep import CellRef

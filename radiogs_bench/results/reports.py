@@ -18,11 +18,16 @@ from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import PLAIN, OtherRun, Summary, protocol_title, row_texts
 from radiogs_reports.tables.caption import origin
 
+from ..runs.hard_cases import tolerances_kept
+from ..runs.plan import RunPlan
 from ..runs.progress import progress_for_stderr
 from ..runs.sweep import Sweep, of_scenes, read_sweep, shown_preset
 from ..store.atomic import explained
 from ..store.folder import Store
 from ..store.seal import write_sealed
+from ..suites.experiment import STABILITY
+from ..suites.own import HARD_TRAINING
+from .invariance import invariance_kept
 from .longer_run import records_of
 from .summary import summarise
 
@@ -145,3 +150,15 @@ def _is_own_file(folder: Path, name: str) -> bool:
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
     return plain and (folder / name).is_file() and not any(path.is_symlink() for path in places)
+
+
+def verdicts(plan: RunPlan, store: Store) -> list[str]:
+    """The sentences with which suites ``stability`` and ``hard-training`` end; none for others.
+
+    Raises NumericalFailure where errors, or changes of metrics, exceed their tolerances.
+    """
+    if plan.suite.experiment == STABILITY:
+        return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
+    if plan.suite.name == HARD_TRAINING.name:
+        return [invariance_kept(store, [ref for ref, _ in plan.own_cells])]
+    return []

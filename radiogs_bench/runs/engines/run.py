@@ -8,7 +8,6 @@ import json
 import logging
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -22,6 +21,7 @@ from radiogs_core.errors import ExplainedError, UsageError
 from radiogs_core.kernels.runtime import workers
 from radiogs_datasets import load_scene
 
+from ...child_process import CHILD
 from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
 from ...store.folder import Store
 from ...store.pace import Pace, pace_of
@@ -199,11 +199,6 @@ def _relay(worker: "subprocess.Popen[str]", lines: "SimpleQueue[str]") -> None:
     with worker.stderr as stream:
         for line in stream:
             lines.put(line.rstrip("\n"))
-
-
-CHILD = (sys.executable, "-P", "-m", "radiogs_bench.cli.child")
-"""Begins the command line of a process that does a part of a run: the installed code, and no module of the folder where
-the process is started, whatever it is called."""
 
 
 def give(process: "subprocess.Popen[str]", order: Mapping[str, Any]) -> None:

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, scene_of
+from radiogs_bench.child_process import CHILD
 from radiogs_bench.cli import child, main
 from radiogs_bench.errors import CellFailed, StoreError
 from radiogs_bench.results import growing as module
 from radiogs_bench.results.growing import FIRST_SECONDS, PAUSE, GrowingReports
 from radiogs_bench.runs.engines.in_process import Task, record_failure
-from radiogs_bench.runs.engines.run import CHILD
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.sweep import CellRef
 from radiogs_bench.store.folder import Store

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from bench.fake_method import FakeSweep, asked
+from radiogs_bench.child_process import CHILD
 from radiogs_bench.runs.engines import run as engines
 from radiogs_bench.runs.engines.choice import Engine
-from radiogs_bench.runs.engines.run import CHILD, Order, run_by_pool, run_pool
+from radiogs_bench.runs.engines.run import Order, run_by_pool, run_pool
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.spec import RunSpec
 from radiogs_core.kernels.runtime import use_threads
