@@ -1,8 +1,7 @@
 """``radiogs-bench bench``: speed of the kernels, of relit frames and of single steps, and how steps grow with size."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ if TYPE_CHECKING:
     import torch
 
     from ..lab.steps.sizes import Size
+    from ..lab.steps.subject import Subject
     from .options import Commands
 
 KERNELS = ("trace", "rasterize", "shade", "harmonics", "split-sum")
@@ -86,15 +86,8 @@ def _add_steps(subjects: "Commands") -> None:
     steps.add_argument(
         "--stages", type=positive, metavar="N", help="Measure only the first N stages, and no relighting."
     )
-    other = steps.add_mutually_exclusive_group()
-    other.add_argument(
-        "--compare", type=Path, metavar="FILE", help="Print ratios to FILE, an earlier record from this machine."
-    )
-    other.add_argument(
-        "--against", type=Path, metavar="CHECKOUT", help="Print ratios to another checkout; passes of both alternate."
-    )
     steps.add_argument(
-        "--history", type=Path, metavar="FILE", help="Add a line to FILE: this commit's times relative to yardsticks."
+        "--compare", type=Path, metavar="FILE", help="Print ratios to FILE, an earlier record from this machine."
     )
     growth = declare(
         subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
@@ -202,23 +195,63 @@ def _spacing(text: str) -> float:
 
 
 def bench_steps(options: argparse.Namespace) -> int:
-    """Measure single steps, print, and write the record."""
-    from ..lab.steps.sizes import size_of
-    from ..lab.steps.subject import require_size
+    """Measure single steps, print them, with ratios to an earlier record if one was named, and write the record."""
+    from radiogs_datasets import load_scene
+
+    from ..lab.steps.measure import measured
+    from ..lab.steps.passes import warm_up
+    from ..lab.steps.ratios import read_record, require_comparable
+    from ..lab.steps.record import SCHEMA, as_table, frames_said
+    from ..lab.steps.sizes import WARM_UP, size_of
+    from ..lab.steps.subject import require_size, subject_of
     from ..methods import method
+    from ..store.provenance import session
+    from .reporter import complain, say, show
 
     used, sizes = method(options.method), [size_of(name) for name in options.sizes]
     for size in sizes:
         require_size(used, size)
-    return _alone(options, sizes) if options.against is None else _in_turn(options, sizes)
+    device = chosen_device(options)
+    record: dict[str, Any] = {"schema": SCHEMA, **session(device), **_place(options), "sizes": {}}
+    earlier = None if options.compare is None else read_record(options.compare)
+    if earlier is not None:
+        require_comparable(record, earlier)
+
+    def subject_at(size: "Size") -> "Subject":
+        return subject_of(used, load_scene(options.scene), size, device)
+
+    warm_up(subject_at(WARM_UP))
+    for size in sizes:
+        found = measured(subject_at, size, options.passes or size.passes, options.stages, complain)
+        record["sizes"][size.name] = found
+        show(as_table(size.name, found))
+        for sentence in frames_said(found):
+            say(sentence)
+    if earlier is not None:
+        _show_ratios(record["sizes"], earlier["sizes"])
+    _write(options.json, record)
+    return 0
+
+
+def _show_ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
+    """Print the ratios of the sizes that both records have. Raises UsageError where there is none."""
+    from ..lab.steps.ratios import as_table
+    from .reporter import show
+
+    shared = [name for name in ours if name in theirs]
+    if not shared:
+        raise UsageError(
+            "the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Name them with --sizes."
+        )
+    for name in shared:
+        show(as_table(name, ours[name], theirs[name]))
 
 
 def bench_growth(options: argparse.Namespace) -> int:
     """Measure along every axis, print how seconds and bytes grow, and write the record."""
     from radiogs_datasets import load_scene
 
-    from ..lab.steps.growth import PASSES, SCHEMA, bench_growth
-    from ..lab.steps.growth_table import growth_table
+    from ..lab.steps.growth import PASSES, SCHEMA, bench_growth, growth_table
     from ..methods import method
     from ..store.provenance import session
     from .reporter import complain, show
@@ -230,81 +263,6 @@ def bench_growth(options: argparse.Namespace) -> int:
     show(growth_table(rows))
     _write(options.json, {"schema": SCHEMA, **began, **_place(options), "rows": rows})
     return 0
-
-
-def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """Measure this checkout in this process, beside yardsticks; print ratios to an earlier record if one was named."""
-    from ..lab.steps.history import append, line_of
-    from ..lab.steps.measure import Here, measured
-    from ..lab.steps.ratios import read_record, require_comparable
-    from ..lab.steps.record import as_table, frames_said, record_of, yardstick_said
-    from ..lab.steps.worker import named_subject
-    from ..lab.steps.yardsticks import Yardsticks
-    from ..store.provenance import session
-    from .reporter import complain, say, show
-
-    device, found = chosen_device(options), {}
-    began = session(device)
-    earlier = None if options.compare is None else read_record(options.compare)
-    if earlier is not None:
-        require_comparable({**began, **_place(options)}, earlier)
-    yardsticks = Yardsticks()
-    here = Here(partial(named_subject, options.method, options.scene, options.device), options.stages)
-    for size in sizes:
-        yardsticks.measure()
-        (found[size.name],) = measured([here], size, options.passes or size.passes, complain)
-        show(as_table(size.name, found[size.name]))
-        for sentence in frames_said(found[size.name]):
-            say(sentence)
-    yardsticks.measure()
-    record = record_of(began, _place(options), yardsticks, found)
-    say(yardstick_said(record))
-    if earlier is not None:
-        _ratios(found, earlier["sizes"], paired=False)
-    _write(options.json, record)
-    if options.history is not None:
-        append(options.history, line_of(record))
-    return 0
-
-
-def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """Measure this checkout and another one, each in its own process, pass by pass in turn."""
-    from ..lab.steps.against import worker
-    from ..lab.steps.measure import measured
-    from ..lab.steps.ratios import AGAINST
-    from ..store.provenance import session
-    from .reporter import complain
-
-    if options.history is not None:
-        raise UsageError(
-            "--history does not go with --against", "It keeps the times of this checkout alone.", "Leave --against out."
-        )
-    device, ours, theirs = chosen_device(options), {}, {}
-    given = (options.method, options.scene, options.device, str(options.stages or 0))
-    with worker(options.against, given, options.sizes) as other, worker(None, given, options.sizes) as this:
-        for size in sizes:
-            passes = options.passes or size.passes
-            theirs[size.name], ours[size.name] = measured([other, this], size, passes, complain)
-        commits = {"this": this.origin["git"], "other": other.origin["git"]}
-    ratios = _ratios(ours, theirs, paired=True)
-    record = {"this": ours, "other": theirs, "commits": commits, "ratios": ratios}
-    _write(options.json, {"schema": AGAINST, **session(device), **_place(options), **record})
-    return 0
-
-
-def _ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any], paired: bool) -> dict[str, list[dict[str, Any]]]:
-    """Print the ratios of the sizes that both have, and return them."""
-    from ..lab.steps.ratios import as_table, compared
-    from .reporter import show
-
-    found = {name: list(compared(each, theirs[name], paired)) for name, each in ours.items() if name in theirs}
-    if not found:
-        raise UsageError(
-            "the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Name them with --sizes."
-        )
-    for name, ratios in found.items():
-        show(as_table(name, ratios))
-    return found
 
 
 def _place(options: argparse.Namespace) -> dict[str, str]:

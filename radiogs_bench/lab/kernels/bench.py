@@ -22,7 +22,7 @@ Announce = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Row:
+class MeasuredPass:
     """One pass of one kernel on one input."""
 
     kernel: str
@@ -64,7 +64,7 @@ def bench_kernels(
     scenes: tuple[str, ...] = tuple(SCENES),
     repetitions: int = REPETITIONS,
     announce: Announce = lambda line: None,
-) -> Iterator[Row]:
+) -> Iterator[MeasuredPass]:
     """Measure all cases on one CPU thread or on ``device``, row by row; ``points`` adds a scene of real geometry."""
     use_threads(1)
     for case in _cases(device, points, kernels, scenes):
@@ -72,7 +72,7 @@ def bench_kernels(
         yield from measure(case, device, repetitions)
 
 
-def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Row, Row]:
+def measure(case: Case, device: torch.device, repetitions: int) -> tuple[MeasuredPass, MeasuredPass, MeasuredPass]:
     """Rows for the forward pass, the backward pass, and both."""
     yardstick = case.yardstick
     with recording() as instruments:
@@ -92,7 +92,7 @@ def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Ro
     for name, passes_of in (("forward", _forward), ("backward", _backward), ("both", _backward)):
         times = theirs["forward" if one_way else name]
         rows.append(
-            Row(
+            MeasuredPass(
                 kernel=case.kernel,
                 scene=case.scene,
                 dtype=_name(case.dtype),

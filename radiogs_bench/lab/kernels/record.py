@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from .bench import Row
+from .bench import MeasuredPass
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -13,7 +13,7 @@ SCHEMA = "radiogs-bench/kernels/1"
 
 
 def as_json(
-    rows: Sequence[Row], scaling: dict[str, float] | None, skipped: Sequence[str], session: dict[str, Any]
+    rows: Sequence[MeasuredPass], scaling: dict[str, float] | None, skipped: Sequence[str], session: dict[str, Any]
 ) -> dict[str, Any]:
     """All measurements and their provenance."""
     return {
@@ -25,7 +25,7 @@ def as_json(
     }
 
 
-def as_table(rows: Sequence[Row], on_gpu: bool) -> "Table":
+def as_table(rows: Sequence[MeasuredPass], on_gpu: bool) -> "Table":
     """One line per pass; rates are of one core on the CPU."""
     from rich.table import Table
 
@@ -46,6 +46,6 @@ def as_table(rows: Sequence[Row], on_gpu: bool) -> "Table":
     return table
 
 
-def _counter(row: Row, *names: str, digits: int = 1, unit: int = 1) -> str:
+def _counter(row: MeasuredPass, *names: str, digits: int = 1, unit: int = 1) -> str:
     """The first of these counters that the kernel has, in units of ``unit``; empty where it has none of them."""
     return next((f"{row.counters[name] / unit:.{digits}f}" for name in names if name in row.counters), "")

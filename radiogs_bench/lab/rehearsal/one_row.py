@@ -1,6 +1,6 @@
 """Runs all phases of one row with few steps: training, checkpoint and resume, evaluation, relighting."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -23,7 +23,7 @@ from ...scoring.maps import on_black
 from ...scoring.metrics.protocols import protocol
 from ...store.folder import Store, checkpoint_name, product_name
 from .phases import Phases
-from .row import STEPS, Row
+from .plan import STEPS, Plan, RehearsedRow
 
 
 class Enough(Exception):
@@ -34,7 +34,14 @@ class RowRehearsal:
     """The phases of one row on one scene; what another row has done already is taken from the store."""
 
     def __init__(
-        self, row: Row, scene: Scene, size: int | None, rules: str, store: Store, phases: Phases, seen: set[str]
+        self,
+        row: RehearsedRow,
+        scene: Scene,
+        size: int | None,
+        rules: str,
+        store: Store,
+        phases: Phases,
+        seen: set[str],
     ) -> None:
         self.row, self.scene, self.rules, self.store, self.phases, self.seen = row, scene, rules, store, phases, seen
         self.device, self.name = phases.device, row.method.name
@@ -219,14 +226,14 @@ class RowRehearsal:
 
 
 def rehearse_rows(
-    rows: Sequence[Row], scene: Scene, size: int | None, rules: str, store: Store, phases: Phases
+    plan: Plan, size: int | None, store: Store, phases: Phases
 ) -> tuple[dict[str, list[str]], dict[str, dict[str, int]]]:
     """Measure every row; returns the keys of the phases in each row's whole run, and the counts among its facts."""
     seen: set[str] = set()
     keys: dict[str, list[str]] = {}
     facts: dict[str, dict[str, int]] = {}
-    for row in rows:
-        rehearsal = RowRehearsal(row, scene, size, rules, store, phases, seen)
+    for row in plan.rows:
+        rehearsal = RowRehearsal(row, plan.scene, size, plan.protocol, store, phases, seen)
         keys[row.key] = rehearsal.all()
         facts[row.key] = rehearsal.facts
     return keys, facts

@@ -2,81 +2,54 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import torch
 
-from radiogs_core.scene.scene import Scene
-
 from ...store.provenance import session
-from .climb import Bounds, Rehearsal
+from .climb import Rehearsal
 from .growth import SizeResult, extended, peak
-from .limits import KNOWN_DEVICES, Speed, speed_of
+from .limits import KNOWN_DEVICES, speed_of
 from .phases import Phase
-from .row import Row
+from .plan import Plan
 
 SCHEMA = "radiogs-bench/rehearsal/1"
 
-
-@dataclass(frozen=True)
-class Asked:
-    """The subject of a rehearsal and its settings."""
-
-    name: str
-    """The name of the suite or scene."""
-    preset: str
-    """Name of the preset."""
-    scene: Scene
-    """Scene of the rehearsal."""
-    cells: int
-    """The number of scenes that the whole run has for each row."""
-    bounds: Bounds
-    """Limits of the rehearsal."""
-    device: torch.device
-    """Device of the rehearsal."""
-    other_device: str | None = None
-    """Device that the forecast is for, if it is another one."""
-    clock: str = "wall"
-    """The seconds that are counted, "wall" or "core"."""
+Plain = dict[str, Any]
 
 
-def record_of(asked: Asked, rows: Sequence[Row], climbed: Rehearsal) -> dict[str, Any]:
+def record_of(plan: Plan, climbed: Rehearsal) -> Plain:
     """Everything as plain values."""
-    camera = asked.scene.train[0].camera
-    named = next((row.method.size_name for row in rows if row.sizes() is not None), None)  # type: ignore[attr-defined]
-    content: dict[str, Any] = {
+    camera = plan.scene.train[0].camera
+    named = next((row.method.size_name for row in plan.rows if row.sizes() is not None), None)  # type: ignore[attr-defined]
+    forecast = _forecasts(plan, climbed)
+    content: Plain = {
         "schema": SCHEMA,
-        "name": asked.name,
-        "preset": asked.preset,
+        "name": plan.name,
+        "preset": plan.preset,
         "scene": {
-            "name": asked.scene.name,
-            "train": len(asked.scene.train),
-            "test": len(asked.scene.test),
+            "name": plan.scene.name,
+            "train": len(plan.scene.train),
+            "test": len(plan.scene.test),
             "width": camera.width,
             "height": camera.height,
-            "masks": asked.scene.train[0].has("alpha"),
-            "lights": len(asked.scene.lights),
-            "remarks": list(asked.scene.repairs),
+            "masks": plan.scene.train[0].has("alpha"),
+            "lights": len(plan.scene.lights),
+            "remarks": list(plan.scene.repairs),
         },
-        "rows": [row.key for row in rows],
-        "cells": asked.cells,
+        "rows": [row.key for row in plan.rows],
+        "cells": plan.cells,
         "size_name": named,
-        "clock": asked.clock,
-        "memory": dict(asked.bounds.memory),
-        "session": session(asked.device),
+        "clock": plan.clock,
+        "memory": dict(plan.memory),
+        "session": session(plan.device),
         "rungs": [_rung(rung) for rung in climbed.rungs],
         "refusal": None if climbed.refusal is None else asdict(climbed.refusal),
-        "forecast": [],
+        "forecast": forecast,
     }
-    whole = [rung for rung in climbed.rungs if rung.whole]
-    if whole:
-        start = min((sizes[0] for row in rows if (sizes := row.sizes()) is not None), default=None)
-        for size in dict.fromkeys((start, climbed.largest)):
-            if len(whole) > 1 or whole[0].size == size:
-                content["forecast"].append(_forecast(asked, whole, size))
-        if asked.other_device is not None and content["forecast"]:
-            content["other"] = _other(asked.other_device, asked.device, content["forecast"], whole)
+    if plan.other_device is not None and forecast:
+        content["other"] = _other(plan.other_device, plan.device, forecast, climbed.rungs[0].base)
     return content
 
 
@@ -86,7 +59,7 @@ def fits(content: Mapping[str, Any]) -> bool:
     return not refused and all(not each["beyond"] for each in content["forecast"])
 
 
-def _rung(rung: SizeResult) -> dict[str, Any]:
+def _rung(rung: SizeResult) -> Plain:
     return {
         "size": rung.size,
         "base": dict(rung.base),
@@ -98,69 +71,67 @@ def _rung(rung: SizeResult) -> dict[str, Any]:
     }
 
 
-def _at(rungs: Sequence[SizeResult], size: int | None) -> tuple[Sequence[Phase], bool]:
-    """The phases at a size, and whether they were measured there."""
-    for rung in rungs:
-        if rung.size == size:
-            return rung.phases, True
-    assert size is not None
-    return extended(rungs, size), False
+def _forecasts(plan: Plan, climbed: Rehearsal) -> list[Plain]:
+    """Forecasts at the size at which runs begin and at the largest, as far as enough sizes are complete."""
+    whole = [rung for rung in climbed.rungs if rung.whole]
+    start = min((sizes[0] for row in plan.rows if (sizes := row.sizes()) is not None), default=None)
+    return [
+        _forecast(plan, whole, size)
+        for size in dict.fromkeys((start, climbed.largest))
+        if len(whole) > 1 or (whole and whole[0].size == size)
+    ]
 
 
-def _forecast(asked: Asked, rungs: Sequence[SizeResult], size: int | None) -> dict[str, Any]:
+def _forecast(plan: Plan, rungs: Sequence[SizeResult], size: int | None) -> Plain:
     """Seconds of the whole run if its models had this size throughout, peaks, and the places where they do not fit."""
-    phases, measured = _at(rungs, size)
-    whole = whole_of(phases, rungs[-1].rows if not measured else _rows_at(rungs, size), asked.cells)
-    peaks = {where: peak(phases, where) for where in asked.bounds.memory}
+    measured = next((rung for rung in rungs if rung.size == size), None)
+    if measured is not None:
+        phases = measured.phases
+    else:
+        assert size is not None
+        phases = extended(rungs, size)
+    seconds, error = whole_of(phases, (measured or rungs[-1]).rows, plan.cells)
+    peaks = {where: peak(phases, where) for where in plan.memory}
     return {
         "size": size,
-        "measured": measured,
-        "seconds": whole.seconds,
-        "error": whole.error,
+        "measured": measured is not None,
+        "seconds": seconds,
+        "error": error,
         "peaks": {where: {"bytes": amount, "phase": title} for where, (amount, title) in peaks.items()},
-        "beyond": [where for where, (amount, _) in peaks.items() if amount > asked.bounds.memory[where]],
+        "beyond": [where for where, (amount, _) in peaks.items() if amount > plan.memory[where]],
     }
 
 
-def _rows_at(rungs: Sequence[SizeResult], size: int | None) -> Mapping[str, Sequence[str]]:
-    return next(rung.rows for rung in rungs if rung.size == size)
-
-
-def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]], rungs: Sequence[SizeResult]) -> dict:
+def _other(name: str, device: torch.device, forecast: Sequence[Plain], base: Mapping[str, int]) -> Plain:
     """The forecast for another device, between what arithmetic and what memory traffic alone would say.
 
     Seconds are multiplied by the ratio of speeds here and there, of operations for the lower end and of bytes for the
-    upper one, whichever is smaller or larger. Memory is what the process took here beyond what it had at first.
+    upper one, whichever is smaller or larger. Memory is what the process took here beyond ``base``, which it had at
+    first.
     """
     known, here = KNOWN_DEVICES[name], speed_of(device)
-    ratios = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
+    low, high = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
     at = "device" if device.type == "cuda" else "host"
-    base = 0 if at == "device" else rungs[0].base["host"]
-    peaks = [each["peaks"][at]["bytes"] - base for each in forecast]
+    peaks = [each["peaks"][at]["bytes"] - (0 if at == "device" else base[at]) for each in forecast]
     return {
         "name": name,
         "title": known.title,
         "source": known.source,
         "speed_here": asdict(here),
-        "speed_there": asdict(Speed(known.speed.operations, known.speed.bytes)),
-        "ratios": ratios,
-        "seconds": [forecast[0]["seconds"] * ratios[0], forecast[-1]["seconds"] * ratios[1]],
+        "speed_there": asdict(known.speed),
+        "ratios": [low, high],
+        "seconds": [forecast[0]["seconds"] * low, forecast[-1]["seconds"] * high],
         "peaks": peaks,
         "memory": known.memory,
         "fits": [amount <= known.memory for amount in peaks],
     }
 
 
-@dataclass(frozen=True)
-class Whole:
-    """Seconds of a whole run with a model of one size. error: of the steps' measurement alone, one standard error."""
+def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> tuple[float, float]:
+    """Seconds of a whole run with models of one size, and their standard error from the steps' measurement alone.
 
-    seconds: float
-    error: float
-
-
-def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> Whole:
-    """All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once."""
+    All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once.
+    """
     trained = {key for keys in rows.values() for key in keys if " " not in key}
     shown = [key for keys in rows.values() for key in keys if " " in key]
     times = {phase.key: 0 for phase in phases} | dict.fromkeys(trained, 1)
@@ -168,4 +139,4 @@ def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: 
         times[key] = times.get(key, 0) + 1
     seconds = math.fsum(times[phase.key] * phase.whole * phase.mean for phase in phases)
     squares = math.fsum((times[phase.key] * phase.whole * phase.error) ** 2 for phase in phases)
-    return Whole(cells * seconds, cells * math.sqrt(squares))
+    return cells * seconds, cells * math.sqrt(squares)

@@ -28,6 +28,11 @@ class Observe(Protocol):
         """Do the work; returns its result."""
 
 
+def warm_up(subject: Subject) -> None:
+    """Do everything once before anything is timed: kernels are compiled, and libraries loaded."""
+    one_pass(subject, lambda titles, work: work())
+
+
 def one_pass(subject: Subject, observe: Observe, stages: int | None = None) -> str:
     """Do everything once, or so many ``stages`` without relighting; returns where the model lies."""
     method = subject.method

@@ -1,35 +1,12 @@
-"""Writes the tables of rehearsals into a document, from what ``rehearse`` stored; nothing in them is typed by hand.
+"""A rehearsal in lines of Markdown, as ``rehearse`` prints it."""
 
-    python -m radiogs_bench.lab.rehearsal.document docs/paper_scale.md docs/paper_scale/*.json
-
-A table of ``NAME.json`` stands between the lines ``<!-- rehearsal NAME -->`` and ``<!-- end of rehearsal -->``.
-"""
-
-import json
 import math
-import re
-import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
-
-from radiogs_core.errors import DataError
 
 from ...durations import duration
 
 GIB = 2**30
-END = "<!-- end of rehearsal -->"
-
-
-def with_tables(text: str, records: Mapping[str, Mapping[str, Any]]) -> str:
-    """The document with the table of each record in its place. Raises DataError where a place is missing."""
-    for name, record in records.items():
-        begin = f"<!-- rehearsal {name} -->"
-        place = re.search(re.escape(begin) + ".*?" + re.escape(END), text, re.DOTALL)
-        if place is None:
-            raise DataError(f"the document has no place for '{name}'", f"It lacks {begin} ... {END}.")
-        text = text[: place.start()] + "\n".join([begin, *lines_of(record), END]) + text[place.end() :]
-    return text
 
 
 def lines_of(record: Mapping[str, Any]) -> list[str]:
@@ -78,7 +55,7 @@ def _forecasts(record: Mapping[str, Any], name: str) -> list[str]:
             for where, peak in each["peaks"].items()
         )
         how = "measured" if each["measured"] else "extended"
-        verdict = "**does not fit**" if each["beyond"] else "fits"
+        verdict = "does not fit" if each["beyond"] else "fits"
         lines.append(
             f"- Forecast at {_size(each['size'], name)} throughout ({how}): {duration(each['seconds'])}"
             f" ± {duration(each['error'])}; {peaks}: {verdict}."
@@ -87,9 +64,9 @@ def _forecasts(record: Mapping[str, Any], name: str) -> list[str]:
         other = record["other"]
         low, high = other["seconds"]
         memory = " to ".join(f"{amount / GIB:.1f}" for amount in dict.fromkeys(other["peaks"]))
-        verdict = "fits" if all(other["fits"]) else "**the largest does not fit**"
+        verdict = "fits" if all(other["fits"]) else "the largest does not fit"
         lines.append(
-            f"- **Forecast, not measured**, for an {other['title']}: {duration(low)} to {duration(high)};"
+            f"- Forecast, not measured, for an {other['title']}: {duration(low)} to {duration(high)};"
             f" {memory} GiB of {other['memory'] / GIB:.0f}: {verdict}."
         )
     if record["refusal"] is not None:
@@ -125,14 +102,3 @@ def _mean(phase: Mapping[str, Any]) -> float:
 def seconds(value: float) -> str:
     """Seconds to two or three digits."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2f}"
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Write the tables of the files named after the document into it."""
-    document, *files = map(Path, arguments)
-    records = {path.stem: json.loads(path.read_bytes()) for path in files}
-    document.write_text(with_tables(document.read_text(encoding="utf-8"), records), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
