@@ -11,8 +11,6 @@ from .device import chosen_device
 from .options import METHOD, add_verbose, declare, names, positive
 
 if TYPE_CHECKING:
-    import torch
-
     from ..lab.steps.sizes import Size
     from ..lab.steps.subject import Subject
     from .options import Commands
@@ -63,6 +61,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def _add_device_and_record(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(threads=1)
     parser.add_argument(
         "--device", choices=["cpu", "cuda"], default="cpu", help="Measure on this device (default: cpu)."
     )
@@ -75,7 +74,7 @@ def _add_steps(subjects: "Commands") -> None:
     steps = declare(
         subjects, "steps", "Measure a method's steps, starting points and relit frames.", "bench steps --sizes tiny"
     )
-    steps.set_defaults(command=bench_steps, threads=1)
+    steps.set_defaults(command=bench_steps)
     steps.add_argument(
         "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
         help="Measure these sizes in this order: floor, tiny, long, 20k, small, paper, smoke (default: tiny,20k).",
@@ -92,7 +91,7 @@ def _add_steps(subjects: "Commands") -> None:
     growth = declare(
         subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
     )
-    growth.set_defaults(command=bench_growth, threads=1)
+    growth.set_defaults(command=bench_growth)
     growth.add_argument("--passes", type=positive, metavar="N", help="Measure every step N times (default: 3).")
     for each in (steps, growth):
         each.add_argument("--method", default=METHOD, metavar="NAME", help=f"Measure this method (default: {METHOD}).")
@@ -103,42 +102,41 @@ def _add_steps(subjects: "Commands") -> None:
 def bench_kernels(options: argparse.Namespace) -> int:
     """Measure, print the table, and write the record."""
     import os
+    from dataclasses import asdict
 
-    from ..lab.kernels import bench, record
+    from ..lab.kernels import bench
     from ..lab.kernels.embree import missing_embree
     from ..store.provenance import session
-    from ..store.seal import write_sealed
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
         for name in given:
             if name not in known:
                 raise unknown(kind, name, known)
-    device = _device(options.device)
-    reasons = [missing_embree()] if "trace" in options.kernels else []
+    device = chosen_device(options)
+    skipped = [missing_embree()] if "trace" in options.kernels and missing_embree() else []
     if options.points is None and "trace" in options.kernels:
-        reasons.append("real geometry: no file was named with --points")
-    skipped = [reason for reason in reasons if reason]
+        skipped.append("real geometry: no file was named with --points")
     rows = list(
-        bench.bench_kernels(
-            device, options.points, tuple(options.kernels), tuple(options.scenes), options.repetitions, complain
-        )
+        bench.bench_kernels(device, options.points, options.kernels, options.scenes, options.repetitions, complain)
     )
     team = os.cpu_count() or 1
-    scaling = None
+    several = None
     if device.type == "cpu" and "trace" in options.kernels and "M" in options.scenes and team > 1:
         complain(f"trace, M, float32, {team} threads against one")
-        scaling = bench.scaling(team, options.repetitions)
-    show(record.as_table(rows, device.type == "cuda"))
+        several = bench.scaling(team, options.repetitions)
+    show(bench.as_table(rows, device.type == "cuda"))
     for name in sorted({row.yardstick for row in rows if row.yardstick}):
         say(f"yardstick of {', '.join(sorted({row.kernel for row in rows if row.yardstick == name}))}: {name}")
-    if scaling is not None:
-        say(f"{team} threads: {scaling['forward']:.2f} x forward, {scaling['backward']:.2f} x backward (wall time)")
+    if several is not None:
+        say(f"{team} threads: {several['forward']:.2f} x forward, {several['backward']:.2f} x backward (wall time)")
     for reason in skipped:
         say(f"skipped: {reason}")
-    if options.json is not None:
-        kept = record.as_json(rows, scaling, skipped, dict(session(device)))
-        write_sealed(options.json, kept)
+    passes = [{**asdict(row), "millions_per_second": row.millions_per_second} for row in rows]
+    _write(
+        options.json,
+        {"schema": bench.SCHEMA, **session(device), "rows": passes, "scaling": several, "skipped": skipped},
+    )
     return 0
 
 
@@ -152,10 +150,9 @@ def bench_frames(options: argparse.Namespace) -> int:
 
     from ..lab.kernels import frames
     from ..store.provenance import session
-    from ..store.seal import write_sealed
     from .reporter import complain, show
 
-    device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
+    device, spacings = chosen_device(options), [_spacing(text) for text in options.spacings]
     rows = list(frames.bench_frames(load_scene(options.scene), spacings, device, complain))
     table = Table("surfels", "apart", "by rays, ms", "by surfels alone, ms", "ratio")
     for row in rows:
@@ -164,20 +161,9 @@ def bench_frames(options: argparse.Namespace) -> int:
             f"{row.rays_milliseconds:.1f}", f"{row.surfels_milliseconds:.1f}", f"{row.ratio:.1f}",
         )  # fmt: skip
     show(table)
-    if options.json is not None:
-        record = {**session(device), "scene": options.scene, "rows": [{**asdict(r), "ratio": r.ratio} for r in rows]}
-        write_sealed(options.json, record)
+    told = [{**asdict(row), "ratio": row.ratio} for row in rows]
+    _write(options.json, {**session(device), "scene": options.scene, "rows": told})
     return 0
-
-
-def _device(name: str) -> "torch.device":
-    import torch
-
-    if name == "cuda" and not torch.cuda.is_available():
-        raise UsageError(
-            "no CUDA device was found", "PyTorch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
-        )
-    return torch.device(name)
 
 
 def _spacing(text: str) -> float:

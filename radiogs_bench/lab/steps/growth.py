@@ -184,31 +184,27 @@ class Watching:
 
     def __init__(self, device: torch.device) -> None:
         self.device = device
-        self.bytes: dict[str, int] = {}
-        self.first: dict[str, float] = {}
+        self.peaks: dict[str, int] = {}
         self.seconds: defaultdict[str, list[float]] = defaultdict(list)
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
         """Watch the work, unless it counts as nothing."""
-        if not titles:
-            return work()
-        results: list[Result] = []
+        done: list[Result] = []
         taken: list[float] = []
 
         def do() -> None:
-            taken.append(seconds(lambda: results.append(work()), self.device))
+            taken.append(seconds(lambda: done.append(work()), self.device))
 
-        if all(title in self.bytes for title in titles):
+        if all(title in self.peaks for title in titles):
             do()
-            for title in titles:
-                self.seconds[title].extend(taken)
-            return results[0]
-        peak = peak_bytes(do, self.device)
+        else:
+            self.peaks = dict.fromkeys(titles, peak_bytes(do, self.device)) | self.peaks
         for title in titles:
-            self.bytes.setdefault(title, peak)
-            self.first.setdefault(title, taken[0])
-        return results[0]
+            self.seconds[title].extend(taken)
+        return done[0]
 
     def found(self) -> dict[str, Measured]:
         """Seconds and peak bytes by title."""
-        return {title: Measured(self.seconds[title] or [self.first[title]], peak) for title, peak in self.bytes.items()}
+        return {
+            title: Measured(self.seconds[title][1:] or self.seconds[title], self.peaks[title]) for title in self.peaks
+        }

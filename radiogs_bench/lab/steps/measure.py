@@ -244,12 +244,12 @@ class Times:
         return result
 
     def _timed(self, titles: tuple[str, ...], work: Callable[[], Result]) -> tuple[Result, float]:
-        results: list[Result] = []
+        done: list[Result] = []
         with looking() as parts:
-            taken = seconds(lambda: results.append(work()), self.device)
+            taken = seconds(lambda: done.append(work()), self.device)
         for title in titles:
             self.parts[title].append(parts)
-        return results[0], taken
+        return done[0], taken
 
 
 Plain = dict[str, Any]
