@@ -12,9 +12,9 @@ from ...runs.progress import Progress
 from ...store.folder import Store
 from .growth import SizeResult, extended, peak
 from .limits import give_memory_back, in_use
-from .one_row import rehearse_rows
+from .one_row import RowRehearsal
 from .phases import Phase, Phases, TooLarge
-from .plan import CLOCKS, Plan, RehearsedRow
+from .plan import CLOCKS, Plan, RehearsedRow, size_range
 
 FIRST = 0.25
 """Share of the size at which a run begins that is tried first: two sizes tell what grows with the model."""
@@ -36,11 +36,10 @@ class Refusal:
 class Rehearsal:
     """The measurements by size, and why the rehearsal ended before the last size, if it did.
 
-    ``largest`` is the size that was wanted. The last of the sizes may lack phases (``SizeResult.whole``).
+    The last of the sizes may lack phases (``SizeResult.whole``).
     """
 
     rungs: Sequence[SizeResult]
-    largest: int | None
     refusal: Refusal | None
 
     @property
@@ -51,10 +50,10 @@ class Rehearsal:
 
 def sizes_of(rows: Sequence[RehearsedRow]) -> list[int]:
     """A quarter of the size at which runs begin, that size, and four times as many each time up to the largest."""
-    known = [sizes for row in rows if (sizes := row.sizes()) is not None]
-    if not known:
+    known = size_range(rows)
+    if known is None:
         return []
-    start, most = min(first for first, _ in known), max(last for _, last in known)
+    start, most = known
     found = [max(1, round(FIRST * start)), start]
     while found[-1] * FACTOR < most:
         found.append(round(found[-1] * FACTOR))
@@ -74,7 +73,6 @@ def stopped_by_signals() -> Iterator[None]:
 def climb(plan: Plan, folder: Path, progress: Progress) -> Rehearsal:
     """Rehearse the rows at each size; what is stored meanwhile is removed from ``folder`` again."""
     ladder: Sequence[int | None] = plan.sizes or sizes_of(plan.rows) or [None]
-    largest = max(sizes_of(plan.rows), default=None)
     rungs: list[SizeResult] = []
     end = time.perf_counter() + plan.seconds
     for size in ladder:
@@ -84,29 +82,31 @@ def climb(plan: Plan, folder: Path, progress: Progress) -> Rehearsal:
             rungs.append(_measured(plan, size, folder, progress))
             refusal = _broken_off(rungs[-1], plan.memory)
         if refusal is not None:
-            return Rehearsal(rungs, largest, refusal)
-    return Rehearsal(rungs, largest, None)
+            return Rehearsal(rungs, refusal)
+    return Rehearsal(rungs, None)
 
 
 def _measured(plan: Plan, size: int | None, folder: Path, progress: Progress) -> SizeResult:
     phases = Phases(plan.device, CLOCKS[plan.clock], progress.say)
     give_memory_back()
     base = in_use(plan.device)
-    keys: dict[str, list[str]] = {}
+    rows: dict[str, list[str]] = {}
     facts: dict[str, dict[str, int]] = {}
+    seen: set[str] = set()
     broke_at, stopped = None, False
     wall, busy = time.perf_counter(), time.process_time()
     with TemporaryDirectory(prefix=".rehearsal-", dir=folder, ignore_cleanup_errors=True) as own:
         try:
-            keys, facts = rehearse_rows(plan, size, Store(Path(own)), phases)
+            for row in plan.rows:
+                rehearsal = RowRehearsal(plan, row, size, Store(Path(own)), phases, seen)
+                rows[row.key], facts[row.key] = rehearsal.all(), rehearsal.facts
         except TooLarge as large:
             broke_at = large.title
         except KeyboardInterrupt:
             stopped = True
     taken = time.perf_counter() - wall
-    return SizeResult(
-        size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped
-    )
+    share = (time.process_time() - busy) / taken
+    return SizeResult(size, base, phases.done, rows, facts, taken, share, broke_at, stopped)
 
 
 def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:

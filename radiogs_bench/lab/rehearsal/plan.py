@@ -55,6 +55,12 @@ class RehearsedRow:
         return ShortRun(self.variant, self.budget, kinds, (Relighting("relighting", self.variant, 0),))
 
 
+def size_range(rows: Sequence[RehearsedRow]) -> tuple[int, int] | None:
+    """The least size at which a row's models begin, and the largest of any; None where no method says."""
+    known = [sizes for row in rows if (sizes := row.sizes()) is not None]
+    return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+
+
 @dataclass(frozen=True)
 class Plan:
     """A rehearsal as it was asked for."""

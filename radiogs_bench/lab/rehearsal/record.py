@@ -12,7 +12,7 @@ from .climb import Rehearsal
 from .growth import SizeResult, extended, peak
 from .limits import KNOWN_DEVICES, speed_of
 from .phases import Phase
-from .plan import Plan
+from .plan import Plan, size_range
 
 SCHEMA = "radiogs-bench/rehearsal/1"
 
@@ -60,41 +60,37 @@ def fits(content: Mapping[str, Any]) -> bool:
 
 
 def _rung(rung: SizeResult) -> Plain:
+    """What was measured at a size; why it ended is in ``refusal``."""
+    kept = ("title", "key", "seconds", "whole", "peaks")
+    phases = [{name: getattr(phase, name) for name in kept} for phase in rung.phases]
     return {
-        "size": rung.size,
-        "base": dict(rung.base),
-        "seconds": rung.seconds,
-        "busy": rung.busy,
-        "rows": {name: list(keys) for name, keys in rung.rows.items()},
-        "facts": {name: dict(found) for name, found in rung.facts.items()},
-        "phases": [phase.plain() for phase in rung.phases],
+        **{name: getattr(rung, name) for name in ("size", "base", "seconds", "busy", "rows", "facts")},
+        "phases": phases,
     }
 
 
 def _forecasts(plan: Plan, climbed: Rehearsal) -> list[Plain]:
-    """Forecasts at the size at which runs begin and at the largest, as far as enough sizes are complete."""
+    """Forecasts at the size at which runs begin and at the largest, where they were measured or two others were."""
     whole = [rung for rung in climbed.rungs if rung.whole]
-    start = min((sizes[0] for row in plan.rows if (sizes := row.sizes()) is not None), default=None)
-    return [
-        _forecast(plan, whole, size)
-        for size in dict.fromkeys((start, climbed.largest))
-        if len(whole) > 1 or (whole and whole[0].size == size)
-    ]
+    found = []
+    for size in dict.fromkeys(size_range(plan.rows) or (None,)):
+        measured = next((rung for rung in whole if rung.size == size), None)
+        if measured is not None:
+            found.append(_forecast(plan, size, measured.phases, measured.rows, measured=True))
+        elif size is not None and len(whole) > 1:
+            found.append(_forecast(plan, size, extended(whole, size), whole[-1].rows, measured=False))
+    return found
 
 
-def _forecast(plan: Plan, rungs: Sequence[SizeResult], size: int | None) -> Plain:
+def _forecast(
+    plan: Plan, size: int | None, phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], *, measured: bool
+) -> Plain:
     """Seconds of the whole run if its models had this size throughout, peaks, and the places where they do not fit."""
-    measured = next((rung for rung in rungs if rung.size == size), None)
-    if measured is not None:
-        phases = measured.phases
-    else:
-        assert size is not None
-        phases = extended(rungs, size)
-    seconds, error = whole_of(phases, (measured or rungs[-1]).rows, plan.cells)
+    seconds, error = whole_of(phases, rows, plan.cells)
     peaks = {where: peak(phases, where) for where in plan.memory}
     return {
         "size": size,
-        "measured": measured is not None,
+        "measured": measured,
         "seconds": seconds,
         "error": error,
         "peaks": {where: {"bytes": amount, "phase": title} for where, (amount, title) in peaks.items()},

@@ -15,7 +15,6 @@ class Size:
     """A model and images of one size."""
 
     name: str
-    """Name of the size."""
     preset: str
     """Preset whose samples, surfels of a step and light are used."""
     side: int

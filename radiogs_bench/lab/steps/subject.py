@@ -38,17 +38,12 @@ class Subject:
     """A method, the few steps of it that are measured, and the scene."""
 
     method: Method
-    """The method."""
     size: Size
-    """Size of the model and of the images."""
     surfels: int | None
     """Surfels of the model; None: the method decides."""
     scene: Scene
-    """The scene."""
     short: ShortRun
-    """The steps."""
     device: torch.device
-    """Device of the model."""
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
