@@ -184,9 +184,9 @@ def bench_steps(options: argparse.Namespace) -> int:
     """Measure single steps, print them, with ratios to an earlier record if one was named, and write the record."""
     from radiogs_datasets import load_scene
 
+    from ..lab.steps import ratios
     from ..lab.steps.measure import measured
     from ..lab.steps.passes import warm_up
-    from ..lab.steps.ratios import read_record, require_comparable
     from ..lab.steps.record import SCHEMA, as_table, frames_said
     from ..lab.steps.sizes import WARM_UP, size_of
     from ..lab.steps.subject import require_size, subject_of
@@ -199,9 +199,9 @@ def bench_steps(options: argparse.Namespace) -> int:
         require_size(used, size)
     device = chosen_device(options)
     record: dict[str, Any] = {"schema": SCHEMA, **session(device), **_place(options), "sizes": {}}
-    earlier = None if options.compare is None else read_record(options.compare)
-    if earlier is not None:
-        require_comparable(record, earlier)
+    earlier = {}
+    if options.compare is not None:
+        earlier = ratios.comparable_sizes(record, ratios.read_record(options.compare), options.sizes)
 
     def subject_at(size: "Size") -> "Subject":
         return subject_of(used, load_scene(options.scene), size, device)
@@ -213,24 +213,10 @@ def bench_steps(options: argparse.Namespace) -> int:
         show(as_table(size.name, found))
         for sentence in frames_said(found):
             say(sentence)
-    if earlier is not None:
-        _show_ratios(record["sizes"], earlier["sizes"])
     _write(options.json, record)
+    for name, before in earlier.items():
+        show(ratios.as_table(name, record["sizes"][name], before))
     return 0
-
-
-def _show_ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
-    """Print the ratios of the sizes that both records have. Raises UsageError where there is none."""
-    from ..lab.steps.ratios import as_table
-    from .reporter import show
-
-    shared = [name for name in ours if name in theirs]
-    if not shared:
-        raise UsageError(
-            "the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Name them with --sizes."
-        )
-    for name in shared:
-        show(as_table(name, ours[name], theirs[name]))
 
 
 def bench_growth(options: argparse.Namespace) -> int:

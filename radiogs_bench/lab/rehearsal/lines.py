@@ -1,7 +1,8 @@
 """A rehearsal in lines of Markdown, as ``rehearse`` prints it."""
 
-import math
 from collections.abc import Mapping
+from itertools import zip_longest
+from statistics import fmean
 from typing import Any
 
 from ...durations import duration
@@ -27,24 +28,27 @@ def lines_of(record: Mapping[str, Any]) -> list[str]:
         "| phase | " + " | ".join(f"{size}: s | GiB" for size in sizes) + " | in the whole run |",
         "|---|" + "---:|---:|" * len(rungs) + "---:|",
     ]
+    for phases in zip_longest(*(rung["phases"] for rung in rungs)):
+        known = next(phase for phase in phases if phase is not None)
+        lines.append(f"| {known['title']} | {' | '.join(map(_cell, phases))} | {known['whole']:,} |")
     models: list[str] = []
-    longest = max(rungs, key=lambda rung: len(rung["phases"]))["phases"]
-    for index, phase in enumerate(longest):
-        cells = []
-        for rung in rungs:
-            if index >= len(rung["phases"]):
-                cells.append(" | ")
-                continue
-            found = rung["phases"][index]
-            where = "device" if "device" in found["peaks"] else "host"
-            cells.append(f"{seconds(_mean(found))} | {found['peaks'][where] / GIB:.2f}")
-        lines.append(f"| {phase['title']} | {' | '.join(cells)} | {phase['whole']:,} |")
     for rung in rungs:
         facts = {row: found for row, found in rung["facts"].items() if found}
         if rung["size"] is not None and facts:
-            said = "; ".join(f"{row}: {_plain(found)}" for row, found in facts.items())
+            said = "; ".join(
+                f"{row}: {', '.join(f'{amount:,} {what}' for what, amount in found.items())}"
+                for row, found in facts.items()
+            )
             models.append(f"- Models at the end, begun with {_size(rung['size'], name)}: {said}.")
     return [*lines, "", *models, *_forecasts(record, name), ""]
+
+
+def _cell(phase: Mapping[str, Any] | None) -> str:
+    """Mean seconds to two or three digits, and the peak; empty where the phase was not measured."""
+    if phase is None:
+        return " | "
+    seconds, peaks = fmean(phase["seconds"]), phase["peaks"]
+    return f"{seconds:.{0 if seconds >= 10 else 2}f} | {peaks.get('device', peaks['host']) / GIB:.2f}"
 
 
 def _forecasts(record: Mapping[str, Any], name: str) -> list[str]:
@@ -89,16 +93,3 @@ def _shared(record: Mapping[str, Any]) -> str:
         return ""
     counted = "Seconds are those with a core." if record["clock"] == "core" else "Seconds are those that passed."
     return f" The process had a core {shares} of the time. {counted}"
-
-
-def _plain(facts: Mapping[str, int]) -> str:
-    return ", ".join(f"{amount:,} {name}" for name, amount in facts.items())
-
-
-def _mean(phase: Mapping[str, Any]) -> float:
-    return math.fsum(phase["seconds"]) / len(phase["seconds"])
-
-
-def seconds(value: float) -> str:
-    """Seconds to two or three digits."""
-    return f"{value:.0f}" if value >= 10 else f"{value:.2f}"

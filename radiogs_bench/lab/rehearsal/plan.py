@@ -1,4 +1,4 @@
-"""What is rehearsed: rows with the few steps that are taken of them, the scene, and the bounds."""
+"""The plan of a rehearsal: rows with the few steps that are taken of them, the scene, and the bounds."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -60,7 +60,7 @@ def fits(content: Mapping[str, Any]) -> bool:
 
 
 def _rung(rung: SizeResult) -> Plain:
-    """What was measured at a size; why it ended is in ``refusal``."""
+    """The measurements at a size as plain values; ``refusal`` tells why they ended."""
     kept = ("title", "key", "seconds", "whole", "peaks")
     phases = [{name: getattr(phase, name) for name in kept} for phase in rung.phases]
     return {

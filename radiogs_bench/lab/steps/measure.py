@@ -262,7 +262,7 @@ def measured(
     stages: int | None,
     announce: Callable[[str], None],
 ) -> Plain:
-    """What everything took at a size: the model, the images, and a row for each piece of work.
+    """Measure everything at a size: the model, the images, and a row for each piece of work.
 
     ``subject_at`` makes the subject anew for each pass. ``stages``: how many are gone through, without relighting; None
     for everything. The first pass counts operations, launches and work as well.

@@ -1,6 +1,6 @@
 """Measurements beside an earlier record of the same machine: ratios of medians, and whether the same work was done."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,8 +36,11 @@ def read_record(path: Path) -> Plain:
         raise DataError(f"cannot use the record {path}: {broken.reason}", "", make) from broken
 
 
-def require_comparable(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
-    """Raise UsageError where two records are of other machines, methods or scenes."""
+def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted: Collection[str]) -> dict[str, Plain]:
+    """The measurements that a record has at the wanted sizes. ``ours``: a record of here and now, of any sizes.
+
+    Raises UsageError where the records are of other machines, methods or scenes, or where none of the sizes is there.
+    """
     differing = [name for name in MACHINE if ours["machine"].get(name) != theirs["machine"].get(name)]
     differing += [name for name in ("method", "scene") if ours[name] != theirs[name]]
     if differing:
@@ -46,24 +49,24 @@ def require_comparable(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> No
             "Seconds are compared on one machine, of one method on one scene.",
             "Measure the earlier checkout here:  radiogs-bench bench steps --json FILE",
         )
-
-
-def require_same_model(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
-    """Raise UsageError where the models or the images of a size differ."""
-    differing = [name for name in MODEL if ours[name] != theirs[name]]
-    if differing:
-        said = ", ".join(f"{name} {ours[name]} against {theirs[name]}" for name in differing)
-        raise UsageError(f"the two did not measure the same: {said}", "", "Measure both with the same versions.")
+    found = {name: size for name, size in theirs["sizes"].items() if name in wanted}
+    if not found:
+        there = ", ".join(theirs["sizes"])
+        raise UsageError("the record has none of these sizes", f"It has: {there}.", "Name them with --sizes.")
+    return found
 
 
 def as_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> "Table":
     """A line for everything that both did at a size; ratios above 1 are faster now.
 
-    Raises UsageError as ``require_same_model`` does.
+    Raises UsageError where the models or the images differ.
     """
     from rich.table import Table
 
-    require_same_model(ours, theirs)
+    differing = [f"{name} {ours[name]} against {theirs[name]}" for name in MODEL if ours[name] != theirs[name]]
+    if differing:
+        what = f"the two did not measure the same: {', '.join(differing)}"
+        raise UsageError(what, "", "Measure both with the same versions.")
     table = Table("", title=name, title_justify="left")
     for heading in ("before", "now", "times as fast", "from both intervals", "operations", "launches"):
         table.add_column(heading, justify="right")

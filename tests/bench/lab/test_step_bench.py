@@ -20,7 +20,7 @@ from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.lab.kernels.clock import processor_seconds
 from radiogs_bench.lab.steps.measure import PARTS, Times, counting, looking, median_of, placed, shares_of
 from radiogs_bench.lab.steps.passes import one_pass
-from radiogs_bench.lab.steps.ratios import as_table, read_record, require_comparable, times_as_fast
+from radiogs_bench.lab.steps.ratios import as_table, comparable_sizes, read_record, times_as_fast
 from radiogs_bench.lab.steps.record import SCHEMA, frames_said, headline, milliseconds
 from radiogs_bench.lab.steps.sizes import SIZES
 from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, subject_of
@@ -203,7 +203,10 @@ def test_records_are_compared_on_one_machine_and_tell_of_other_work(record: dict
     with pytest.raises(UsageError, match="surfels 400 against 300"):
         as_table("smoke", size, {**other, "surfels": 300})
     with pytest.raises(UsageError, match="differ in cpu"):
-        require_comparable(record, {**record, "machine": {**record["machine"], "cpu": "another"}})
+        comparable_sizes(record, {**record, "machine": {**record["machine"], "cpu": "another"}}, ["smoke"])
+    with pytest.raises(UsageError, match="has none of these sizes"):
+        comparable_sizes(record, record, ["tiny"])
+    assert comparable_sizes(record, record, ["smoke", "tiny"]) == {"smoke": size}
 
 
 def test_a_ratio_above_one_is_faster_now_and_lies_between_the_ends_of_both_intervals() -> None:
