@@ -54,7 +54,7 @@ def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["wheel", "source distribution"])
 def test_a_model_is_trained_where_there_is_no_checkout(kind: str, built: Built, tmp_path: Path) -> None:
-    """The environment is new; dependencies are those of this one, by a .pth file. ``make packages`` installs them, too."""
+    """A .pth file lends the new environment the dependencies of this one; ``make packages`` installs them anew."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "fresh"], check=True)
     (site,) = (tmp_path / "fresh").glob("lib/python*/site-packages")
     paths = sysconfig.get_paths()
