@@ -184,10 +184,9 @@ def bench_steps(options: argparse.Namespace) -> int:
     """Measure single steps, print them, with ratios to an earlier record if one was named, and write the record."""
     from radiogs_datasets import load_scene
 
-    from ..lab.steps import ratios
+    from ..lab.steps import record as recorded
     from ..lab.steps.measure import measured
     from ..lab.steps.passes import warm_up
-    from ..lab.steps.record import SCHEMA, as_table, frames_said
     from ..lab.steps.sizes import WARM_UP, size_of
     from ..lab.steps.subject import require_size, subject_of
     from ..methods import method
@@ -198,10 +197,10 @@ def bench_steps(options: argparse.Namespace) -> int:
     for size in sizes:
         require_size(used, size)
     device = chosen_device(options)
-    record: dict[str, Any] = {"schema": SCHEMA, **session(device), **_place(options), "sizes": {}}
+    record: dict[str, Any] = {"schema": recorded.SCHEMA, **session(device), **_place(options), "sizes": {}}
     earlier = {}
     if options.compare is not None:
-        earlier = ratios.comparable_sizes(record, ratios.read_record(options.compare), options.sizes)
+        earlier = recorded.comparable_sizes(record, recorded.read_record(options.compare), options.sizes)
 
     def subject_at(size: "Size") -> "Subject":
         return subject_of(used, load_scene(options.scene), size, device)
@@ -210,12 +209,12 @@ def bench_steps(options: argparse.Namespace) -> int:
     for size in sizes:
         found = measured(subject_at, size, options.passes or size.passes, options.stages, complain)
         record["sizes"][size.name] = found
-        show(as_table(size.name, found))
-        for sentence in frames_said(found):
+        show(recorded.as_table(size.name, found))
+        for sentence in recorded.frames_said(found):
             say(sentence)
     _write(options.json, record)
     for name, before in earlier.items():
-        show(ratios.as_table(name, record["sizes"][name], before))
+        show(recorded.ratio_table(name, record["sizes"][name], before))
     return 0
 
 

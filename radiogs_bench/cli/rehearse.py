@@ -101,8 +101,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..lab.rehearsal.climb import climb, stopped_by_signals
-    from ..lab.rehearsal.lines import lines_of
-    from ..lab.rehearsal.record import fits, record_of
+    from ..lab.rehearsal.record import fits, lines_of, record_of
     from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
     from ..store.seal import write_sealed

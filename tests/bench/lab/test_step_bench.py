@@ -20,8 +20,16 @@ from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.lab.kernels.clock import processor_seconds
 from radiogs_bench.lab.steps.measure import PARTS, Times, counting, looking, median_of, placed, shares_of
 from radiogs_bench.lab.steps.passes import one_pass
-from radiogs_bench.lab.steps.ratios import as_table, comparable_sizes, read_record, times_as_fast
-from radiogs_bench.lab.steps.record import SCHEMA, frames_said, headline, milliseconds
+from radiogs_bench.lab.steps.record import (
+    SCHEMA,
+    comparable_sizes,
+    frames_said,
+    headline,
+    milliseconds,
+    ratio_table,
+    read_record,
+    times_as_fast,
+)
 from radiogs_bench.lab.steps.sizes import SIZES
 from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, subject_of
 from radiogs_bench.methods import method
@@ -196,12 +204,12 @@ def test_records_are_compared_on_one_machine_and_tell_of_other_work(record: dict
     other = json.loads(json.dumps(size))
     other["rows"][0]["median"] *= 2
     other["rows"][-1]["work"] = {name: 2 * amount for name, amount in other["rows"][-1]["work"].items()}
-    ratios, *_, work = (list(column.cells) for column in as_table("smoke", size, other).columns[3:])
+    ratios, *_, work = (list(column.cells) for column in ratio_table("smoke", size, other).columns[3:])
     assert ratios[0] == "2.00"
     assert work[0] == ""
     assert set(re.findall(r"x ([\d.]+)", work[-1])) == {"0.50"}
     with pytest.raises(UsageError, match="surfels 400 against 300"):
-        as_table("smoke", size, {**other, "surfels": 300})
+        ratio_table("smoke", size, {**other, "surfels": 300})
     with pytest.raises(UsageError, match="differ in cpu"):
         comparable_sizes(record, {**record, "machine": {**record["machine"], "cpu": "another"}}, ["smoke"])
     with pytest.raises(UsageError, match="has none of these sizes"):
