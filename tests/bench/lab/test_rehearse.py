@@ -80,6 +80,17 @@ def test_a_size_that_does_not_fit_is_named_and_ends_with_exit_code_1(
     assert found["refusal"]["fits"] is False
 
 
+def with_second_stage(kind: type[FakeStage]) -> Any:
+    """The fake method, whose second stage is of this kind."""
+
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def stages(self, variant: Any, budget: Any) -> Any:
+            first, second = super().stages(variant, budget)
+            return first, replace(second, begin=lambda run, before: kind(before["place"], 1.0, run.seed))
+
+    return patch.dict(substitutes, {FAKE.name: Method()})
+
+
 class Greedy(FakeStage):
     """Asks for more memory than any machine has."""
 
@@ -91,12 +102,7 @@ class Greedy(FakeStage):
 def test_memory_that_ends_within_a_step_is_a_finding_and_no_failure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class Method(type(FAKE)):  # type: ignore[misc]
-        def stages(self, variant: Any, budget: Any) -> Any:
-            first, second = super().stages(variant, budget)
-            return first, replace(second, begin=lambda run, before: Greedy(before["place"], 1.0, run.seed))
-
-    with patch.dict(substitutes, {FAKE.name: Method()}):
+    with with_second_stage(Greedy):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 1
     assert recorded(tmp_path)["refusal"]["why"] == "there was not enough memory for 'fake invert: step 0'"
     assert "Traceback" not in capsys.readouterr().err
@@ -112,12 +118,7 @@ class Endless(FakeStage):
 
 
 def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
-    class Method(type(FAKE)):  # type: ignore[misc]
-        def stages(self, variant: Any, budget: Any) -> Any:
-            first, second = super().stages(variant, budget)
-            return first, replace(second, begin=lambda run, before: Endless(before["place"], 1.0, run.seed))
-
-    with patch.dict(substitutes, {FAKE.name: Method()}):
+    with with_second_stage(Endless):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
     found = recorded(tmp_path)
     assert found["refusal"]["why"] == "it was stopped after 'fake invert: beginning'"
