@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants lint site gpu offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants lint site gpu packages offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -86,6 +86,9 @@ mutants: $(READY) ## break copies of the sources in known ways, and say which of
 
 gpu: $(READY) ## prove the project on a CUDA card, part by part, into docs/gpu/
 	$(BIN)/python .ci/gpu_check.py
+
+packages: ## wheel and source distribution, in dist/; each is installed into an empty environment, and trains a model there
+	.ci/packages $(PYTHON)
 
 offline-bundle: $(READY) ## wheels for a machine with Python and PyTorch and no network, into out/offline
 	$(BIN)/python .ci/offline_bundle.py

@@ -16,11 +16,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import torch
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from radiogs_bench.lab.kernels.clock import seconds
 from radiogs_bench.lab.kernels.scenes import KernelScene, blob
-from radiogs_bench.lab.steps.estimates import ratio_of_medians
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.trace import trace
@@ -70,6 +70,11 @@ def by_mitsuba(scene: KernelScene, shape: str) -> Callable[[], np.ndarray]:
     return run
 
 
+def ratio_of_medians(theirs: np.ndarray, ours: np.ndarray, axis: int = -1) -> np.ndarray:
+    """The median of their seconds over that of ours: above 1, K2 is faster."""
+    return np.median(theirs, axis) / np.median(ours, axis)
+
+
 def main(surfels: int, rounds: int) -> None:
     """Trace in turn, after a round that compiles kernels, and print."""
     mi.set_variant("llvm_ad_rgb")
@@ -85,11 +90,12 @@ def main(surfels: int, rounds: int) -> None:
     for shape in SHAPES:
         theirs = by_mitsuba(scene, shape)
         off = theirs() - ours()
-        taken = [(seconds(theirs, CPU), seconds(ours, CPU)) for _ in range(rounds)]
-        ratio = ratio_of_medians([[each[0]] for each in taken], [[each[1]] for each in taken], paired=True)
+        taken = np.array([(seconds(theirs, CPU), seconds(ours, CPU)) for _ in range(rounds)]).T
+        spread = stats.bootstrap(taken, ratio_of_medians, paired=True, method="percentile", rng=0)
         sys.stdout.write(
-            f"{shape}, {surfels:,} surfels, {RAYS:,} rays: seconds of Mitsuba and of K2 {taken}\n"
-            f"  {ratio}; radiance differs by {np.median(abs(off)):.3f} (median), {off.mean():.3f} (mean)\n"
+            f"{shape}, {surfels:,} surfels, {RAYS:,} rays: seconds of Mitsuba and of K2 {taken.tolist()}\n"
+            f"  ratio {ratio_of_medians(*taken):.2f}, {spread.confidence_interval};"
+            f" radiance differs by {np.median(abs(off)):.3f} (median), {off.mean():.3f} (mean)\n"
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, TrainingImages, require_truth
+from radiogs_core.capabilities import PARTS, Probe, ShortRun, require_truth
 from radiogs_core.contract import Run, SharedStart, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -15,7 +15,7 @@ from .initialise import Initialisation
 from .invert import InverseRendering
 from .model import Model
 from .recipes import PUBLISHED, RECIPES, recipe_values
-from .rehearsing import memory_of, short_run, sizes
+from .rehearsing import short_run, sizes
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
@@ -118,10 +118,6 @@ class RadioGS:
     def short_run(self, variant: Variant, budget: Budget, size: int) -> ShortRun:
         """A run of a few steps with ``size`` surfels; see ``radiogs_core.capabilities.Rehearsing``."""
         return short_run(variant, budget, size)
-
-    def memory(self, variant: Variant, budget: Budget, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
-        """Bytes of each phase with ``size`` surfels; see ``radiogs_core.capabilities.PlansMemory``."""
-        return memory_of(variant, budget, size, images)
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering. Raises DataError for malformed tensors."""

@@ -233,38 +233,6 @@ class Rehearsing(Protocol):
         """A run of a few steps, whose model has about ``size`` elements from the first step on."""
 
 
-@dataclass(frozen=True)
-class TrainingImages:
-    """Number and size of the training images."""
-
-    views: int
-    """Number of images."""
-    width: int
-    """Width, pixels."""
-    height: int
-    """Height, pixels."""
-
-
-@dataclass(frozen=True)
-class MemoryPhase:
-    """Memory of one phase of a run, bytes on the device."""
-
-    title: str
-    """Title in tables."""
-    held: int
-    """Bytes allocated before and after each step of the phase."""
-    peak: int
-    """Largest number of bytes allocated during a step."""
-
-
-@runtime_checkable
-class PlansMemory(Protocol):
-    """A method with a formula for the memory of its runs, for ``radiogs-bench rehearse --by-formula``."""
-
-    def memory(self, variant: Any, budget: Any, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
-        """The phases of a run whose models have ``size`` elements (see ``Rehearsing``)."""
-
-
 @runtime_checkable
 class TakesGiven(Protocol):
     """A method that can use parts of the truth instead of learning them, for the rows of suite ``oracles``."""

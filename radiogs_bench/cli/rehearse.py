@@ -3,9 +3,9 @@
 import argparse
 import json
 import re
-import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from radiogs_core.errors import UsageError, unknown
 
@@ -26,7 +26,8 @@ from .trusting import add_trust
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
 
-    from ..lab.rehearsal.row import Row
+    from ..lab.rehearsal.plan import Plan, RehearsedRow
+    from ..suites.suite import Suite
     from .options import Commands
 
 GIB = 2**30
@@ -35,6 +36,8 @@ RESERVE = 0.9
 
 MINUTES = 60.0
 STOPPED = 130
+ONE_SCENE = "one"
+"""Name of the suite that a single scene is rehearsed as."""
 
 TEST_VIEWS = 8
 """Test views of an enlarged scene: the whole run's forecast counts as many."""
@@ -84,9 +87,6 @@ def add_to(commands: "Commands") -> None:
         "--memory", type=float, metavar="GIB", help="Count with this much memory (default: 90 %% of what is free)."
     )
     parser.add_argument("--forecast-for", metavar="DEVICE", help="Forecast for this device, such as rtx-4090.")
-    parser.add_argument(
-        "--by-formula", action="store_true", help="Print the memory of each phase by the method's formula; run nothing."
-    )
     add_device(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="Write rehearsal.json to this folder (default: out/rehearse-NAME)."
@@ -100,14 +100,39 @@ def rehearse(options: argparse.Namespace) -> int:
     """Rehearse, write the record and print it; returns 1 if something will not fit."""
     from radiogs_datasets import load_scene
 
-    from ..lab.rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
-    from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
-    from ..lab.rehearsal.record import Asked, fits, record_of
+    from ..lab.rehearsal.climb import climb, stopped_by_signals
+    from ..lab.rehearsal.record import fits, lines_of, record_of
     from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
     from ..store.seal import write_sealed
+    from .reporter import say, say_whole
+
+    plan = _plan(options)
+    folder = options.out or Path("out") / f"rehearse-{plan.name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    compile_kernels(load_scene(COMPILED_ON), plan.device, ((row.method, row.variant) for row in plan.rows))
+    with stopped_by_signals():
+        climbed = climb(plan, folder, LogProgress())
+    record = record_of(plan, climbed)
+    write_sealed(folder / "rehearsal.json", record)
+    if options.json:
+        say_whole(json.dumps(record, allow_nan=False))
+    else:
+        for line in [*lines_of(record), f"wrote {folder / 'rehearsal.json'}"]:
+            say(line)
+    if climbed.stopped:
+        return STOPPED
+    return 0 if fits(record) else 1
+
+
+def _plan(options: argparse.Namespace) -> "Plan":
+    """The rows, the scene and the bounds. Raises UsageError for options that do not go together."""
+    from radiogs_datasets import load_scene
+
+    from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
+    from ..lab.rehearsal.plan import Plan
+    from ..scoring.metrics.protocols import protocol
     from .device import chosen_device
-    from .reporter import say_whole
 
     if options.forecast_for is not None and options.forecast_for not in KNOWN_DEVICES:
         raise unknown("device", options.forecast_for, KNOWN_DEVICES)
@@ -116,99 +141,61 @@ def rehearse(options: argparse.Namespace) -> int:
             "--core-seconds needs one CPU thread", "CPU time says nothing of several threads or of a GPU.",
             "Add --threads 1, and leave --device cuda out.",
         )  # fmt: skip
-    if options.by_formula:
-        return _by_formula(options)
     device = chosen_device(options)
-    name, rows, scene, rules, cells = _subject_of(options)
+    suite, scenes = _suite(options)
+    scene = _enlarged(load_scene(scenes[0], options=scene_options(options)), options)
+    rules = protocol(options.protocol or suite.protocol).name
     memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
     if options.memory is not None:
         memory["host"] = int(options.memory * GIB)
-    bounds = Bounds(memory, 60 * options.minutes)
-    folder = options.out or Path("out") / f"rehearse-{name}"
-    folder.mkdir(parents=True, exist_ok=True)
-    compile_kernels(load_scene(COMPILED_ON), device, ((row.method, row.variant) for row in rows))
-    name_of_clock, clock = ("core", time.process_time) if options.core_seconds else ("wall", time.perf_counter)
-    setting = Setting(device, LogProgress(), options.sizes or (), clock)
-    with stopped_by_signals():
-        climbed = climb(rows, scene, rules, folder, bounds, setting)
-    asked = Asked(
-        name,
-        options.preset,
-        scene,
-        cells,
-        bounds,
-        device,
-        options.forecast_for,
-        name_of_clock,
+    return Plan(
+        name=scene.name if suite.name == ONE_SCENE else suite.name,
+        preset=options.preset,
+        rows=_rows(suite, scene, options.preset, rules, options.device),
+        scene=scene,
+        protocol=rules,
+        cells=len(scenes),
+        device=device,
+        memory=memory,
+        seconds=60 * options.minutes,
+        sizes=options.sizes or (),
+        clock="core" if options.core_seconds else "wall",
+        other_device=options.forecast_for,
     )
-    record = record_of(asked, rows, climbed)
-    write_sealed(folder / "rehearsal.json", record)
-    if options.json:
-        say_whole(json.dumps(record, allow_nan=False))
-    else:
-        _show(record, folder / "rehearsal.json")
-    if climbed.stopped:
-        return STOPPED
-    return 0 if fits(record) else 1
 
 
-def _by_formula(options: argparse.Namespace) -> int:
-    """Print the plan; returns 1 if something will not fit."""
-    from ..lab.rehearsal.by_formula import by_formula, fit, lines_of
-    from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
-    from .device import chosen_device
-    from .reporter import say
-
-    if options.forecast_for is not None:
-        there = KNOWN_DEVICES[options.forecast_for].memory
-    elif options.memory is not None:
-        there = int(options.memory * GIB)
-    else:
-        found = memory_there(chosen_device(options))
-        there = int(RESERVE * found.get("device", found["host"]))
-    name, rows, scene, _, _ = _subject_of(options)
-    record = by_formula(name, rows, scene, options.sizes or (), there, options.preset)
-    if options.json:
-        say(json.dumps(record, allow_nan=False))
-    else:
-        for line in lines_of(record):
-            say(line.replace("**", ""))
-    return 0 if fit(record) else 1
-
-
-def _subject_of(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
-    """The subject's name, its rows, the rehearsed scene, the protocol, and the number of scenes of the whole run."""
-    from ..lab.rehearsal.row import Row
-    from ..runs.plan import planned
+def _suite(options: argparse.Namespace) -> "tuple[Suite, Sequence[str]]":
+    """The suite, or one that has a row of one method for the scene that is named, and the scenes of the whole run."""
     from ..runs.rows import of_methods
-    from ..runs.spec import RunSpec
     from ..suites.registry import SUITES
-    from ..suites.scenes import load_scenes, own_scenes
-    from ..suites.suite import Metric, Suite
+    from ..suites.scenes import own_scenes
+    from ..suites.suite import Metric, Row, Suite
 
     if options.subject in SUITES or options.subject.endswith(".toml"):
         suite = suite_of(options.subject)
-        suite = of_methods(suite, options.method) if options.method else suite
-        scenes = options.scenes or own_scenes(suite)
+        scenes = options.scenes
     else:
-        from ..suites.suite import Row as SuiteRow
-
-        one = Suite("one", "One scene", None, None, (SuiteRow("ours", "", "ours"),), (Metric("nvs", "psnr"),))
-        suite = of_methods(one, options.method) if options.method else one
+        suite = Suite(ONE_SCENE, "One scene", None, None, (Row("ours", "", "ours"),), (Metric("nvs", "psnr"),))
         scenes = [options.subject]
-    ((name, scene),) = load_scenes(scenes[:1], scene_options(options)).items()
-    scene = _enlarged(scene, options)
-    spec = RunSpec(suite.name, preset=options.preset, protocol=options.protocol or "", device=options.device)
-    plan = planned(suite, {name: scene}, spec)
-    rows = []
+    suite = of_methods(suite, options.method) if options.method else suite
+    return suite, scenes or own_scenes(suite)
+
+
+def _rows(suite: "Suite", scene: "Scene", preset: str, protocol: str, device: str) -> "list[RehearsedRow]":
+    """The rows of a suite on a scene. Raises UsageError for a suite whose rows train nothing."""
+    from ..lab.rehearsal.plan import RehearsedRow
+    from ..runs.plan import planned
+    from ..runs.spec import RunSpec
+
+    plan = planned(suite, {scene.name: scene}, RunSpec(suite.name, preset=preset, protocol=protocol, device=device))
     by_key = {row.key: row for row in suite.rows}
+    rows = []
     for ref, cell in plan.cells:
         if not cell.stages:
             raise UsageError(f"suite '{suite.name}' trains nothing", "There is nothing to rehearse.")
-        row = by_key[ref["row"]]
-        rows.append(Row(row.key, plan.method(row.method), cell.found_as, cell.variant, cell.budget))
-    subject = suite.name if suite.name != "one" else name
-    return subject, rows, scene, plan.protocol, len(scenes)
+        method = plan.method(by_key[ref["row"]].method)
+        rows.append(RehearsedRow(ref["row"], method, cell.found_as, cell.variant, cell.budget))
+    return rows
 
 
 def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
@@ -234,13 +221,3 @@ def _size(text: str) -> tuple[int, int, int]:
         raise argparse.ArgumentTypeError(f"'{text}' is not VIEWSxWIDTHxHEIGHT, such as 100x800x800")
     views, width, height = map(int, found.groups())
     return views, width, height
-
-
-def _show(record: dict[str, Any], path: Path) -> None:
-    """Print the record as the document has it."""
-    from ..lab.rehearsal.document import lines_of
-    from .reporter import say
-
-    for line in lines_of(record):
-        say(line.replace("**", ""))
-    say(f"wrote {path}")

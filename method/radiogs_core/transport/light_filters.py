@@ -6,7 +6,7 @@ for each frequency, over the texels within one rotation step. For a light of 32 
 """
 
 from functools import cache
-from math import gcd, prod
+from math import gcd
 from typing import Any
 
 import torch
@@ -91,21 +91,10 @@ def _adjoint(height: int, count: int, device: torch.device) -> Complex[Tensor, "
     return _some(height, 0, count, device).mH.contiguous().resolve_conj()
 
 
-def filters_bytes(height: int) -> int:
-    """Bytes that the filters for lights of ``height`` rows take, without those of their gradients."""
-    return 16 * prod(_shape(height))
-
-
 def _turns(height: int) -> int:
     """Number of rotations about the vertical that map both the texels of a light of ``height`` rows and the grid onto
     themselves."""
     return gcd(2 * height, GRID_WIDTH)
-
-
-def _shape(height: int) -> tuple[int, int, int]:
-    """Shape of ``filter_matrices``: frequencies, grid points of all filters, and texels within one rotation step."""
-    turns = _turns(height)
-    return turns // 2 + 1, (1 + len(LEVELS)) * GRID_HEIGHT * GRID_WIDTH // turns, 2 * height * height // turns
 
 
 @cache

@@ -1,9 +1,10 @@
 """Measures the kernels: every repetition runs a kernel and its yardstick in turn, so that both see the same load."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 import torch
 
@@ -14,42 +15,38 @@ from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, 
 from .clock import peak_bytes, seconds, wall_seconds
 from .scenes import SCENES, KernelScene, cloud
 
-REPETITIONS = 5
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SCHEMA = "radiogs-bench/kernels/1"
 
 PRECISIONS = (torch.float32, torch.float64)
 
-Announce = Callable[[str], None]
-
 
 @dataclass(frozen=True)
-class Row:
+class MeasuredPass:
     """One pass of one kernel on one input."""
 
     kernel: str
-    """Name of the kernel."""
     scene: str
     """Name of the input."""
     dtype: str
-    """Scalar type."""
     direction: str
     """Forward (without gradient), backward, or both."""
     items: int
-    """Number of items."""
     item: str
     """Name of an item."""
     seconds: float
     """Median seconds; of one core on the CPU, of the whole device on CUDA."""
     peak_bytes: int
-    """Peak memory of both passes together."""
     counters: dict[str, float]
-    """Work counters for each item."""
+    """Work counters for each item, of both passes together."""
     yardstick: str | None
     """Name of the yardstick; None if there is none."""
     ratio: float | None
     """Median ratio of the yardstick's seconds to the kernel's, pass by pass; a yardstick without a backward pass is
     compared by its forward seconds."""
     yardstick_peak_bytes: int | None
-    """Peak memory of the yardstick."""
 
     @property
     def millions_per_second(self) -> float:
@@ -60,11 +57,11 @@ class Row:
 def bench_kernels(
     device: torch.device,
     points: Path | None,
-    kernels: tuple[str, ...] = ("trace", "rasterize", "shade"),
-    scenes: tuple[str, ...] = tuple(SCENES),
-    repetitions: int = REPETITIONS,
-    announce: Announce = lambda line: None,
-) -> Iterator[Row]:
+    kernels: Sequence[str],
+    scenes: Sequence[str],
+    repetitions: int,
+    announce: Callable[[str], None],
+) -> Iterator[MeasuredPass]:
     """Measure all cases on one CPU thread or on ``device``, row by row; ``points`` adds a scene of real geometry."""
     use_threads(1)
     for case in _cases(device, points, kernels, scenes):
@@ -72,7 +69,7 @@ def bench_kernels(
         yield from measure(case, device, repetitions)
 
 
-def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Row, Row]:
+def measure(case: Case, device: torch.device, repetitions: int) -> tuple[MeasuredPass, MeasuredPass, MeasuredPass]:
     """Rows for the forward pass, the backward pass, and both."""
     yardstick = case.yardstick
     with recording() as instruments:
@@ -92,7 +89,7 @@ def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Ro
     for name, passes_of in (("forward", _forward), ("backward", _backward), ("both", _backward)):
         times = theirs["forward" if one_way else name]
         rows.append(
-            Row(
+            MeasuredPass(
                 kernel=case.kernel,
                 scene=case.scene,
                 dtype=_name(case.dtype),
@@ -121,7 +118,7 @@ def _backward(passes: Case | Yardstick) -> Callable[[], object]:
     return lambda: backward()()
 
 
-def scaling(team: int, repetitions: int = REPETITIONS) -> dict[str, float]:
+def scaling(team: int, repetitions: int) -> dict[str, float]:
     """Speed-up of ``team`` threads over one when tracing scene M, in wall time: forward and backward."""
     case = trace_case(SCENES["M"](), torch.float32, torch.device("cpu"))
     single: dict[str, list[float]] = {"forward": [], "backward": []}
@@ -136,31 +133,46 @@ def scaling(team: int, repetitions: int = REPETITIONS) -> dict[str, float]:
     return {name: median(a / b for a, b in zip(single[name], several[name], strict=True)) for name in single}
 
 
-def _cases(
-    device: torch.device, points: Path | None, kernels: tuple[str, ...], scenes: tuple[str, ...]
-) -> Iterator[Case]:
+def _cases(device: torch.device, points: Path | None, kernels: Sequence[str], scenes: Sequence[str]) -> Iterator[Case]:
     made: dict[str, KernelScene] = {name: SCENES[name]() for name in scenes}
     if points is not None:
         given = cloud(points)
         made[given.name] = given
     if "trace" in kernels:
-        for scene in made.values():
-            for dtype in PRECISIONS:
-                yield trace_case(scene, dtype, device)
-    if "rasterize" in kernels:
-        for name, size in (("S", 128), ("M", 800)):
-            for dtype in PRECISIONS if name in made else ():
-                yield rasterize_case(made[name], size, dtype, device, dense=name == "S")
-    if "shade" in kernels:
-        for dtype in PRECISIONS:
-            yield shade_case(dtype, device)
-    if "harmonics" in kernels:
-        for dtype in PRECISIONS:
-            yield harmonics_case(dtype, device)
-    if "split-sum" in kernels:
-        for dtype in PRECISIONS:
-            yield split_sum_case(dtype, device)
+        yield from (trace_case(scene, dtype, device) for scene in made.values() for dtype in PRECISIONS)
+    for name, size in (("S", 128), ("M", 800)) if "rasterize" in kernels else ():
+        for dtype in PRECISIONS if name in made else ():
+            yield rasterize_case(made[name], size, dtype, device, dense=name == "S")
+    for kernel, case in (("shade", shade_case), ("harmonics", harmonics_case), ("split-sum", split_sum_case)):
+        if kernel in kernels:
+            yield from (case(dtype, device) for dtype in PRECISIONS)
 
 
 def _name(dtype: torch.dtype) -> str:
     return str(dtype).removeprefix("torch.")
+
+
+def as_table(rows: Sequence[MeasuredPass], on_gpu: bool) -> "Table":
+    """One line per pass; rates are of one core on the CPU."""
+    from rich.table import Table
+
+    rate = "M/s" if on_gpu else "M/s per core"
+    table = Table("kernel", "scene", "type", "pass", "item")
+    for heading in (rate, "x yardstick", "hits an item", "KiB read an item", "peak MiB", "yardstick's MiB"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(
+            row.kernel, row.scene, row.dtype, row.direction, row.item,
+            f"{row.millions_per_second:.3f}",
+            "n/a" if row.ratio is None else f"{row.ratio:.2f}",
+            _counter(row, "hits", "blended_pairs"),
+            _counter(row, "bytes_read", digits=2, unit=2**10),
+            f"{row.peak_bytes / 2**20:.1f}",
+            "n/a" if row.yardstick_peak_bytes is None else f"{row.yardstick_peak_bytes / 2**20:.1f}",
+        )  # fmt: skip
+    return table
+
+
+def _counter(row: MeasuredPass, *names: str, digits: int = 1, unit: int = 1) -> str:
+    """The first of these counters that the kernel has, in units of ``unit``; empty where it has none of them."""
+    return next((f"{row.counters[name] / unit:.{digits}f}" for name in names if name in row.counters), "")

@@ -41,11 +41,9 @@ class Case:
     """One kernel on one input."""
 
     kernel: str
-    """Name of the kernel."""
     scene: str
     """Name of the input."""
     dtype: torch.dtype
-    """Scalar type."""
     items: int
     """Number of items, in which rates are counted."""
     item: str

@@ -41,13 +41,10 @@ class KernelScene:
     """Surfels, and rays that start on them."""
 
     name: str
-    """Name of the scene."""
     geometry: SplatGeometry
-    """Geometry of the surfels."""
     sh: Float[Tensor, "surfels 16 3"]
     """Harmonics of the surfels' radiance."""
     features: Float[Tensor, "surfels channels"]
-    """Features of the surfels."""
     origin: Float[Tensor, "rays 3"]
     """Origins of the rays in the world."""
     direction: Float[Tensor, "rays 3"]

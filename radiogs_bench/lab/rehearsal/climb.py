@@ -2,47 +2,25 @@
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import torch
-
-from radiogs_core.scene.scene import Scene
-
 from ...runs.progress import Progress
 from ...store.folder import Store
 from .growth import SizeResult, extended, peak
 from .limits import give_memory_back, in_use
-from .one_row import rehearse_rows
+from .one_row import RowRehearsal
 from .phases import Phase, Phases, TooLarge
-from .row import Row
+from .plan import CLOCKS, Plan, RehearsedRow, size_range
 
 FIRST = 0.25
 """Share of the size at which a run begins that is tried first: two sizes tell what grows with the model."""
 
 FACTOR = 4.0
 """How many times larger each size is than the one before."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Bounds of a rehearsal: bytes on the host and on the device, and seconds."""
-
-    memory: Mapping[str, int]
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Settings of a rehearsal: device, listener, sizes (none: ``sizes_of``), and clock."""
-
-    device: torch.device
-    progress: Progress
-    sizes: Sequence[int] = ()
-    clock: Callable[[], float] = time.perf_counter
 
 
 @dataclass(frozen=True)
@@ -56,23 +34,26 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """The measurements by size, why the rehearsal ended, and whether it was stopped.
+    """The measurements by size, and why the rehearsal ended before the last size, if it did.
 
-    ``largest`` is the size that was wanted. The last of the sizes may lack phases (``SizeResult.whole``).
+    The last of the sizes may lack phases (``SizeResult.whole``).
     """
 
     rungs: Sequence[SizeResult]
-    largest: int | None
     refusal: Refusal | None
-    stopped: bool = False
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a signal ended it."""
+        return bool(self.rungs) and self.rungs[-1].stopped
 
 
-def sizes_of(rows: Sequence[Row]) -> list[int]:
+def sizes_of(rows: Sequence[RehearsedRow]) -> list[int]:
     """A quarter of the size at which runs begin, that size, and four times as many each time up to the largest."""
-    known = [sizes for row in rows if (sizes := row.sizes()) is not None]
-    if not known:
+    known = size_range(rows)
+    if known is None:
         return []
-    start, most = min(first for first, _ in known), max(last for _, last in known)
+    start, most = known
     found = [max(1, round(FIRST * start)), start]
     while found[-1] * FACTOR < most:
         found.append(round(found[-1] * FACTOR))
@@ -89,60 +70,66 @@ def stopped_by_signals() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: Bounds, setting: Setting) -> Rehearsal:
+def climb(plan: Plan, folder: Path, progress: Progress) -> Rehearsal:
     """Rehearse the rows at each size; what is stored meanwhile is removed from ``folder`` again."""
-    ladder: Sequence[int | None] = setting.sizes or sizes_of(rows) or [None]
-    largest = max(sizes_of(rows), default=None)
+    ladder: Sequence[int | None] = plan.sizes or sizes_of(plan.rows) or [None]
     rungs: list[SizeResult] = []
-    started = time.perf_counter()
+    end = time.perf_counter() + plan.seconds
     for size in ladder:
-        refusal = refusal_of(rungs, size, bounds, bounds.seconds - (time.perf_counter() - started))
+        refusal = refusal_of(rungs, size, plan.memory, end - time.perf_counter())
+        if refusal is None:
+            progress.say(f"size {size:,}" if size is not None else "its own sizes")
+            rungs.append(_measured(plan, size, folder, progress))
+            refusal = _broken_off(rungs[-1], plan.memory)
         if refusal is not None:
-            return Rehearsal(rungs, largest, refusal)
-        setting.progress.say(f"size {size:,}" if size is not None else "its own sizes")
-        rung = _measured(rows, scene, size, rules, folder, setting)
-        rungs.append(rung)
-        if rung.stopped:
-            last = rung.phases[-1].title if rung.phases else "the beginning"
-            return Rehearsal(rungs, largest, Refusal(size, True, f"it was stopped after '{last}'"), stopped=True)
-        if rung.broke_at is not None:
-            why = f"there was not enough memory for '{rung.broke_at}'"
-            return Rehearsal(rungs, largest, Refusal(size, False, why))
-        refusal = _over(rung.size, [*rung.phases], bounds.memory, "took")
-        if refusal is not None:
-            return Rehearsal(rungs, largest, refusal)
-    return Rehearsal(rungs, largest, None)
+            return Rehearsal(rungs, refusal)
+    return Rehearsal(rungs, None)
 
 
-def _measured(
-    rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting
-) -> SizeResult:
-    phases = Phases(setting.device, setting.clock, setting.progress.say)
+def _measured(plan: Plan, size: int | None, folder: Path, progress: Progress) -> SizeResult:
+    phases = Phases(plan.device, CLOCKS[plan.clock], progress.say)
     give_memory_back()
-    base = in_use(setting.device)
-    keys: dict[str, list[str]] = {}
+    base = in_use(plan.device)
+    rows: dict[str, list[str]] = {}
     facts: dict[str, dict[str, int]] = {}
+    seen: set[str] = set()
     broke_at, stopped = None, False
     wall, busy = time.perf_counter(), time.process_time()
     with TemporaryDirectory(prefix=".rehearsal-", dir=folder, ignore_cleanup_errors=True) as own:
         try:
-            keys, facts = rehearse_rows(rows, scene, size, rules, Store(Path(own)), phases)
+            for row in plan.rows:
+                rehearsal = RowRehearsal(plan, row, size, Store(Path(own)), phases, seen)
+                rows[row.key], facts[row.key] = rehearsal.all(), rehearsal.facts
         except TooLarge as large:
             broke_at = large.title
         except KeyboardInterrupt:
             stopped = True
     taken = time.perf_counter() - wall
-    return SizeResult(
-        size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped
-    )
+    share = (time.process_time() - busy) / taken
+    return SizeResult(size, base, phases.done, rows, facts, taken, share, broke_at, stopped)
 
 
-def refusal_of(rungs: Sequence[SizeResult], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
-    """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it."""
+def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:
+    """Why no further size is tried after this one; None where it went through and fits."""
+    if rung.stopped:
+        last = rung.phases[-1].title if rung.phases else "the beginning"
+        return Refusal(rung.size, True, f"it was stopped after '{last}'")
+    if rung.broke_at is not None:
+        return Refusal(rung.size, False, f"there was not enough memory for '{rung.broke_at}'")
+    return _over(rung.size, rung.phases, memory, "took")
+
+
+def refusal_of(
+    rungs: Sequence[SizeResult], size: int | None, memory: Mapping[str, int], seconds: float
+) -> Refusal | None:
+    """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it.
+
+    ``memory``: bytes that may be taken, by kind. ``seconds``: how many are left.
+    """
     if not rungs or size is None:
         return None
     if len(rungs) > 1:  # one size does not tell what of the memory grows with it
-        refusal = _over(size, extended(rungs, size), bounds.memory, "would take")
+        refusal = _over(size, extended(rungs, size), memory, "would take")
         if refusal is not None:
             return refusal
     before = rungs[-1].size

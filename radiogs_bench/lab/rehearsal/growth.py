@@ -16,7 +16,6 @@ class SizeResult:
     base: Mapping[str, int]
     """Bytes by kind of memory before the first phase."""
     phases: Sequence[Phase]
-    """Measured phases."""
     rows: Mapping[str, Sequence[str]]
     """Keys of the phases of each row."""
     facts: Mapping[str, Mapping[str, int]]
@@ -28,7 +27,7 @@ class SizeResult:
     broke_at: str | None = None
     """Title of the phase that memory was too small for; None if memory sufficed."""
     stopped: bool = False
-    """Whether the measurement was stopped."""
+    """Whether a signal ended the measurement."""
 
     @property
     def whole(self) -> bool:

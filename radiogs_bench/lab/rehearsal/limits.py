@@ -3,7 +3,7 @@
 import ctypes
 import gc
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import psutil
@@ -87,9 +87,8 @@ def speed_of(device: torch.device) -> Speed:
     return Speed(2 * MATRIX**3 / multiply, 2 * values.numel() * values.element_size() / copy)
 
 
-def _fastest(device: torch.device, do: object) -> float:
-    """Seconds of the fastest of a few times; others wait for the machine."""
-    assert callable(do)
+def _fastest(device: torch.device, do: Callable[[], object]) -> float:
+    """Seconds of the fastest of a few repetitions; the others waited for the machine."""
     taken = []
     for _ in range(REPEATS):
         started = time.perf_counter()

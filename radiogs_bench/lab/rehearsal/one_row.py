@@ -1,6 +1,6 @@
 """Runs all phases of one row with few steps: training, checkpoint and resume, evaluation, relighting."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -13,7 +13,6 @@ from radiogs_core.capabilities import Rehearsing, Relighting
 from radiogs_core.contract import NotOffered, Prepared, Run, Stage, StageSpec, Trained
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.scene import Scene
 
 from ...method_calls import calling, losses_of
 from ...runs.cell import Cell, Work, cell_of
@@ -23,7 +22,7 @@ from ...scoring.maps import on_black
 from ...scoring.metrics.protocols import protocol
 from ...store.folder import Store, checkpoint_name, product_name
 from .phases import Phases
-from .row import STEPS, Row
+from .plan import STEPS, Plan, RehearsedRow
 
 
 class Enough(Exception):
@@ -31,16 +30,16 @@ class Enough(Exception):
 
 
 class RowRehearsal:
-    """The phases of one row on one scene; what another row has done already is taken from the store."""
+    """The phases of one row with a model of one size; ``seen``: keys of phases that another row has done already."""
 
     def __init__(
-        self, row: Row, scene: Scene, size: int | None, rules: str, store: Store, phases: Phases, seen: set[str]
+        self, plan: Plan, row: RehearsedRow, size: int | None, store: Store, phases: Phases, seen: set[str]
     ) -> None:
-        self.row, self.scene, self.rules, self.store, self.phases, self.seen = row, scene, rules, store, phases, seen
-        self.device, self.name = phases.device, row.method.name
+        self.row, self.scene, self.rules, self.store, self.phases = row, plan.scene, plan.protocol, store, phases
+        self.device, self.name, self.seen = phases.device, row.method.name, seen
         self.short, self.facts = row.short(size), dict[str, int]()
-        work = Work(self.short.variant, self.short.budget, device=self.device.type, protocol=rules)
-        self.cell: Cell = cell_of(row.method, scene, work, row.found_as)
+        work = Work(self.short.variant, self.short.budget, device=self.device.type, protocol=self.rules)
+        self.cell: Cell = cell_of(row.method, self.scene, work, row.found_as)
 
     def all(self) -> list[str]:
         """Every phase; returns the keys of those that are part of this row's whole run."""
@@ -167,22 +166,35 @@ class RowRehearsal:
         on_black(prepared, camera.to(self.device, torch.float32), *further, method=self.name)
 
     def relight(self, way: Relighting, light: EnvironmentMap, key: str) -> None:
-        """Prepare for another light with few steps, and render a frame."""
+        """Prepare for another light with few steps, and render a frame; nothing where the method does not relight."""
         product = self.store.tensors(product_name(str(self.cell.training_key)), self.device)
         assert product is not None
         model = restored(self.row.method, self._run(way.variant), product["product"])
         del product
         marks: list[float] = []
-        known = isinstance(self.row.method, Rehearsing)
+
+        def enough() -> bool:
+            return not isinstance(self.row.method, Rehearsing) and len(marks) >= STEPS
 
         def after_step() -> None:
             marks.append(self.phases.clock())
-            if not known and len(marks) >= STEPS:
+            if enough():
                 raise Enough
+
+        def prepare() -> Prepared | None:
+            try:
+                with calling(self.name, "prepare() for another light"):
+                    return model.prepare(light, None, after_step)
+            except NotOffered:
+                return None
+            except Exception:
+                if enough():
+                    return None
+                raise
 
         title, lights = f"relighting {way.title}", len(self.scene.lights)
         self.phases.begin()
-        prepared, seconds = self.phases.timed(f"{title}: preparing", lambda: self._prepared(model, light, after_step))
+        prepared, seconds = self.phases.timed(f"{title}: preparing", prepare)
         steps = [later - earlier for earlier, later in pairwise(marks)]
         if steps:
             mean = sum(steps) / len(steps)
@@ -195,38 +207,3 @@ class RowRehearsal:
         camera = self.scene.test[len(self.scene.test) // 2].camera
         # Every view is rendered twice: to be scored, and to be timed.
         self.phases.measure(f"{title}: a frame", key, 2 * frames, lambda: self._frame(prepared, camera))
-
-    def _prepared(self, model: Trained, light: EnvironmentMap, after_step: Callable[[], None]) -> Prepared | None:
-        """The model under another light; None where it cannot be relit, or takes steps of which enough were seen."""
-        ended: list[Enough] = []
-
-        def watched() -> None:
-            try:
-                after_step()
-            except Enough as enough:
-                ended.append(enough)
-                raise
-
-        try:
-            with calling(self.name, "prepare() for another light"):
-                return model.prepare(light, None, watched)
-        except NotOffered:
-            return None
-        except Exception:
-            if ended:
-                return None
-            raise
-
-
-def rehearse_rows(
-    rows: Sequence[Row], scene: Scene, size: int | None, rules: str, store: Store, phases: Phases
-) -> tuple[dict[str, list[str]], dict[str, dict[str, int]]]:
-    """Measure every row; returns the keys of the phases in each row's whole run, and the counts among its facts."""
-    seen: set[str] = set()
-    keys: dict[str, list[str]] = {}
-    facts: dict[str, dict[str, int]] = {}
-    for row in rows:
-        rehearsal = RowRehearsal(row, scene, size, rules, store, phases, seen)
-        keys[row.key] = rehearsal.all()
-        facts[row.key] = rehearsal.facts
-    return keys, facts

@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import torch
 
@@ -22,7 +22,6 @@ class Phase:
     """A kind of work of a run."""
 
     title: str
-    """Title of the phase."""
     key: str
     """Stage or model that it belongs to; rows that share it do this work once."""
     seconds: tuple[float, ...]
@@ -36,26 +35,16 @@ class Phase:
 
     @property
     def mean(self) -> float:
-        """Mean seconds of one time."""
+        """Mean seconds of a repetition."""
         return math.fsum(self.seconds) / len(self.seconds)
 
     @property
     def error(self) -> float:
-        """Standard error of the mean, seconds; zero where it was done once, because nothing is known of it."""
+        """Standard error of the mean, seconds; zero for a single repetition, which does not tell one."""
         if self.extended_error is not None:
             return self.extended_error
         count = len(self.seconds)
         return statistics.stdev(self.seconds) / math.sqrt(count) if count > 1 else 0.0
-
-    def plain(self) -> dict[str, Any]:
-        """The phase as plain values, for storage."""
-        return {
-            "title": self.title,
-            "key": self.key,
-            "seconds": list(self.seconds),
-            "whole": self.whole,
-            "peaks": dict(self.peaks),
-        }
 
 
 class TooLarge(Exception):

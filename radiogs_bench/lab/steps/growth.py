@@ -1,11 +1,11 @@
-"""Growth of seconds and bytes with surfels, pixels, rays and views, each varied alone, as a constant and a power law
-(``bench growth``)."""
+"""Growth of seconds and bytes with surfels, pixels, rays and views, each varied alone (``bench growth``)."""
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import torch
 
@@ -15,12 +15,15 @@ from radiogs_core.scene.scene import Scene
 from ..kernels.cases import Case, rasterize_case, trace_case
 from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
-from .estimates import GrowthLaw, last_exponent, law_of
-from .passes import one_pass
+from .passes import one_pass, warm_up
+from .record import milliseconds
 from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
 
-SCHEMA = "radiogs-bench/growth/2"
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SCHEMA = "radiogs-bench/growth/3"
 
 REPETITIONS = 5
 """How often a kernel is measured at each size."""
@@ -53,23 +56,21 @@ class Axis:
     grows: str
     fixed: str
     values: tuple[int, ...]
-    at_most: float | None = None
-    """The exponent that seconds should not exceed, where one is expected."""
 
 
 KERNELS = (
-    Axis("tracing, forward", "rays", f"{SURFELS:,} surfels", (1 << 13, 1 << 14, 1 << 15, 1 << 16, 1 << 17), 1.05),
-    Axis("tracing, forward", "surfels", f"{RAYS:,} rays", (2000, 8000, 32_000, 128_000), 0.5),
-    Axis("rasterizing, forward", "pixels", f"{SURFELS:,} surfels", (100**2, 200**2, 400**2, 800**2), 1.05),
-    Axis("rasterizing, forward", "surfels", f"{SIDE} x {SIDE} pixels", (2000, 8000, 32_000, 128_000), 1.05),
+    Axis("tracing, forward", "rays", f"{SURFELS:,} surfels", (1 << 13, 1 << 14, 1 << 15, 1 << 16, 1 << 17)),
+    Axis("tracing, forward", "surfels", f"{RAYS:,} rays", (2000, 8000, 32_000, 128_000)),
+    Axis("rasterizing, forward", "pixels", f"{SURFELS:,} surfels", (100**2, 200**2, 400**2, 800**2)),
+    Axis("rasterizing, forward", "surfels", f"{SIDE} x {SIDE} pixels", (2000, 8000, 32_000, 128_000)),
 )
 """Kernels alone, on the blob of scene M. Hits a ray are the same for any number of surfels, which shrink as they grow
 in number: what grows is the depth of the tree."""
 
 STEPS = (
-    Axis("", "surfels", "96 x 96 pixels, 24 views", (750, 1500, 3000, 6000), 1.05),
-    Axis("", "pixels", "1,500 surfels, 24 views", (48**2, 96**2, 192**2, 384**2), 1.05),
-    Axis("", "views", "1,500 surfels, 96 x 96 pixels", (12, 24, 48, 96), 1.05),
+    Axis("", "surfels", "96 x 96 pixels, 24 views", (750, 1500, 3000, 6000)),
+    Axis("", "pixels", "1,500 surfels, 24 views", (48**2, 96**2, 192**2, 384**2)),
+    Axis("", "views", "1,500 surfels, 96 x 96 pixels", (12, 24, 48, 96)),
 )
 """Everything that ``bench steps`` does, at preset tiny."""
 
@@ -87,7 +88,7 @@ def bench_growth(
     for axis in KERNELS:
         announce(f"{axis.what}: {axis.grows}")
         yield from _rows(axis, {axis.what: _kernels([_case(axis, value, device) for value in axis.values], device)})
-    one_pass(subject_of(method, scene, WARM_UP, device), lambda titles, work: work())
+    warm_up(subject_of(method, scene, WARM_UP, device))
     sized = can_be_sized(method, method.presets[USUAL.preset])
     if not sized:
         announce(f"{method.name} is measured at its preset's own size, not along surfels: its budget counts none")
@@ -130,28 +131,45 @@ def _size(axis: Axis, value: int) -> Size:
 
 def _rows(axis: Axis, found: Mapping[str, Sequence[Measured]]) -> Iterator[Plain]:
     for title, each in found.items():
-        taken, peaks = [measured.seconds for measured in each], [measured.bytes for measured in each]
-        law, last = law_of(axis.values, taken), last_exponent(axis.values, taken)
-        large = len(peaks) > 1 and min(peaks[-2:]) >= LEAST_BYTES
-        by_bytes = last_exponent(axis.values, [[float(peak)] for peak in peaks]) if large else None
+        medians, peaks = [median(measured.seconds) for measured in each], [measured.bytes for measured in each]
         yield {
             "title": title,
             "grows": axis.grows,
             "fixed": axis.fixed,
             "values": list(axis.values),
-            "seconds": [median(values) for values in taken],
-            "seconds each": taken,
+            "seconds": medians,
+            "seconds each": [measured.seconds for measured in each],
             "bytes": peaks,
-            "law": None if law is None else _plain(law),
-            "last exponent": None if last is None else last._asdict(),
-            "last exponent of bytes": None if by_bytes is None else by_bytes.value,
-            "at most": axis.at_most,
+            "exponents": exponents(axis.values, medians),
+            "exponents of bytes": exponents(axis.values, peaks, least=LEAST_BYTES),
         }
 
 
-def _plain(law: GrowthLaw) -> Plain:
-    """The law as plain values, for storage."""
-    return {name: None if each is None else each._asdict() for name, each in law._asdict().items()}
+def exponents(sizes: Sequence[int], amounts: Sequence[float], least: float = 0.0) -> list[float | None]:
+    """Slopes of log(amount) over log(size) from each size to the next.
+
+    None where one of the two amounts is not above ``least``. A part that does not grow draws the first slopes down.
+    """
+    between = zip(sizes, sizes[1:], amounts, amounts[1:], strict=False)
+    return [
+        math.log(after / before) / math.log(large / small) if min(before, after) > least else None
+        for small, large, before, after in between
+    ]
+
+
+def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
+    """A line for each thing and what grows."""
+    from rich.table import Table
+
+    table = Table("", "grows", "from", "to", "seconds from", "to", "exponent: first", "last", "of bytes: last")
+    for row in rows:
+        told = (row["exponents"][0], row["exponents"][-1], row["exponents of bytes"][-1])
+        table.add_row(
+            row["title"], row["grows"], f"{row['values'][0]:,}", f"{row['values'][-1]:,}",
+            milliseconds(row["seconds"][0]), milliseconds(row["seconds"][-1]),
+            *("n/a" if exponent is None else f"{exponent:.2f}" for exponent in told),
+        )  # fmt: skip
+    return table
 
 
 Result = TypeVar("Result")
@@ -166,31 +184,27 @@ class Watching:
 
     def __init__(self, device: torch.device) -> None:
         self.device = device
-        self.bytes: dict[str, int] = {}
-        self.first: dict[str, float] = {}
+        self.peaks: dict[str, int] = {}
         self.seconds: defaultdict[str, list[float]] = defaultdict(list)
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
         """Watch the work, unless it counts as nothing."""
-        if not titles:
-            return work()
-        results: list[Result] = []
+        done: list[Result] = []
         taken: list[float] = []
 
         def do() -> None:
-            taken.append(seconds(lambda: results.append(work()), self.device))
+            taken.append(seconds(lambda: done.append(work()), self.device))
 
-        if all(title in self.bytes for title in titles):
+        if all(title in self.peaks for title in titles):
             do()
-            for title in titles:
-                self.seconds[title].extend(taken)
-            return results[0]
-        peak = peak_bytes(do, self.device)
+        else:
+            self.peaks = dict.fromkeys(titles, peak_bytes(do, self.device)) | self.peaks
         for title in titles:
-            self.bytes.setdefault(title, peak)
-            self.first.setdefault(title, taken[0])
-        return results[0]
+            self.seconds[title].extend(taken)
+        return done[0]
 
     def found(self) -> dict[str, Measured]:
         """Seconds and peak bytes by title."""
-        return {title: Measured(self.seconds[title] or [self.first[title]], peak) for title, peak in self.bytes.items()}
+        return {
+            title: Measured(self.seconds[title][1:] or self.seconds[title], self.peaks[title]) for title in self.peaks
+        }

@@ -1,34 +1,34 @@
-"""Passes over a method at one size, as plain values that a process can hand to another.
+"""Measures passes over a method at one size.
 
 For each piece of work: its seconds, the parts of the code that took them, page faults, PyTorch's operations, launches
 of our own kernels, and work counters. Seconds by part come from the Python stack, which is looked at every few
-milliseconds: nothing has to be marked in the code that is measured, so that one account fits every method and every
-version of it.
+milliseconds: nothing has to be marked in the code that is measured, so that one account fits every method.
 """
 
 import gc
+import math
 import signal
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from statistics import median
-from types import FrameType, TracebackType
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from types import FrameType
+from typing import Any, TypeVar
 from unittest.mock import patch
 
 import torch
 import warp as wp
+from scipy.stats import quantile_test
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.recorded import Recorded
 
 from ..kernels.clock import page_faults, processor_seconds, seconds
-from .estimates import median_of
 from .passes import one_pass
-from .sizes import WARM_UP, Size
+from .sizes import Size
 from .subject import Subject
 
 EVERY = 0.002
@@ -110,8 +110,8 @@ def part_of(module: str) -> str | None:
     return max(found)[1] if found else None
 
 
-def placed(frame: FrameType | None) -> tuple[str, str]:
-    """The part that a stack is in, and ``forward`` or ``backward``."""
+def placed(frame: FrameType | None) -> str:
+    """The part that a stack is in, and ``forward`` or ``backward``: ``tracing, backward``."""
     part, way = None, "forward"
     while frame is not None:
         module = frame.f_globals.get("__name__", "")
@@ -119,201 +119,58 @@ def placed(frame: FrameType | None) -> tuple[str, str]:
         if module == AUTOGRAD and frame.f_code.co_name == "backward":
             way = "backward"
         frame = frame.f_back
-    return part or OTHER, way
+    return f"{part or OTHER}, {way}"
 
 
-class Looking:
-    """Seconds by part and direction of what is done within ``with``, in the main thread.
+@contextmanager
+def looking() -> Iterator[Mapping[str, float]]:
+    """Seconds by part and direction of what is done within, in the main thread.
 
     Each look charges the processor time since the look before it to the part that it finds running: a long operation
     delays looks, and is charged with all of its time.
     """
+    found: defaultdict[str, float] = defaultdict(float)
+    last = processor_seconds()
 
-    def __init__(self) -> None:
-        self.seconds: defaultdict[tuple[str, str], float] = defaultdict(float)
-        self._last = 0.0
-
-    def __enter__(self) -> "Looking":
-        self._last = processor_seconds()
-        self._before = signal.signal(signal.SIGPROF, self._look)
-        signal.setitimer(signal.ITIMER_PROF, EVERY, EVERY)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, self._before)
-
-    def _look(self, number: int, frame: FrameType | None) -> None:
+    def look(number: int, frame: FrameType | None) -> None:
+        nonlocal last
         now = processor_seconds()
-        self.seconds[placed(frame)] += now - self._last
-        self._last = now
+        found[placed(frame)] += now - last
+        last = now
 
-    def shares(self) -> dict[str, float]:
-        """Shares of the time, by part and direction, largest first; they add up to one."""
-        return shares_of({f"{part}, {way}": seconds for (part, way), seconds in self.seconds.items()})
+    before = signal.signal(signal.SIGPROF, look)
+    signal.setitimer(signal.ITIMER_PROF, EVERY, EVERY)
+    try:
+        yield found
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
-def shares_of(seconds: dict[str, float]) -> dict[str, float]:
-    """Seconds as shares of their sum, largest first; empty where there are none."""
+def shares_of(looks: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Shares of each part and direction in the sum of several accounts, largest first; empty for no time."""
+    seconds: defaultdict[str, float] = defaultdict(float)
+    for each in looks:
+        for part, amount in each.items():
+            seconds[part] += amount
     whole = sum(seconds.values())
-    return {name: each / whole for name, each in sorted(seconds.items(), key=lambda item: -item[1])} if whole else {}
+    return {part: each / whole for part, each in sorted(seconds.items(), key=lambda item: -item[1])} if whole else {}
 
-
-Plain = dict[str, Any]
-
-
-@runtime_checkable
-class Passing(Protocol):
-    """Makes passes, here or in another process."""
-
-    def passed(self, size: str, counts: bool) -> Plain:
-        """One pass at a size (see ``Here.passed``)."""
-
-
-class Here:
-    """Passes in this process. ``stages``: how many are gone through, without relighting; None for everything."""
-
-    def __init__(self, subject: Callable[[str], Subject], stages: int | None = None) -> None:
-        self._subject, self._stages = subject, stages
-        one_pass(subject(WARM_UP.name), lambda titles, work: work())
-
-    def passed(self, size: str, counts: bool) -> Plain:
-        """Measures one pass: its settings, seconds and parts by title, and with ``counts`` the counters."""
-        subject = self._subject(size)
-        times = Times(subject.device, counts)
-        gc.collect()  # not while something is timed
-        lies = one_pass(subject, times, self._stages)
-        what = {
-            "preset": subject.size.preset,
-            "side": subject.size.side,
-            "views": subject.size.views,
-            "surfels": subject.surfels,
-            "model": lies,
-        }
-        return {"what": what, **times.plain()}
-
-
-def measured(sides: Sequence[Passing], size: Size, passes: int, announce: Callable[[str], None]) -> list[Plain]:
-    """The measurements of one or more sides at a size: they take turns, pass by pass. The first pass counts as well."""
-    found: list[list[Plain]] = [[] for _ in sides]
-    for number in range(passes):
-        announce(f"{size.name}: pass {number + 1} of {passes}")
-        for side, kept in zip(sides, found, strict=True):
-            kept.append(side.passed(size.name, counts=number == 0))
-    return [{**kept[0]["what"], "rows": list(_rows(kept))} for kept in found]
-
-
-def _rows(passes: Sequence[Plain]) -> Iterator[Plain]:
-    for title, counted in passes[0]["counts"].items():
-        taken = [each["seconds"][title] for each in passes if title in each["seconds"]]
-        parts: dict[str, float] = {}
-        for each in passes:
-            for part, value in each["parts"].get(title, {}).items():
-                parts[part] = parts.get(part, 0.0) + value
-        faults = [value for each in passes for value in each.get("page faults", {}).get(title, [])]
-        taken = taken or [[passes[0]["counted seconds"][title]]]
-        middle = median_of(taken)
-        yield {
-            "title": title,
-            "passes": taken,
-            "median": middle.value,
-            "low": middle.low,
-            "high": middle.high,
-            **counted,
-            "page faults": round(median(faults)) if faults else None,
-            "parts": shares_of(parts),
-        }
-
-
-Result = TypeVar("Result")
 
 SHOWN_WORK = ("rays", "hits", "blended_pairs", "shaded_samples")
 """Counters that tell whether two measurements did the same work."""
 
 
-@dataclass(frozen=True)
-class Counted:
-    """Counts of one piece of work."""
-
-    operations: int
-    """Operations of PyTorch."""
-    launches: int
-    """Launches of this project's kernels."""
-    work: Mapping[str, int]
-    """Work counters (``Instruments.work``)."""
-
-
-class Times:
-    """Seconds and page faults of every time that something was done, by title, and seconds by part.
-
-    ``counts``: whether the first time of each title is counted as well. To count takes time: such seconds are kept
-    apart, in ``counted_seconds``, for titles that have no others.
-    """
-
-    def __init__(self, device: torch.device, counts: bool) -> None:
-        self.device, self.counts = device, counts
-        self.seconds: defaultdict[str, list[float]] = defaultdict(list)
-        self.faults: defaultdict[str, list[int]] = defaultdict(list)
-        self.counted_seconds: dict[str, float] = {}
-        self.counted: dict[str, Counted] = {}
-        self.parts: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
-
-    def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
-        """Time the work, unless it counts as nothing."""
-        if not titles:
-            return work()
-        if self.counts and any(title not in self.counted for title in titles):
-            return self._count(titles, work)
-        before = page_faults()
-        found, taken, looking = self._timed(work)
-        faults = page_faults() - before
-        for title in titles:
-            self.seconds[title].append(taken)
-            self.faults[title].append(faults)
-            self._add_parts(title, looking)
-        return found
-
-    def _timed(self, work: Callable[[], Result]) -> tuple[Result, float, Looking]:
-        found: list[Result] = []
-        with Looking() as looking:
-            taken = seconds(lambda: found.append(work()), self.device)
-        return found[0], taken, looking
-
-    def _count(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
-        with recording() as instruments, counting() as counts:
-            found, taken, looking = self._timed(work)
-        done = {name: instruments.work[name] for name in SHOWN_WORK if instruments.work[name]}
-        for title in titles:
-            self.counted.setdefault(title, Counted(counts.operations, counts.launches, done))
-            self.counted_seconds.setdefault(title, taken)
-            self._add_parts(title, looking)
-        return found
-
-    def _add_parts(self, title: str, looking: Looking) -> None:
-        for (part, way), share in looking.seconds.items():
-            self.parts[title][f"{part}, {way}"] += share
-
-    def plain(self) -> dict[str, Any]:
-        """The times as plain values, for another process."""
-        return {
-            "seconds": dict(self.seconds),
-            "page faults": dict(self.faults),
-            "counted seconds": self.counted_seconds,
-            "counts": {title: asdict(each) for title, each in self.counted.items()},
-            "parts": {title: dict(parts) for title, parts in self.parts.items()},
-        }
-
-
 @dataclass
 class Counts:
-    """Counts that a ``with`` block adds to."""
+    """Counts of one piece of work."""
 
     operations: int = 0
     """Operations of PyTorch's dispatcher, including backward passes and views."""
     launches: int = 0
     """Launches of Warp kernels."""
+    work: Mapping[str, int] = field(default_factory=dict)
+    """Work counters (``Instruments.work``)."""
 
 
 class _Operations(TorchDispatchMode):
@@ -328,7 +185,7 @@ class _Operations(TorchDispatchMode):
 
 @contextmanager
 def counting() -> Iterator[Counts]:
-    """Count what is done within, in this thread."""
+    """Count what is done within, in this thread; the work counters are there at the end."""
     counts = Counts()
     launch, run = wp.launch, Recorded.run
 
@@ -340,5 +197,110 @@ def counting() -> Iterator[Counts]:
         counts.launches += 1
         run(*args)
 
-    with patch.object(wp, "launch", launched), patch.object(Recorded, "run", ran), _Operations(counts):
-        yield counts
+    with recording() as instruments:
+        with patch.object(wp, "launch", launched), patch.object(Recorded, "run", ran), _Operations(counts):
+            yield counts
+        counts.work = {name: instruments.work[name] for name in SHOWN_WORK if instruments.work[name]}
+
+
+Result = TypeVar("Result")
+
+
+class Times:
+    """Seconds, page faults and parts of every time that something was done in one pass, by title.
+
+    ``counts``: whether the first time of each title is counted as well. To count takes time: such seconds are kept
+    apart, in ``counted_seconds``, for titles that have no others.
+    """
+
+    def __init__(self, device: torch.device, counts: bool) -> None:
+        self.device, self.counts = device, counts
+        self.seconds: defaultdict[str, list[float]] = defaultdict(list)
+        self.faults: defaultdict[str, list[int]] = defaultdict(list)
+        self.parts: defaultdict[str, list[Mapping[str, float]]] = defaultdict(list)
+        self.counted: dict[str, Counts] = {}
+        self.counted_seconds: dict[str, float] = {}
+
+    def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
+        """Time the work, unless it counts as nothing."""
+        if not titles:
+            return work()
+        if self.counts and any(title not in self.counted for title in titles):
+            return self._count(titles, work)
+        before = page_faults()
+        result, taken = self._timed(titles, work)
+        faults = page_faults() - before
+        for title in titles:
+            self.seconds[title].append(taken)
+            self.faults[title].append(faults)
+        return result
+
+    def _count(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
+        with counting() as counts:
+            result, taken = self._timed(titles, work)
+        for title in titles:
+            self.counted.setdefault(title, counts)
+            self.counted_seconds.setdefault(title, taken)
+        return result
+
+    def _timed(self, titles: tuple[str, ...], work: Callable[[], Result]) -> tuple[Result, float]:
+        done: list[Result] = []
+        with looking() as parts:
+            taken = seconds(lambda: done.append(work()), self.device)
+        for title in titles:
+            self.parts[title].append(parts)
+        return done[0], taken
+
+
+Plain = dict[str, Any]
+
+
+def measured(
+    subject_at: Callable[[Size], Subject],
+    size: Size,
+    passes: int,
+    stages: int | None,
+    announce: Callable[[str], None],
+) -> Plain:
+    """Measure everything at a size: the model, the images, and a row for each piece of work.
+
+    ``subject_at`` makes the subject anew for each pass. ``stages``: how many are gone through, without relighting; None
+    for everything. The first pass counts operations, launches and work as well.
+    """
+    found: list[Times] = []
+    for number in range(passes):
+        announce(f"{size.name}: pass {number + 1} of {passes}")
+        subject = subject_at(size)
+        found.append(Times(subject.device, counts=number == 0))
+        gc.collect()  # not while something is timed
+        place = one_pass(subject, found[-1], stages)
+    return {
+        "preset": size.preset,
+        "side": size.side,
+        "views": size.views,
+        "surfels": subject.surfels,
+        "model": place,
+        "rows": list(_rows(found)),
+    }
+
+
+def _rows(passes: Sequence[Times]) -> Iterator[Plain]:
+    first = passes[0]
+    for title, counts in first.counted.items():
+        taken = [each.seconds[title] for each in passes if title in each.seconds] or [[first.counted_seconds[title]]]
+        faults = [value for each in passes for value in each.faults[title]]
+        yield {
+            "title": title,
+            "passes": taken,
+            **median_of([value for each in taken for value in each]),
+            **asdict(counts),
+            "page faults": round(median(faults)) if faults else None,
+            "parts": shares_of(look for each in passes for look in each.parts[title]),
+        }
+
+
+def median_of(values: Sequence[float]) -> dict[str, float | None]:
+    """The median, and the ends of its distribution-free 95 % interval: None for fewer than six values."""
+    interval = quantile_test(values, p=0.5).confidence_interval(0.95)
+    low, high = (None if math.isnan(end) else float(end) for end in interval)
+    return {"median": median(values), "low": low, "high": high}

@@ -1,6 +1,7 @@
 """One pass over everything that is measured: stages begun, steps of every kind, and relit frames."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from functools import partial
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -26,6 +27,11 @@ class Observe(Protocol):
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
         """Do the work; returns its result."""
+
+
+def warm_up(subject: Subject) -> None:
+    """Do everything once before anything is timed: kernels are compiled, and libraries loaded."""
+    one_pass(subject, lambda titles, work: work())
 
 
 def one_pass(subject: Subject, observe: Observe, stages: int | None = None) -> str:
@@ -70,21 +76,12 @@ def _steps(subject: Subject, spec: StageSpec, stage: Stage, observe: Observe) ->
     last = max(max(kind.steps) for kind in kinds if kind.steps)
     for index in range(last):
         step(index)
-    before = copied(stage.state())
+    before = deepcopy(stage.state())  # a stage goes on in place
     step(last)
     for _ in range(AGAIN):
         with calling(subject.method.name, "restore()"):
-            stage.restore(copied(before))
+            stage.restore(deepcopy(before))
         step(last)
-
-
-def copied(value: Any) -> Any:
-    """A state that shares no tensor with the stage it is from, which goes on in place."""
-    if isinstance(value, Mapping):
-        return {name: copied(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return type(value)(copied(each) for each in value)
-    return value.clone() if isinstance(value, torch.Tensor) else value
 
 
 def _relit(

@@ -1,10 +1,12 @@
-"""Measurements of steps as JSON and as a table."""
+"""Measurements of steps in words and as a table, alone and beside an earlier record of the same machine."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .estimates import ratio_of_medians
-from .yardsticks import Yardsticks
+from radiogs_core.errors import DataError, UsageError
+
+from ...store.seal import Broken, OtherSchema, read_sealed
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,21 +19,15 @@ MOST_PARTS = 3
 FRAME, SURFELS_ALONE = ": a frame", "by surfels alone"
 """Ending of the titles of frames, and words in the title of those that need no rays."""
 
+MACHINE = ("cpu", "cores", "memory_bytes", "gpu", "threads")
+"""Properties that two machines have to share for their seconds to be compared."""
+
+MODEL = ("preset", "side", "views", "surfels", "model")
+
+OTHER_WORK = 0.02
+"""Difference of a work counter, as a share, that is told."""
+
 Plain = dict[str, Any]
-
-
-def record_of(
-    session: Mapping[str, Any], subject: Mapping[str, str], yardsticks: Yardsticks, sizes: Mapping[str, Plain]
-) -> Plain:
-    """Everything that was measured, and where. ``subject``: method and scene."""
-    medians = yardsticks.medians()
-    return {
-        "schema": SCHEMA,
-        **session,
-        **subject,
-        "yardsticks": {name: {"median": medians[name], "seconds": values} for name, values in yardsticks.found.items()},
-        "sizes": dict(sizes),
-    }
 
 
 def milliseconds(seconds: float) -> str:
@@ -45,33 +41,20 @@ def ends(low: float | None, high: float | None) -> str:
     return "" if low is None or high is None else f"{milliseconds(low)} to {milliseconds(high)}"
 
 
-def parts_said(parts: Mapping[str, float], most: int = MOST_PARTS) -> str:
-    """The parts that take most, in percent."""
-    largest = sorted(parts.items(), key=lambda item: -item[1])
-    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in largest[:most])
-
-
 def frames_said(size: Mapping[str, Any]) -> Iterator[str]:
     """How much longer frames take by rays than by surfels alone, a sentence each, for a method that has both ways."""
     frames = [row for row in size["rows"] if row["title"].endswith(FRAME)]
-    for alone in (row for row in frames if SURFELS_ALONE in row["title"]):
+    for alone in (row for row in frames if SURFELS_ALONE in row["title"] and row["median"] > 0):
         for row in (row for row in frames if SURFELS_ALONE not in row["title"]):
-            ratio = ratio_of_medians(row["passes"], alone["passes"], paired=True)
-            if ratio is not None:
-                interval = "" if ratio.low is None else f" ({ratio.low:.1f} to {ratio.high:.1f})"
-                way, other = (each["title"].removesuffix(FRAME) for each in (row, alone))
-                yield f"A frame of {way} takes {ratio.value:.1f}{interval} times as long as one of {other}."
+            way, other = (each["title"].removesuffix(FRAME) for each in (row, alone))
+            ratio = row["median"] / alone["median"]
+            yield f"A frame of {way} takes {ratio:.1f} times as long as one of {other}."
 
 
 def headline(name: str, size: Mapping[str, Any]) -> str:
     """A size in words."""
     surfels = "its own number of surfels" if size["surfels"] is None else f"{size['surfels']:,} surfels"
     return f"{name}: {size['side']} x {size['side']}, {surfels} {size['model']}, {size['views']} views"
-
-
-def yardstick_said(record: Mapping[str, Any]) -> str:
-    """The yardsticks' median times as one sentence."""
-    return "; ".join(f"{name}: {milliseconds(each['median'])}" for name, each in record["yardsticks"].items())
 
 
 def as_table(name: str, size: Mapping[str, Any]) -> "Table":
@@ -83,9 +66,88 @@ def as_table(name: str, size: Mapping[str, Any]) -> "Table":
         table.add_column(heading, justify="right")
     table.add_column("where its time goes")
     for row in size["rows"]:
+        largest = [f"{part} {100 * share:.0f} %" for part, share in row["parts"].items()][:MOST_PARTS]
         table.add_row(
             row["title"], milliseconds(row["median"]), ends(row["low"], row["high"]),
             f"{row['operations']:,}", f"{row['launches']:,}",
-            "" if row["page faults"] is None else f"{row['page faults']:,}", parts_said(row["parts"]),
+            "" if row["page faults"] is None else f"{row['page faults']:,}", ", ".join(largest),
         )  # fmt: skip
     return table
+
+
+def read_record(path: Path) -> Plain:
+    """A record of ``bench steps --json``. Raises DataError for any other file."""
+    make = "Make one:  radiogs-bench bench steps --json FILE"
+    try:
+        return read_sealed(path, SCHEMA, ("machine", "method", "scene", "sizes"))
+    except FileNotFoundError:
+        raise DataError(f"there is no record {path}", "", make) from None
+    except OtherSchema as error:
+        raise DataError(f"{path} is no record of this version ({SCHEMA})", error.what, make) from error
+    except Broken as broken:
+        raise DataError(f"cannot use the record {path}: {broken.reason}", "", make) from broken
+
+
+def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted: Collection[str]) -> dict[str, Plain]:
+    """The measurements that a record has at the wanted sizes. ``ours``: a record of here and now, of any sizes.
+
+    Raises UsageError where the records are of other machines, methods or scenes, or where none of the sizes is there.
+    """
+    differing = [name for name in MACHINE if ours["machine"].get(name) != theirs["machine"].get(name)]
+    differing += [name for name in ("method", "scene") if ours[name] != theirs[name]]
+    if differing:
+        raise UsageError(
+            f"the two records differ in {', '.join(differing)}",
+            "Seconds are compared on one machine, of one method on one scene.",
+            "Measure the earlier checkout here:  radiogs-bench bench steps --json FILE",
+        )
+    found = {name: size for name, size in theirs["sizes"].items() if name in wanted}
+    if not found:
+        there = ", ".join(theirs["sizes"])
+        raise UsageError("the record has none of these sizes", f"It has: {there}.", "Name them with --sizes.")
+    return found
+
+
+def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> "Table":
+    """A line for everything that both did at a size; ratios above 1 are faster now.
+
+    Raises UsageError where the models or the images differ.
+    """
+    from rich.table import Table
+
+    differing = [f"{name} {ours[name]} against {theirs[name]}" for name in MODEL if ours[name] != theirs[name]]
+    if differing:
+        what = f"the two did not measure the same: {', '.join(differing)}"
+        raise UsageError(what, "", "Measure both with the same versions.")
+    table = Table("", title=name, title_justify="left")
+    for heading in ("before", "now", "times as fast", "from both intervals", "operations", "launches"):
+        table.add_column(heading, justify="right")
+    table.add_column("work that changed")
+    earlier = {row["title"]: row for row in theirs["rows"]}
+    for now in ours["rows"]:
+        if (before := earlier.get(now["title"])) is not None:
+            table.add_row(
+                now["title"], milliseconds(before["median"]), milliseconds(now["median"]), *times_as_fast(before, now),
+                *(f"{before[count]:,} → {now[count]:,}" for count in ("operations", "launches")),
+                ", ".join(f"{what} x {ratio:.2f}" for what, ratio in other_work(before["work"], now["work"]).items()),
+            )  # fmt: skip
+    return table
+
+
+def times_as_fast(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str]:
+    """The median before over the median now, and the least and the most that the intervals of both allow.
+
+    A median of zero is less than a tick of the clock.
+    """
+    if not (before["median"] > 0 and now["median"] > 0):
+        return "too short", ""
+    ratio = f"{before['median'] / now['median']:.2f}"
+    if not (before["low"] and now["low"]):
+        return ratio, ""
+    return ratio, f"{before['low'] / now['high']:.2f} to {before['high'] / now['low']:.2f}"
+
+
+def other_work(before: Mapping[str, int], now: Mapping[str, int]) -> dict[str, float]:
+    """Work counters that changed, as ratios to what they were."""
+    found = {name: now[name] / before[name] for name in now if before.get(name)}
+    return {name: ratio for name, ratio in found.items() if abs(ratio - 1) > OTHER_WORK}

@@ -15,7 +15,6 @@ class Size:
     """A model and images of one size."""
 
     name: str
-    """Name of the size."""
     preset: str
     """Preset whose samples, surfels of a step and light are used."""
     side: int
@@ -45,7 +44,7 @@ SIZES = {
 }
 
 WARM_UP = SIZES["smoke"]
-"""Done once before anything is timed: kernels are compiled, and libraries loaded."""
+"""Size of the pass before anything is timed."""
 
 OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
 """Those with as many surfels as a preset's largest model: any method can be measured at them."""

@@ -18,7 +18,7 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.enlargement import enlarged
 
 from ..kernels.scenes import OVERLAP, SPREAD
-from ..rehearsal.row import Row
+from ..rehearsal.plan import RehearsedRow
 from .sizes import OWN_SIZES, WARM_UP, Size, can_be_sized, largest_model, surfel_fields
 
 FIRST_SPACING = 0.05
@@ -38,17 +38,12 @@ class Subject:
     """A method, the few steps of it that are measured, and the scene."""
 
     method: Method
-    """The method."""
     size: Size
-    """Size of the model and of the images."""
     surfels: int | None
     """Surfels of the model; None: the method decides."""
     scene: Scene
-    """The scene."""
     short: ShortRun
-    """The steps."""
     device: torch.device
-    """Device of the model."""
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
@@ -63,7 +58,7 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
         wanted = None
     elif not isinstance(method, Rehearsing):
         budget = with_values(budget, dict.fromkeys(surfel_fields(budget), wanted), f"budget of {method.name}")
-    row = Row("steps", method, method.name, method.variant(), budget)
+    row = RehearsedRow("steps", method, method.name, method.variant(), budget)
     large = enlarged(scene, size.views, TEST_VIEWS, size.side, size.side)
     return Subject(method, size, wanted, large, row.short(wanted if isinstance(method, Rehearsing) else None), device)
 

@@ -1,6 +1,7 @@
 """The kernel bench: its scenes, yardsticks that compute the same, and the command."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,10 @@ import pytest
 import torch
 
 from radiogs_bench.cli import main
-from radiogs_bench.lab.kernels.bench import Row, measure
+from radiogs_bench.lab.kernels.bench import SCHEMA, MeasuredPass, as_table, measure
 from radiogs_bench.lab.kernels.cases import rasterize_case, shade_case, square_camera, trace_case
 from radiogs_bench.lab.kernels.embree import missing_embree, support_quads
 from radiogs_bench.lab.kernels.plain import rasterize_densely, shade_plainly
-from radiogs_bench.lab.kernels.record import as_table
 from radiogs_bench.lab.kernels.scenes import SCENES, KernelScene, cloud
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
@@ -124,7 +124,7 @@ def test_a_file_without_points_is_an_error(content: bytes, tmp_path: Path) -> No
 def test_kernels_that_count_no_bytes_have_a_row_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     """Audit K: the command, at its default, measured for minutes and ended in ``KeyError: 'bytes_read'``."""
     counting = {"hits": 3.0, "bytes_read": 2048.0}
-    row = Row("trace", "M", "float32", "forward", 1, "ray", 1.0, 0, counting, None, None, None)
+    row = MeasuredPass("trace", "M", "float32", "forward", 1, "ray", 1.0, 0, counting, None, None, None)
     rows = [row, replace(row, counters={})]
     table = as_table(rows, on_gpu=False)
     (column,) = [each for each in table.columns if each.header == "KiB read an item"]
@@ -156,6 +156,17 @@ def test_unknown_kernels_and_scenes_are_refused(
 ) -> None:
     assert main(["bench", "kernels", *wrong]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_document_has_the_stored_values() -> None:
+    documents = Path(__file__).parents[3] / "docs"
+    text = (documents / "performance.md").read_text()
+    stored = json.loads((documents / "performance" / "kernels.json").read_text())
+    assert stored["schema"] == SCHEMA
+    for row in stored["rows"]:
+        (line,) = re.findall(rf"^\| {row['kernel']} \| {re.escape(row['scene'])} \|.*$", text, re.MULTILINE)
+        assert row["dtype"] == "float64" or f"{row['millions_per_second']:.3g}" in line
+        assert row["ratio"] is None or f"{row['ratio']:.2f}" in line
 
 
 @pytest.mark.slow

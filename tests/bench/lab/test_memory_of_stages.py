@@ -12,7 +12,7 @@ import torch
 from bench.chain_method import Chain, ChainStage, Turned
 from radiogs_bench.lab.rehearsal.one_row import RowRehearsal
 from radiogs_bench.lab.rehearsal.phases import Phases
-from radiogs_bench.lab.rehearsal.row import Row
+from radiogs_bench.lab.rehearsal.plan import Plan, RehearsedRow
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
@@ -71,7 +71,8 @@ def test_a_product_is_freed_when_the_next_stage_has_begun(tmp_path: Path) -> Non
 @pytest.mark.usefixtures("without_collector")
 def test_a_rehearsal_frees_it_too(tmp_path: Path) -> None:
     chain = Watched()
-    row = Row("chain", chain, "chain", Turned(), chain.presets["smoke"])
-    RowRehearsal(row, SCENE, None, "default", Store(tmp_path), Phases(CPU), set()).train()
+    row = RehearsedRow("chain", chain, "chain", Turned(), chain.presets["smoke"])
+    plan = Plan("chain", "smoke", [row], SCENE, "default", 1, CPU, {}, 60.0)
+    RowRehearsal(plan, row, None, Store(tmp_path), Phases(CPU), set()).train()
     assert chain.left
     assert not any(chain.left)

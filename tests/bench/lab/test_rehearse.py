@@ -2,11 +2,10 @@
 
 import ctypes
 import json
-import re
 import shutil
 import signal
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -16,21 +15,17 @@ import pytest
 import torch
 
 from bench.fake_method import FAKE, FakeStage
-from radiogs.rehearsing import INITIALISE_STEPS, TITLES, memory_of, short_run
+from radiogs.rehearsing import INITIALISE_STEPS, TITLES, short_run
 from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
-from radiogs_bench.lab.rehearsal import climb as climbing
-from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
-from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
+from radiogs_bench.lab.rehearsal.climb import refusal_of, sizes_of
 from radiogs_bench.lab.rehearsal.growth import SizeResult, extended
 from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
-from radiogs_bench.lab.rehearsal.record import whole_of
-from radiogs_bench.lab.rehearsal.row import Row
+from radiogs_bench.lab.rehearsal.plan import RehearsedRow
+from radiogs_bench.lab.rehearsal.record import lines_of, whole_of
 from radiogs_bench.store.seal import seal_of
-from radiogs_core.capabilities import MemoryPhase, TrainingImages
-from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
 from radiogs_core.on_surfels import fit_geometry
 from radiogs_core.surfels import density
@@ -85,6 +80,17 @@ def test_a_size_that_does_not_fit_is_named_and_ends_with_exit_code_1(
     assert found["refusal"]["fits"] is False
 
 
+def with_second_stage(kind: type[FakeStage]) -> Any:
+    """The fake method, whose second stage is of this kind."""
+
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def stages(self, variant: Any, budget: Any) -> Any:
+            first, second = super().stages(variant, budget)
+            return first, replace(second, begin=lambda run, before: kind(before["place"], 1.0, run.seed))
+
+    return patch.dict(substitutes, {FAKE.name: Method()})
+
+
 class Greedy(FakeStage):
     """Asks for more memory than any machine has."""
 
@@ -96,12 +102,7 @@ class Greedy(FakeStage):
 def test_memory_that_ends_within_a_step_is_a_finding_and_no_failure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class Method(type(FAKE)):  # type: ignore[misc]
-        def stages(self, variant: Any, budget: Any) -> Any:
-            first, second = super().stages(variant, budget)
-            return first, replace(second, begin=lambda run, before: Greedy(before["place"], 1.0, run.seed))
-
-    with patch.dict(substitutes, {FAKE.name: Method()}):
+    with with_second_stage(Greedy):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 1
     assert recorded(tmp_path)["refusal"]["why"] == "there was not enough memory for 'fake invert: step 0'"
     assert "Traceback" not in capsys.readouterr().err
@@ -117,12 +118,7 @@ class Endless(FakeStage):
 
 
 def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
-    class Method(type(FAKE)):  # type: ignore[misc]
-        def stages(self, variant: Any, budget: Any) -> Any:
-            first, second = super().stages(variant, budget)
-            return first, replace(second, begin=lambda run, before: Endless(before["place"], 1.0, run.seed))
-
-    with patch.dict(substitutes, {FAKE.name: Method()}):
+    with with_second_stage(Endless):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
     found = recorded(tmp_path)
     assert found["refusal"]["why"] == "it was stopped after 'fake invert: beginning'"
@@ -261,14 +257,14 @@ def test_the_uncertainty_of_an_extrapolation_grows_with_its_distance() -> None:
 
 def test_sizes_that_would_not_fit_or_take_too_long_are_not_tried() -> None:
     rungs = [rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)]
-    assert climbing.refusal_of(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 1e6) is None
+    assert refusal_of(rungs, 400, {"host": 5 * GIB}, 1e6) is None
     # From one size alone nothing is concluded about memory: most of it may be that of the images.
-    assert climbing.refusal_of(rungs[:1], 400, Bounds({"host": 4 * GIB}, 1e6), 1e6) is None
-    tight = climbing.refusal_of(rungs, 400, Bounds({"host": 4 * GIB}, 1e6), 1e6)
+    assert refusal_of(rungs[:1], 400, {"host": 4 * GIB}, 1e6) is None
+    tight = refusal_of(rungs, 400, {"host": 4 * GIB}, 1e6)
     assert tight is not None
     assert not tight.fits
     assert "would take 4.5 GiB of the host's 4.0" in tight.why
-    late = climbing.refusal_of(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 9.0)
+    late = refusal_of(rungs, 400, {"host": 5 * GIB}, 9.0)
     assert late is not None
     assert late.fits
 
@@ -280,16 +276,16 @@ def test_rows_that_share_a_stage_train_it_once_and_are_shown_each() -> None:
         Phase("frame", "own shown", (0.5,), 4, {}),
     ]
     rows = {"a": ["shared", "own", "own shown"], "b": ["shared", "own", "own shown"]}
-    whole = whole_of(phases, rows, cells=3)
-    assert whole.seconds == pytest.approx(3 * (20 + 5 + 2 * 2))
-    assert whole.error == pytest.approx(3 * 10 * phases[0].error)
+    seconds, error = whole_of(phases, rows, cells=3)
+    assert seconds == pytest.approx(3 * (20 + 5 + 2 * 2))
+    assert error == pytest.approx(3 * 10 * phases[0].error)
     assert phases[0].error == pytest.approx(1.0)
 
 
 def test_sizes_grow_fourfold_from_a_quarter_of_the_start_to_the_largest() -> None:
     from radiogs.method import RADIOGS
 
-    assert sizes_of([Row("a", RADIOGS, "radiogs", Variant(), PRESETS["paper"])]) == [
+    assert sizes_of([RehearsedRow("a", RADIOGS, "radiogs", Variant(), PRESETS["paper"])]) == [
         25_000, 100_000, 400_000, 1_600_000, 2_000_000,
     ]  # fmt: skip
 
@@ -301,29 +297,12 @@ def test_only_errors_of_allocation_count_as_a_lack_of_memory() -> None:
     assert not of_memory(None)
 
 
-def test_tables_replace_their_marked_parts_of_the_document_alone(tmp_path: Path) -> None:
-    with patch.dict(substitutes, {FAKE.name: FAKE}):
-        main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path), "--json"])
-    record = recorded(tmp_path)
-    text = "before\n<!-- rehearsal one -->\nold\n<!-- end of rehearsal -->\nafter\n"
-    written = with_tables(text, {"one": record})
-    assert written.startswith("before\n<!-- rehearsal one -->\n`corner`")
-    assert written.endswith("<!-- end of rehearsal -->\nafter\n")
-    assert "old" not in written
-    assert with_tables(written, {"one": record}) == written
-    assert all(line in written for line in lines_of(record))
-    with pytest.raises(DataError, match="no place"):
-        with_tables(text, {"two": record})
-
-
-DOCUMENT = Path(__file__).parents[3] / "docs" / "paper_scale.md"
-
-
 def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
-    files = sorted(DOCUMENT.with_suffix("").glob("*.json"))
+    document = Path(__file__).parents[3] / "docs" / "paper_scale.md"
+    files = sorted(document.with_suffix("").glob("*.json"))
     assert files
-    text = DOCUMENT.read_text(encoding="utf-8")
-    assert with_tables(text, {path.stem: json.loads(path.read_bytes()) for path in files}) == text
+    for file in files:
+        assert "\n".join(lines_of(json.loads(file.read_bytes()))) in document.read_text(encoding="utf-8")
 
 
 def test_the_memory_of_one_size_does_not_count_for_the_next() -> None:
@@ -337,53 +316,3 @@ def test_the_memory_of_one_size_does_not_count_for_the_next() -> None:
     give_memory_back()
     assert full - resident() > 150e6
     assert len(last) == 60_000
-
-
-def test_memory_by_formula_is_printed_without_running_anything(capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["rehearse", "corner", "--as", "100x800x800", "--by-formula", "--json"]
-    assert main([*asked, "--sizes", "100000,500000", "--forecast-for", "rtx-4090"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["memory"] == 24 * GIB
-    assert found["images"] == {"views": 100, "width": 800, "height": 800}
-    sizes = found["rows"]["ours"]["sizes"]
-    assert list(sizes) == ["100000", "500000"]
-    images = TrainingImages(100, 800, 800)
-    for size, phases in sizes.items():
-        assert phases == [asdict(phase) for phase in memory_of(Variant(), PRESETS["paper"], int(size), images)]
-    assert main([*asked, "--memory", "20"]) == 1  # sizes of the preset: at most two millions
-    assert list(json.loads(capsys.readouterr().out)["rows"]["ours"]["sizes"]) == ["100000", "2000000"]
-
-
-def test_the_document_has_the_formula_s_table(capsys: pytest.CaptureFixture[str]) -> None:
-    text = DOCUMENT.read_text(encoding="utf-8")
-    (command,) = re.findall(r"^radiogs-bench (rehearse .* --by-formula .*)$", text, re.MULTILINE)
-    main(command.split())
-    said = capsys.readouterr().out
-    assert said.strip() in text.replace("**", "")
-
-
-def test_the_table_by_formula_says_what_fits_and_for_whom_there_is_none(capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["rehearse", "tensoir", "--scenes", "corner", "--by-formula", "--sizes", "50000,3000000", "--memory", "4"]
-    assert main(asked) == 1
-    said = capsys.readouterr().out.splitlines()
-    assert "No formula: tensoir, gs-ir, gi-gs, r3dg, irgs, svg-ir." in said
-    verdicts = [line for line in said if line.startswith("- ")]
-    assert [line.endswith(": fits.") for line in verdicts] == [True, False] * 3  # three rows are of RadioGS
-    tables = [line for line in said if line.startswith("|")]
-    assert len({line.count("|") for line in tables}) == 1
-
-
-def test_methods_without_formula_or_sizes_are_named(capsys: pytest.CaptureFixture[str]) -> None:
-    with patch.dict(substitutes, {FAKE.name: FAKE}):
-        assert main(["rehearse", "corner", "--method", FAKE.name, "--by-formula"]) == 2
-    assert f"no formula is known for the memory of {FAKE.name}" in capsys.readouterr().err
-
-    class Method(type(FAKE)):  # type: ignore[misc]
-        def memory(self, variant: Any, budget: Any, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
-            return (MemoryPhase("all", size, 2 * size),)
-
-    with patch.dict(substitutes, {FAKE.name: Method()}):
-        asked = ["rehearse", "corner", "--preset", "smoke", "--method", FAKE.name, "--by-formula"]
-        assert main(asked) == 2
-        assert "Give --sizes." in capsys.readouterr().err
-        assert main([*asked, "--sizes", "7"]) == 0

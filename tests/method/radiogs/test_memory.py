@@ -1,25 +1,32 @@
-"""The memory of a run by formula agrees with the CPU's allocator."""
+"""No array of a run has an entry for each harmonic of each sample: they would not fit a card at the paper's sizes."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+import torch
+from torch.profiler import ProfilerActivity, profile
 
-from bench.memory import VIEWS, Measured, measured, surfels_over, tables
-from radiogs.method import RADIOGS
-from radiogs.rehearsing import SAMPLE, SURFEL, memory_of
+from radiogs.initialise import Initialisation
+from radiogs.method import inverse_rendering
+from radiogs.model import Model
+from radiogs.rehearsing import REFRESH_EVERY, short_run
+from radiogs.relighting import relight
 from radiogs.settings import PRESETS, Variant
-from radiogs_core.capabilities import MemoryPhase, PlansMemory, TrainingImages
+from radiogs_core.contract import Run
+from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE
 from radiogs_core.kernels.trace.hits_source import BUFFER
+from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_datasets.enlargement import enlarged
+from radiogs_datasets.registry import load_scene
 
-GIB = 2**30
-CARD = 24 * GIB
-TENSOIR = TrainingImages(100, 800, 800)
-LEAST, MOST = 0.92, 1.2
-"""Bounds on the ratio of computed to measured peaks. Hits differ from ray to ray, and pairs of surfels and tiles depend
-on the surfels' sizes."""
+SAMPLE = 4 * (3 + 3 + 1 + 1)
+"""Bytes of the incident light along a direction: the direction, L_ind, solid angle and V."""
 
-SIDE = 96
+HITS = 4.1 * RAYS_AT_ONCE * BUFFER
+"""Bytes of one array of a buffer of hits, with what the allocator adds."""
 
 BUDGET = replace(
     PRESETS["paper"],
@@ -28,63 +35,33 @@ BUDGET = replace(
 )  # fmt: skip
 
 
-Sizes = tuple[Measured, dict[str, MemoryPhase]]
+def largest_allocation(do: Callable[[], object]) -> int:
+    """Bytes of the largest piece of memory that PyTorch's allocator of the CPU hands out."""
+    with profile(activities=[ProfilerActivity.CPU], profile_memory=True) as profiled:
+        do()
+    events = profiled.profiler.kineto_results.events()  # type: ignore[union-attr]
+    return max(event.nbytes() for event in events if event.name() == "[memory]")
 
 
-@pytest.fixture(scope="module", params=[pytest.param(each, marks=pytest.mark.slow) for each in (0.03, 0.012)])
-def sizes(request: pytest.FixtureRequest) -> Sizes:
-    found = measured(request.param, BUDGET, SIDE)
-    plan = memory_of(Variant(), BUDGET, found.surfels, TrainingImages(VIEWS, SIDE, SIDE), found.hits)
-    return found, {phase.title: phase for phase in plan}
-
-
-def test_memory_between_steps_agrees_with_the_allocator(sizes: Sizes) -> None:
-    found, plan = sizes
-    assert set(found.phases) == set(plan)
-    for title, phase in plan.items():
-        kept = found.phases[title].held + tables(title, BUDGET)
-        assert phase.held == pytest.approx(kept, rel=0.04), (title, found.surfels)
-
-
-def test_peaks_agree_with_the_allocator(sizes: Sizes) -> None:
-    found, plan = sizes
-    for title, phase in plan.items():
-        own, counted = phase.peak - tables(title, BUDGET), found.phases[title].peak
-        assert LEAST * counted < own < MOST * counted, (title, found.surfels, own, counted)
-
-
-def test_no_array_is_larger_than_the_cached_samples_or_a_buffer_of_hits(sizes: Sizes) -> None:
-    found, _ = sizes
-    directions = BUDGET.relight_hemisphere_samples + BUDGET.relight_light_samples
-    hits = 4.1 * RAYS_AT_ONCE * BUFFER
-    samples = SAMPLE * found.surfels * BUDGET.incident_samples
-    assert found.phases["stage 2, all light anew"].largest < max(samples, hits)
-    for kind in ("rays", "traced bounces"):
-        largest = found.phases[f"relighting, preparing by {kind}"].largest
-        assert largest < max(SAMPLE * found.surfels * directions, hits)
-
-
-def test_the_planned_bytes_of_a_surfel_are_those_of_its_parameters() -> None:
-    (one,) = {sum(value[0].nbytes for value in surfels_over(0.1).parameters().values())}
-    assert one == SURFEL
-
-
-def test_preset_paper_with_half_a_million_surfels_fits_a_card_of_24_gb() -> None:
-    assert isinstance(RADIOGS, PlansMemory)
-    half_a_million = RADIOGS.memory(Variant(), PRESETS["paper"], 500_000, TENSOIR)
-    most = max(half_a_million, key=lambda phase: phase.peak)
-    assert most.title == "relighting, preparing by traced bounces"
-    assert 500_000 * 384 * SAMPLE < most.peak < CARD / 3
-    largest = RADIOGS.memory(Variant(), PRESETS["paper"], PRESETS["paper"].geometry.maximum_surfels, TENSOIR)
-    assert max(phase.peak for phase in largest) > CARD
-
-
-def test_split_sum_shading_needs_no_memory_for_rays() -> None:
-    traced, not_traced = (
-        RADIOGS.memory(replace(Variant(), shading=shading), PRESETS["paper"], 10_000, TENSOIR)
-        for shading in ("monte-carlo", "split-sum")
-    )
-    assert {phase.title for phase in traced} - {phase.title for phase in not_traced} == {"stage 2, all light anew"}
-    assert traced[1].held - not_traced[1].held == 10_000 * 2 * 64 * (SAMPLE + 12), (
-        "two sets, with what arrives under a held light"
-    )
+@pytest.mark.slow
+@pytest.mark.parametrize("spacing", [0.03, 0.012])
+def test_no_array_is_larger_than_the_cached_samples_or_a_buffer_of_hits(spacing: float) -> None:
+    use_threads(1)
+    scene = enlarged(load_scene("corner"), 4, 1, 96, 96)
+    true = surfels_on(scene.true_surfaces(spacing * scene.extent)).parameters()
+    surfels = Surfels.of({name: value.float() for name, value in true.items()})
+    short = short_run(Variant(), BUDGET, len(surfels))
+    run = Run(scene, short.variant, short.budget, 0, torch.device("cpu"), None)
+    stage = Initialisation(run)
+    stage.optimiser.replace(surfels, torch.full((len(surfels),), -1))
+    inverse = inverse_rendering(run, stage.state())
+    while inverse.iteration < REFRESH_EVERY:
+        inverse.step()
+    samples = SAMPLE * len(surfels) * BUDGET.incident_samples
+    assert largest_allocation(inverse.step) < max(samples, HITS), "all light is traced anew"
+    model, light = Model.of(inverse.product()), next(iter(scene.lights.values()))
+    directions = SAMPLE * len(surfels) * (BUDGET.relight_hemisphere_samples + BUDGET.relight_light_samples)
+    for mode in ("pbr", "bounces"):
+        way = replace(run, variant=replace(short.variant, relighting=mode))
+        largest = largest_allocation(lambda way=way: relight(model, light, torch.ones(3), way))  # type: ignore[misc]
+        assert largest < max(directions, HITS), mode

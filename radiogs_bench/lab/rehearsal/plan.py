@@ -1,0 +1,86 @@
+"""The plan of a rehearsal: rows with the few steps that are taken of them, the scene, and the bounds."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from radiogs_core.capabilities import Rehearsing, Relighting, ShortRun, StepKind
+from radiogs_core.contract import Method
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.scene import Scene
+
+from ...method_calls import calling
+
+STEPS = 4
+"""Steps of each stage of a method that cannot shorten its runs."""
+
+CLOCKS: Mapping[str, Callable[[], float]] = {"wall": time.perf_counter, "core": time.process_time}
+"""Clocks by name: seconds that pass, and those for which this process has a core."""
+
+
+@dataclass(frozen=True)
+class RehearsedRow:
+    """A row to be rehearsed: its method, as it was found, and its variant and budget in the whole run."""
+
+    key: str
+    method: Method
+    found_as: str
+    variant: Any
+    budget: Any
+
+    def sizes(self) -> tuple[int, int] | None:
+        """The size of its models at the start, and at most; None for a method that does not say."""
+        return self.method.sizes(self.budget) if isinstance(self.method, Rehearsing) else None
+
+    def short(self, size: int | None) -> ShortRun:
+        """A run of few steps whose models have this size; None: the size that the method begins with.
+
+        Raises UsageError for a method with a stage that is a program of its own.
+        """
+        if isinstance(self.method, Rehearsing) and size is not None:
+            return self.method.short_run(self.variant, self.budget, size)
+        with calling(self.method.name, "stages()"):
+            specs = self.method.stages(self.variant, self.budget)
+        for spec in specs:
+            if spec.keeps_files:
+                raise UsageError(
+                    f"{self.method.name} cannot be rehearsed",
+                    f"Its stage '{spec.name}' is a program of its own, which takes all its steps.",
+                    "Leave its rows out with --method.",
+                )
+        kinds = {spec.name: (StepKind("step", frozenset(range(min(STEPS, spec.steps))), spec.steps),) for spec in specs}
+        return ShortRun(self.variant, self.budget, kinds, (Relighting("relighting", self.variant, 0),))
+
+
+def size_range(rows: Sequence[RehearsedRow]) -> tuple[int, int] | None:
+    """The least size at which a row's models begin, and the largest of any; None where no method says."""
+    known = [sizes for row in rows if (sizes := row.sizes()) is not None]
+    return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A rehearsal as it was asked for."""
+
+    name: str
+    """Name of the suite or scene."""
+    preset: str
+    rows: Sequence[RehearsedRow]
+    scene: Scene
+    protocol: str
+    cells: int
+    """Scenes that the whole run has for each row."""
+    device: torch.device
+    memory: Mapping[str, int]
+    """Bytes that may be taken, by kind: "host", "device"."""
+    seconds: float
+    """Seconds after which no larger size is begun."""
+    sizes: Sequence[int] = ()
+    """Sizes of the models, ascending; none: those of ``climb.sizes_of``."""
+    clock: str = "wall"
+    """The clock of ``CLOCKS`` that phases are timed by."""
+    other_device: str | None = None
+    """Name in ``limits.KNOWN_DEVICES`` of another device that the forecast is also made for."""
