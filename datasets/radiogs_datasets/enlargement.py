@@ -15,6 +15,8 @@ from torch import Tensor
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene, View
 
+from .reduction import camera_at
+
 
 def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks: bool = True) -> Scene:
     """The scene with so many training and test views of ``width`` x ``height`` pixels.
@@ -47,17 +49,7 @@ def _repeated(views: Sequence[View], count: int) -> list[tuple[str, View]]:
 
 
 def _view(view: View, name: str, width: int, height: int, masks: bool) -> View:
-    camera = view.camera
-    across, down = width / camera.width, height / camera.height
-    large = replace(
-        camera,
-        fx=camera.fx * across,
-        fy=camera.fy * down,
-        cx=camera.cx * across,
-        cy=camera.cy * down,
-        width=width,
-        height=height,
-    )
+    large = camera_at(view.camera, height, width)
     if masks:
         return View(name, large, {each: partial(_blocks, view, each, width, height) for each in view.sources})
     return View(name, large, {"image": partial(_on_black, view, width, height)})

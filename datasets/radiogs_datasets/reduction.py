@@ -99,17 +99,21 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
     height, width = size(camera.height, camera.width)
     if (height, width) == (camera.height, camera.width):
         return view
-    across, along = width / camera.width, height / camera.height
-    small = Camera(
-        camera.camera_to_world, camera.fx * across, camera.fy * along, camera.cx * across, camera.cy * along,
-        width, height,
-    )  # fmt: skip
     sources: dict[str, Callable[[], Tensor]] = {
         name: partial(_read, view, name, (height, width)) for name in view.sources
     }
     if camera.height * camera.width >= LARGE:
         sources = {name: partial(_read_once, source) for name, source in sources.items()}
-    return View(view.name, small, sources)
+    return View(view.name, camera_at(camera, height, width), sources)
+
+
+def camera_at(camera: Camera, height: int, width: int) -> Camera:
+    """The same view in another number of pixels."""
+    across, along = width / camera.width, height / camera.height
+    return replace(
+        camera, fx=camera.fx * across, fy=camera.fy * along, cx=camera.cx * across, cy=camera.cy * along,
+        width=width, height=height,
+    )  # fmt: skip
 
 
 LARGE = 1 << 21

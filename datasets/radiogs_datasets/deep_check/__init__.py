@@ -11,8 +11,8 @@ from .map_agreement import map_agreement
 from .matches import epipolar_agreement
 from .poses import poses
 from .radiance import radiance
+from .recorded_lights import recorded_lights
 from .reprojection import reprojection
-from .shading import shading
 from .shape_maps import shape_maps
 from .silhouettes import silhouettes
 
@@ -31,7 +31,7 @@ OF_VALUES: Mapping[str, Check] = {
     "exposure": exposure,
     "map agreement": map_agreement,
     "radiance": radiance,
-    "shading": shading,
+    "recorded lights": recorded_lights,
 }
 """Checks of images and maps. A wrong camera would mislead them, so they are left out where all cameras are wrong."""
 

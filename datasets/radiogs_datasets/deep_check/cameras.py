@@ -3,9 +3,10 @@
 Reflections of an image are written as cameras with left-handed axes, so that every alternative is a camera.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class Cameras:
         return Cameras(*(getattr(self, name)[chosen] for name in FIELDS))
 
     def with_one(self, place: int, other: "Cameras") -> "Cameras":
-        """A copy in which the single camera of ``other`` stands at ``place``."""
+        """A copy whose camera at ``place`` is the single camera of ``other``."""
         parts = {name: getattr(self, name).copy() for name in FIELDS}
         for name in FIELDS:
             parts[name][place] = getattr(other, name)[0]
@@ -120,19 +121,13 @@ def _axes(signs: tuple[float, float, float], cameras: Cameras) -> Cameras:
     return replace(cameras, axes=cameras.axes * np.array(signs))
 
 
-def _transposed(cameras: Cameras) -> Cameras:
-    return replace(cameras, axes=cameras.axes.transpose(0, 2, 1))
-
-
-def _transposed_gl(cameras: Cameras) -> Cameras:
-    """The transpose was taken before OpenGL axes were read as OpenCV axes."""
-    signs = np.array([1.0, -1.0, -1.0])
+def _transposed(signs: Array, cameras: Cameras) -> Cameras:
+    """The transpose was taken before axes with other ``signs`` were read as OpenCV's."""
     return replace(cameras, axes=(cameras.axes * signs).transpose(0, 2, 1) * signs)
 
 
-def _inverted(opengl: bool, cameras: Cameras) -> Cameras:
+def _inverted(signs: Array, cameras: Cameras) -> Cameras:
     """World-to-camera was read as camera-to-world."""
-    signs = np.array([1.0, -1.0, -1.0]) if opengl else np.ones(3)
     axes = (cameras.axes * signs).transpose(0, 2, 1)
     return replace(cameras, axes=axes * signs, centre=-np.einsum("vij,vj->vi", axes, cameras.centre))
 
@@ -154,8 +149,7 @@ def _nearer(factor: float, cameras: Cameras) -> Cameras:
     return replace(cameras, centre=middle + (cameras.centre - middle) * factor)
 
 
-def _zoomed(factor: float, axis: int | None, cameras: Cameras) -> Cameras:
-    factors = np.full(2, factor) if axis is None else np.where(np.arange(2) == axis, factor, 1.0)
+def _zoomed(factors: Array, cameras: Cameras) -> Cameras:
     return replace(cameras, focal=cameras.focal * factors)
 
 
@@ -164,11 +158,6 @@ def rolled(degrees: float, cameras: Cameras) -> Cameras:
     angle = np.radians(degrees)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     return replace(cameras, axes=cameras.axes @ turn)
-
-
-def moved(pixels: Array, cameras: Cameras) -> Cameras:
-    """The principal point moved by (columns, rows)."""
-    return replace(cameras, principal=cameras.principal + pixels)
 
 
 IMAGES: tuple[Alternative, ...] = (
@@ -183,37 +172,29 @@ SQUARE_IMAGES: tuple[Alternative, ...] = (
 )
 
 
-def _axis_matrix(rows: Sequence[Sequence[float]]) -> Array:
-    return np.array(rows, dtype=float)
+OPENGL, OPENCV = np.array([1.0, -1.0, -1.0]), np.ones(3)
+"""Signs of a camera's axes beside OpenCV's."""
 
-
-X_MIRROR, Y_MIRROR, Z_MIRROR = (np.diag([-1.0 if place == axis else 1.0 for place in range(3)]) for axis in range(3))
-Y_UP = _axis_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
+Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 POSES: tuple[Alternative, ...] = (
     Alternative("OpenGL axes where OpenCV's were read, or the reverse (y and z negated)",
                 partial(_axes, (1.0, -1.0, -1.0))),
-    Alternative("the rotation transposed", _transposed_gl),
-    Alternative("the rotation transposed (OpenCV axes)", _transposed),
-    Alternative("the pose inverted (world-to-camera where camera-to-world is expected)",
-                partial(_inverted, True)),
-    Alternative("the pose inverted (OpenCV axes)", partial(_inverted, False)),
+    Alternative("the rotation transposed", partial(_transposed, OPENGL)),
+    Alternative("the rotation transposed (OpenCV axes)", partial(_transposed, OPENCV)),
+    Alternative("the pose inverted (world-to-camera where camera-to-world is expected)", partial(_inverted, OPENGL)),
+    Alternative("the pose inverted (OpenCV axes)", partial(_inverted, OPENCV)),
     Alternative("the camera's x axis negated (handedness)", partial(_axes, (-1.0, 1.0, 1.0))),
     Alternative("the camera's y axis negated (handedness)", partial(_axes, (1.0, -1.0, 1.0))),
     Alternative("the camera's z axis negated (handedness)", partial(_axes, (1.0, 1.0, -1.0))),
     Alternative("the camera's x and z axes negated", partial(_axes, (-1.0, 1.0, -1.0))),
-    *(
-        Alternative(f"the pose mirrored in the world's {name}", partial(_world, matrix, "both"), True)
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
-    *(
-        Alternative(f"the pose mirrored in the world's {name} as a rotation", partial(_mirrored, matrix), True)
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
-    *(
-        Alternative(f"the position mirrored in the world's {name}", partial(_world, matrix, "centre"))
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
+    *(Alternative(f"the pose mirrored in the world's {name}", partial(_world, matrix, "both"), True)
+      for name, matrix in MIRRORS.items()),
+    *(Alternative(f"the pose mirrored in the world's {name} as a rotation", partial(_mirrored, matrix), True)
+      for name, matrix in MIRRORS.items()),
+    *(Alternative(f"the position mirrored in the world's {name}", partial(_world, matrix, "centre"))
+      for name, matrix in MIRRORS.items()),
     Alternative("the position negated", partial(_world, -np.eye(3), "centre")),
     *(
         Alternative(f"{what} in a world with {up} up", partial(_world, matrix, part), part == "both")
@@ -224,18 +205,19 @@ POSES: tuple[Alternative, ...] = (
 
 FACTORS = (0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0)
 
-LENSES: tuple[Alternative, ...] = (
-    *(Alternative(f"a focal length {factor:g} times the recorded one", partial(_zoomed, factor, None))
-      for factor in FACTORS),
-    *(Alternative(f"a {name} {factor:g} times the recorded one", partial(_zoomed, factor, axis))
-      for axis, name in ((0, "horizontal focal length"), (1, "vertical focal length")) for factor in FACTORS),
+LENSES: tuple[Alternative, ...] = tuple(
+    Alternative(f"a {name} {factor:g} times the recorded one", partial(_zoomed, np.where(which, factor, 1.0)))
+    for name, which in (
+        ("focal length", (True, True)), ("horizontal focal length", (True, False)),
+        ("vertical focal length", (False, True)),
+    )
+    for factor in FACTORS
 )  # fmt: skip
 
 DISTANCES: tuple[Alternative, ...] = tuple(
-    Alternative(f"the distance from the world's middle {factor:g} times the recorded one",
-                partial(_nearer, factor))
+    Alternative(f"the distance from the world's middle {factor:g} times the recorded one", partial(_nearer, factor))
     for factor in FACTORS
-)  # fmt: skip
+)
 
 ROLLS: tuple[Alternative, ...] = tuple(
     Alternative(f"the camera turned by {degrees} degrees about its optical axis", partial(rolled, degrees))
@@ -259,37 +241,42 @@ def alternatives(cameras: Cameras, whole: bool) -> Iterator[Alternative]:
 Cost = Callable[[Cameras], float]
 
 
-@dataclass(frozen=True)
-class Reading:
-    """A reading of cameras, and how badly it fits."""
+class Fit(NamedTuple):
+    """Another reading of cameras or values, and how badly it fits."""
 
     says: str
     cost: float
 
 
-def best_reading(own: Cameras, cost: Cost, whole: bool, others: Sequence[tuple[str, Cameras]] = ()) -> Reading:
+def best(tried: Iterable[tuple[str, float]]) -> Fit:
+    """The reading with the least cost, the first one of equal ones; an infinite cost where none was tried."""
+    return min((Fit(*each) for each in tried), key=lambda fit: fit.cost, default=Fit("", np.inf))
+
+
+def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> Fit:
     """The alternative with the least cost; the first one of those that are nearly as good (within 15 %).
 
-    ``others``: names and cameras of other views, which may belong to this one's image.
+    ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of
+    all views at once.
     """
-    tried = [Reading(each.says, cost(each.change(own))) for each in alternatives(own, whole)]
-    tried += [Reading(f"the camera of {name}", cost(camera)) for name, camera in others]
+    tried = [Fit(each.says, cost(each.change(own))) for each in alternatives(own, whole=others is None)]
+    tried += [Fit(f"the camera of {name}", cost(camera)) for name, camera in others or ()]
     tried.append(_best_shift(own, cost))
     least = min(each.cost for each in tried)
     return next(each for each in tried if each.cost <= 1.15 * least)
 
 
-def _best_shift(own: Cameras, cost: Cost) -> Reading:
+def _best_shift(own: Cameras, cost: Cost) -> Fit:
     """The shift of the principal point that fits best, by a search on ever finer grids."""
-    best, left = np.zeros(2), cost(own)
+    shift, left = np.zeros(2), cost(own)
     step = 0.08 * float(own.size.max())
     for _ in range(6):
-        around = [best + step * np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
-        results = [cost(moved(each, own)) for each in around]
+        around = [shift + step * np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+        results = [cost(replace(own, principal=own.principal + pixels)) for pixels in around]
         place = int(np.argmin(results))
         if results[place] < left:
-            best, left = around[place], results[place]
+            shift, left = around[place], results[place]
         else:
             step /= 2
-    across, down = (100 * float(value) for value in best / own.size.max())
-    return Reading(f"the principal point (or the image) moved by ({across:+.1f} %, {down:+.1f} %) of its side", left)
+    across, down = (100 * float(value) for value in shift / own.size.max())
+    return Fit(f"the principal point (or the image) moved by ({across:+.1f} %, {down:+.1f} %) of its side", left)

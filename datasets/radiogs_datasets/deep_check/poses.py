@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from ..findings import Finding
+from ..findings import Finding, warning
 from .evidence import Evidence, Look
 
 SAME_PLACE, SAME_DIRECTION = 1e-5, 1e-6
@@ -24,7 +24,7 @@ def poses(evidence: Evidence) -> Iterator[Finding]:
     for one, other in np.argwhere(np.triu(same, 1)):
         if looks[one].trained == looks[other].trained and _unlike(looks[one], looks[other]):
             what = f"it has the pose of {looks[one].name}, but another image: one of the two poses is wrong"
-            yield Finding(looks[other].name, what, "warning")
+            yield warning(looks[other].name, what)
 
 
 def _unlike(one: Look, other: Look) -> bool:
