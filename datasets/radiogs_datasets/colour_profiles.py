@@ -65,9 +65,8 @@ def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     try:
         source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
         name = (ImageCms.getProfileDescription(source) or "without a name").strip()[:80]
-        kind = "L" if mode == "L" else "RGB"
         moved = ImageCms.buildTransform(
-            source, ImageCms.createProfile("sRGB"), kind, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
+            source, ImageCms.createProfile("sRGB"), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
         )
         probe = _probe(mode)
         if np.abs(_through(moved, probe, mode).astype(int) - probe).max() <= SAME_LEVELS:

@@ -30,7 +30,7 @@ from .image_structure import (
     check_png_pixels,
     damaged,
     exr_size,
-    jpeg_layout,
+    jpeg_header,
     png_layout,
     radiance_size,
     require_size,
@@ -128,8 +128,8 @@ def levels_wanted() -> bool:
 def jpeg_levels(path: Path) -> NDArray[np.uint8]:
     """Levels of 8 bits as ``read_jpeg`` reads them, [height, width, 3]."""
     data = read_bytes(path)
-    layout = jpeg_layout(path, data)
-    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), layout.profile)
+    *_, profile = jpeg_header(path, data)
+    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), profile)
 
 
 LOGGING = getattr(cv2.utils, "logging", cv2)
