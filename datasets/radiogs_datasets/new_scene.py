@@ -28,15 +28,21 @@ from .image_files import write_png
 def made_beside(folder: Path) -> Iterator[Path]:
     """A new folder beside ``folder`` to make a scene in; it takes the name at the end, and is removed after an error.
 
-    A killed process leaves ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something, OSError.
+    A killed process leaves ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something or cannot be
+    written.
     """
     require_new(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=".unfinished-", dir=folder.parent) as room:
-        made = Path(room) / folder.name
-        made.mkdir()
-        yield made
-        made.replace(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=".unfinished-", dir=folder.parent) as room:
+            made = Path(room) / folder.name
+            made.mkdir()
+            yield made
+            made.replace(folder)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {folder}", f"The system says: {error.strerror}.", "Choose another folder."
+        ) from error
 
 
 def require_new(folder: Path) -> None:

@@ -39,11 +39,8 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
             "They would be written as black.",
             "Convert the scene without its masks, and copy the masks beside it.",
         )
-    try:
-        with made_beside(folder) as made:
-            return _write(scene, made, layout, advance)
-    except OSError as error:
-        raise UsageError(f"cannot write {folder}", f"The system says: {error.strerror}.", "Free it.") from error
+    with made_beside(folder) as made:
+        return _write(scene, made, layout, advance)
 
 
 def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[str, ...]:

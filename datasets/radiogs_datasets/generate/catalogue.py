@@ -89,8 +89,6 @@ _FRONT = (
             Box((-0.28, 0.08, -0.598), (0.08, 0.38, -0.3), SCARLET),
         ),
         rig=Rig(target=(0.0, -0.1, -0.02), radius=4.2, azimuth=(61.0, 119.0), elevation=(2.0, 28.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="front_patterned",
@@ -114,7 +112,6 @@ _FRONT = (
             Knot((0.3, 0.3, -0.449), 0.17, 0.085, 0.062, IVORY),
         ),
         rig=Rig(target=(-0.1, 0.0, -0.05), radius=4.2, azimuth=(-29.0, 29.0), elevation=(2.0, 28.0)),
-        training_light="sky",
         relight=("sunset", "morning"),
         train=24,
     ),
@@ -160,7 +157,6 @@ _ALL_ROUND = (
         ),
         rig=Rig(target=(0.0, 0.0, -0.2), radius=4.2, azimuth=(0.0, 360.0), elevation=(10.0, 60.0)),
         training_light="broken",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="crowd",

@@ -73,8 +73,6 @@ _PLAIN = (
         purpose="no inter-reflection and no shadow: what concerns only indirect light must not change anything",
         solids=(Sphere((0.0, 0.0, 0.0), 1.0, Material((0.6, 0.35, 0.2), 0.5)),),
         rig=Rig(target=(0.0, 0.0, 0.0), radius=4.2, azimuth=(0.0, 360.0), elevation=(-20.0, 65.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="red_white",
@@ -85,8 +83,6 @@ _PLAIN = (
             Box((-0.048, -0.4, -0.498), (0.55, 0.4, -0.2), CHALK),
         ),
         rig=Rig(target=(0.0, 0.0, -0.2), radius=4.2, azimuth=(-80.0, 80.0), elevation=(15.0, 65.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="occluder",
@@ -110,8 +106,6 @@ _PLAIN = (
             Box((-0.598, 0.6, -0.498), (0.598, 0.7, 0.397), Material((0.8, 0.75, 0.7), 0.7)),
         ),
         rig=Rig(target=(0.0, 0.0, -0.1), radius=4.0, azimuth=(0.0, 360.0), elevation=(35.0, 80.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="glossy",
@@ -121,8 +115,6 @@ _PLAIN = (
             Sphere((0.0, 0.0, 0.05), 0.5, Material((0.3, 0.3, 0.3), 0.25)),
         ),
         rig=Rig(target=(0.0, 0.0, -0.15), radius=4.2, azimuth=(0.0, 360.0), elevation=(10.0, 60.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="mirror",
@@ -132,8 +124,6 @@ _PLAIN = (
             Sphere((0.0, 0.0, 0.05), 0.5, Material((0.04, 0.04, 0.04), 0.1)),
         ),
         rig=Rig(target=(0.0, 0.0, -0.15), radius=4.2, azimuth=(0.0, 360.0), elevation=(10.0, 60.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="wire",
@@ -143,16 +133,12 @@ _PLAIN = (
             *(Box((-0.8, 0.3 * place - 0.03, -0.1), (0.8, 0.3 * place + 0.03, -0.04), BLUE) for place in range(-2, 3)),
         ),
         rig=Rig(target=(0.0, 0.0, -0.35), radius=4.2, azimuth=(0.0, 360.0), elevation=(25.0, 70.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="patchwork",
         purpose="many materials and no light between them: what separates albedo from roughness by itself",
         solids=_tiles(0.9, -0.2, -0.05, _patches(4)),
         rig=Rig(target=(0.0, 0.0, -0.12), radius=4.2, azimuth=(0.0, 360.0), elevation=(25.0, 75.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
 )
 
@@ -193,8 +179,6 @@ _PATTERNED = (
             Sphere((0.05, 0.0, -0.238), 0.36, Patterned(MARBLE, ENAMEL, Rings((-0.3, 0.3, 0.3), 0.18, 0.45))),
         ),
         rig=Rig(target=(0.0, -0.05, -0.05), radius=4.2, azimuth=(50.0, 130.0), elevation=(5.0, 50.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="knot",
@@ -209,8 +193,6 @@ _PATTERNED = (
             Knot((0.04, 0.04, -0.215), 0.43, 0.24, 0.14, Patterned(MARBLE, PINE, Noise(0.55, 0.16, 1.0, 4))),
         ),
         rig=Rig(target=(-0.05, -0.05, -0.2), radius=4.4, azimuth=(-5.0, 95.0), elevation=(12.0, 65.0)),
-        training_light="sky",
-        relight=("sunset", "overcast"),
     ),
     Recipe(
         name="alcove",
@@ -230,7 +212,6 @@ _PATTERNED = (
             Sphere((-0.68, 0.28, -0.498), 0.2, Patterned(IVORY, INDIGO, Rings((-0.35, 0.6, -0.2), 0.13, 0.45))),
         ),
         rig=Rig((0.0, -0.1, -0.02), 5.0, azimuth=(58.0, 122.0), elevation=(5.0, 42.0), field_of_view=33.0),
-        training_light="sky",
         relight=("morning",),
     ),
     Recipe(

@@ -163,7 +163,7 @@ def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
 
 
 def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
-    """Without normals at its vertices: it is shaded with those of its triangles, so that no light leaks."""
+    """A mesh without normals at its vertices: Mitsuba shades it with its triangles' normals, so that no light leaks."""
     vertices, triangles = trefoil.mesh(solid, *MESH_CELLS) if isinstance(solid, Knot) else rounds.mesh(solid)
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
@@ -185,9 +185,6 @@ def _bsdf(finish: Finish) -> dict[str, object]:
         "roughness": {"type": "uniform", "value": finish.roughness},
         "specular": finish.specular,
     }
-
-
-# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 
 
 def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:

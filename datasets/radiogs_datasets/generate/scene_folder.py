@@ -19,7 +19,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from radiogs_core.errors import UsageError
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
@@ -45,13 +44,8 @@ def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
-    try:
-        with made_beside(folder) as made:
-            _write_all(recipe, made, seed, pictures, progress)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write {folder}", f"The system says: {error.strerror}.", "Choose another folder."
-        ) from error
+    with made_beside(folder) as made:
+        _write_all(recipe, made, seed, pictures, progress)
 
 
 def _write_all(
@@ -126,9 +120,6 @@ def write_view(
 def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArray[np.float32]:
     """The part of a view's radiance that met one surface only; the seed of the whole makes the two comparable."""
     return render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)[..., :3]
-
-
-# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 
 
 NOISE_SEEDS = (1_000_000, 1_000_001)
