@@ -14,7 +14,6 @@ from torch import Tensor
 
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from .image_files import write_exr, write_hdr, write_png
@@ -64,8 +63,10 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
     for name, light in lights.items():
         if writer.light is None:
             lost.append(f"light '{name}' has no place in layout '{layout}'")
-        else:
-            writer.light(folder, name, light)
+            continue
+        path = folder / writer.light.format(name)
+        path.parent.mkdir(exist_ok=True)
+        (write_hdr if path.suffix == ".hdr" else write_exr)(path, light.radiance.numpy())
     return tuple(lost)
 
 
@@ -79,13 +80,14 @@ class Layout:
     """How a layout is written.
 
     ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its maps;
-    ``light`` a light's file below the scene's folder, or None where the layout has no lights. ``lenses``: whether a
+    ``light`` is the path of a light's map, Z up, with its name left open, or None where the layout has no lights;
+    ``training_light`` the name of the training light. ``lenses``: whether a
     frame may have a lens of its own.
     """
 
     frame: Callable[[str, int], str]
     view: WriteView
-    light: Callable[[Path, str, EnvironmentMap], Path] | None
+    light: str | None
     training_light: str | None
     lenses: bool = False
 
@@ -156,27 +158,12 @@ def write_blender_view(folder: Path, view: View, split: str, number: int) -> lis
     return ["image", "alpha"]
 
 
-def write_light_as_hdr(folder: Path, name: str, light: EnvironmentMap) -> Path:
-    """Radiance RGBE, Z up."""
-    path = folder / "envmaps" / f"{name}.hdr"
-    path.parent.mkdir(exist_ok=True)
-    write_hdr(path, light.radiance.numpy())
-    return path
-
-
-def write_light_as_exr(folder: Path, name: str, light: EnvironmentMap) -> Path:
-    """Half-float OpenEXR beside the views, Z up."""
-    path = folder / f"{name}.exr"
-    _exr(path, light.radiance)
-    return path
-
-
 WRITERS: Mapping[str, Layout] = {
     "tensoir": Layout(
-        lambda split, number: f"./{split}_{number:03}/rgba", write_tensoir_view, write_light_as_hdr, "training"
+        lambda split, number: f"./{split}_{number:03}/rgba", write_tensoir_view, "envmaps/{}.hdr", "training"
     ),
     "synthetic4relight": Layout(
-        lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, write_light_as_exr, "envmap3"
+        lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, "{}.exr", "envmap3"
     ),
     "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None, lenses=True),
 }

@@ -93,7 +93,10 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
     def note(sentence: str) -> None:
         notes[sentence] += 1
 
-    table = with_known_names(_read_object(path) if content is None else content, note)
+    table = read_json(path) if content is None else content
+    if not isinstance(table, dict):
+        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
+    table = with_known_names(table, note)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:
         raise DataError(
@@ -102,7 +105,10 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
     frames = [with_known_names(frame, note) if isinstance(frame, dict) else frame for frame in frames]
     own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]
     common = None if all(own) else lens_of_fields(str(path), table, note)
-    _check_applied(path, table.get("applied_transform"))
+    if (applied := table.get("applied_transform")) is not None:
+        # nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked.
+        what = f"{path}: 'applied_transform'"
+        _rigid(what, applied, "It says how the poses were turned into the world that they are in.")
     frames = _without_scale(frames, note)
     unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
     return Transforms(
@@ -140,13 +146,6 @@ def _without_scale(frames: list[object], note: Note) -> list[object]:
     else:
         note(f"the last number of the poses is {float(last[0]):.4g}: they are divided by it")
     return [{**frame, "transform_matrix": pose.tolist()} for frame, pose in zip(frames, poses, strict=True)]  # type: ignore[dict-item]
-
-
-def _check_applied(path: Path, rows: object) -> None:
-    """nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked."""
-    if rows is None:
-        return
-    _rigid(f"{path}: 'applied_transform'", rows, "It says how the poses were turned into the world that they are in.")
 
 
 def _depth_unit(path: Path, table: dict[str, Any]) -> float:
@@ -188,13 +187,6 @@ def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
     if value is not None and (not isinstance(value, str) or not value or "\0" in value):
         raise DataError(f"{what}: '{name}' is {value!r:.40}", "It must be the path of a file.", "Correct the file.")
     return value
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    table = read_json(path)
-    if not isinstance(table, dict):
-        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
-    return table
 
 
 def _frame(

@@ -1,4 +1,4 @@
-"""The pinhole image that a distorted photo holds, by OpenCV.
+"""Undoes the distortion of photos, by OpenCV: the image that a pinhole camera in the same place would take.
 
 The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel. Its image grows where the lens
 has drawn a wide view together, and is cut to a rectangle all of whose pixels the photo shows, as that of COLMAP's

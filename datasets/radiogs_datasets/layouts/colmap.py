@@ -23,15 +23,18 @@ from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
 from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
 from ..cameras.lens import Lens, lens_of
 from ..options import AS_STORED, SceneOptions
-from .inspection import (
-    WrittenPaths,
-    decode_if_small,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
+from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files
+from .photos import (
+    PHOTO_FOLDERS,
+    Photo,
+    held_out,
+    images_in,
+    inspect_photos,
+    masks_of,
+    said_of_lenses,
+    said_of_masks,
+    view_of,
 )
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, said_of_masks, view_of
 
 SMALLEST_DIFFERENCE = 1.0
 """Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
@@ -56,11 +59,7 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     require_distinct(folder, paths)
     require_files(folder, paths)
     masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
-    named = {path.relative_to(folder).as_posix(): path for path in paths}
-    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
-    sizes, checksum = inspect(named, files_of(place))
-    for path, mask in masks.items():
-        require_same_size(mask, sizes[mask], sizes[path])
+    sizes, checksum = inspect_photos(folder, paths, masks, files_of(place))
     photos = [
         Photo(
             Path(image.name.replace("\\", "/")).with_suffix("").as_posix(),

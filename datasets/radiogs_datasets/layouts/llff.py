@@ -22,13 +22,22 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-from ..bounded_reading import read_bytes, read_numpy
+from ..bounded_reading import read_numpy
 from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import Lens
-from ..image_structure import png_layout
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, inspect, require_distinct, require_same_size
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_masks, view_of
+from .inspection import decode_if_small, require_distinct
+from .photos import (
+    PHOTO_FOLDERS,
+    Photo,
+    has_alpha,
+    held_out,
+    images_in,
+    inspect_photos,
+    masks_of,
+    said_of_masks,
+    view_of,
+)
 
 TABLE = "poses_bounds.npy"
 
@@ -52,15 +61,10 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     chosen, paths = _images(folder, len(poses))
     require_distinct(folder, paths)
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
-    named = {path.relative_to(folder).as_posix(): path for path in paths}
-    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
-    sizes, checksum = inspect(named, (table,))
-    for path, mask in masks.items():
-        require_same_size(mask, sizes[mask], sizes[path])
-    transparent = [path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).transparent for path in paths]
+    sizes, checksum = inspect_photos(folder, paths, masks, (table,))
     photos = [
-        Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha, masks.get(path))
-        for path, pose, has_alpha in zip(paths, poses, transparent, strict=True)
+        Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
+        for path, pose in zip(paths, poses, strict=True)
     ]
     photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
@@ -84,15 +88,12 @@ def _poses(table: Path) -> Float[ndarray, "views 3 5"]:
     wrong = ~((np.abs(poses) <= LARGEST_COORDINATE).all((1, 2)) & (off <= RIGID_TOLERANCE) & (np.linalg.det(axes) > 0))
     if wrong.any():
         raise DataError(
-            f"{table}: pose {int(np.argmax(wrong))} is no rigid motion" + _more(int(wrong.sum()) - 1),
+            f"{table}: pose {int(np.argmax(wrong))} is no rigid motion"
+            + (f", nor are {int(wrong.sum()) - 1} more" if wrong.sum() > 1 else ""),
             "Its first three columns are unit vectors at right angles: down, right and back.",
             "Write the file again:  python imgs2poses.py",
         )
     return poses
-
-
-def _more(count: int) -> str:
-    return f", nor are {count} more" if count else ""
 
 
 def _images(folder: Path, count: int) -> tuple[str, list[Path]]:

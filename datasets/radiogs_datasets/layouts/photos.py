@@ -22,7 +22,7 @@ from ..image_structure import png_layout
 from ..options import TEST_EVERY, SceneOptions
 from ..reduction import WHOLLY
 from ..view_maps import read_alpha, read_colour
-from .inspection import shown
+from .inspection import inspect, require_same_size, shown
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
@@ -57,6 +57,27 @@ class Photo:
     depth: Path | None = None
     depth_unit: float = 1.0
     ignores: bool = False
+
+
+def inspect_photos(
+    folder: Path, files: Iterable[Path], masks: Mapping[Path, Path], tables: Sequence[Path] = ()
+) -> tuple[dict[Path, tuple[int, int]], str]:
+    """Sizes of a scene's images and the checksum over its files, see ``inspect``; ``masks`` are those of images.
+
+    A mask may lie outside the scene's folder; in the checksum it goes by its image. Raises DataError for a mask of
+    another size than its image.
+    """
+    named = {path.relative_to(folder).as_posix(): path for path in files}
+    named |= {f"masks/{image.relative_to(folder).as_posix()}": mask for image, mask in masks.items()}
+    sizes, checksum = inspect(named, tables)
+    for image, mask in masks.items():
+        require_same_size(mask, sizes[mask], sizes[image])
+    return sizes, checksum
+
+
+def has_alpha(image: Path) -> bool:
+    """Whether an image is transparent in places. Raises DataError for a damaged file."""
+    return image.suffix.lower() == ".png" and png_layout(image, read_bytes(image)).transparent
 
 
 def view_of(photo: Photo) -> View:

@@ -11,7 +11,7 @@ clipped. Normals and environment maps are stored in each view's camera, and are 
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -35,6 +35,13 @@ from .photos import read_mask
 
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
+
+TRUE_MAPS = {
+    "albedo": ("pseudo_gt_albedo", ".png"),
+    "normal": ("surface_normal", ".npy"),
+    "depth": ("z_depth", ".npy"),
+}
+"""Folder and ending of the ground truth by map."""
 
 NOVEL_PARTS = ("image", "mask", "light")
 """Parts of a view from another capture."""
@@ -60,7 +67,8 @@ def load_stanford_orb(folder: Path) -> Scene:
     require_files(folder, [*every, *masks])
     relight, lights, novel_files = _novel(folder)
     files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every, *masks)}
-    files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in _truth_files(truth, images["test"])}
+    true_files = [path for image in images["test"] for path in _truth_of(truth, image).values()]
+    files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in true_files}
     sizes, checksum = inspect(files | novel_files)
     train, test = (
         tuple(
@@ -108,26 +116,18 @@ def true_mesh_file(folder: Path) -> Path | None:
     return path if path is not None and path.is_file() else None
 
 
-def _truth_files(truth: Path | None, images: Sequence[Path]) -> list[Path]:
-    """The ground truth of test images, as far as it is there."""
+def _truth_of(truth: Path | None, image: Path) -> dict[str, Path]:
+    """The files of a test image's ground truth by map, as far as they are there."""
     if truth is None:
-        return []
-    places = {"pseudo_gt_albedo": ".png", "surface_normal": ".npy", "z_depth": ".npy"}
-    wanted = [truth / place / f"{image.stem}{end}" for place, end in places.items() for image in images]
-    return [path for path in wanted if path.is_file()]
+        return {}
+    files = {name: truth / place / f"{image.stem}{end}" for name, (place, end) in TRUE_MAPS.items()}
+    return {name: path for name, path in files.items() if path.is_file()}
 
 
 def _image(folder: Path, table: Path, file_path: str) -> Path:
     stem = inside(folder, table, file_path)
-    return next((stem.with_name(stem.name + end) for end in (".exr", ".png") if _has(stem, end)), _png(stem))
-
-
-def _has(stem: Path, ending: str) -> bool:
-    return stem.with_name(stem.name + ending).is_file()
-
-
-def _png(stem: Path) -> Path:
-    return stem.with_name(f"{stem.name}.png")
+    linear, display = (stem.with_name(stem.name + end) for end in (".exr", ".png"))
+    return linear if linear.is_file() else display
 
 
 def _mask(image: Path) -> Path:
@@ -139,20 +139,17 @@ def _view(
 ) -> View:
     height, width = reduced(torch.empty(*size, 1)).shape[:2]
     camera = transforms.camera(transforms.frames[place], height, width)
-    files = {"image": image, "alpha": _mask(image)}
-    sources: dict[str, Callable[[], Tensor]] = {
-        "image": partial(_shown, image),
-        "alpha": partial(_coverage, _mask(image)),
+    readers: dict[str, Callable[[Path], Tensor]] = {
+        "image": _shown,
+        "alpha": _coverage,
+        "albedo": _albedo,
+        "normal": partial(_normal, camera, _mask(image)),
+        "depth": partial(_depth, _mask(image)),
     }
-    if truth is not None:
-        found: dict[str, tuple[Path, Callable[[Path], Tensor]]] = {
-            "albedo": (truth / "pseudo_gt_albedo" / f"{image.stem}.png", _albedo),
-            "normal": (truth / "surface_normal" / f"{image.stem}.npy", partial(_normal, camera, _mask(image))),
-            "depth": (truth / "z_depth" / f"{image.stem}.npy", partial(_depth, _mask(image))),
-        }
-        sources |= {name: partial(read, path) for name, (path, read) in found.items() if path.is_file()}
-        files |= {name: path for name, (path, _) in found.items()}
-    sized = {name: partial(_of_size, read, files[name], (height, width)) for name, read in sources.items()}
+    files = {"image": image, "alpha": _mask(image), **_truth_of(truth, image)}
+    sized = {
+        name: partial(_of_size, partial(readers[name], path), path, (height, width)) for name, path in files.items()
+    }
     return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sized)
 
 

@@ -72,8 +72,12 @@ def load_synthetic4relight(folder: Path) -> Scene:
         for path in maps:
             require_same_size(path, sizes[path], sizes[image])
     train = tuple(
-        _training_view(splits["train"], place, image, mask, sizes[image])
-        for place, (image, mask) in enumerate(train_files)
+        View(
+            frame.file_path.removeprefix("./"),
+            splits["train"].camera(frame, *sizes[image]),
+            {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)},
+        )
+        for frame, (image, mask) in zip(splits["train"].frames, train_files, strict=True)
     )
     test = tuple(
         _test_view(folder, splits["test"], place, stem, lights, sizes[_with(stem, "_rgba.png")])
@@ -121,12 +125,6 @@ def _maps_beside(stems: list[Path], stem: Path) -> list[Path]:
         for ending, _ in TEST_MAPS.values()
         if any(_with(other, ending).is_file() for other in stems)
     ]
-
-
-def _training_view(transforms: Transforms, place: int, image: Path, mask: Path, size: tuple[int, int]) -> View:
-    name = transforms.frames[place].file_path
-    sources = {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)}
-    return View(name.removeprefix("./"), transforms.camera(transforms.frames[place], *size), sources)
 
 
 def _test_view(
