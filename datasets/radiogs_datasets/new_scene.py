@@ -64,7 +64,7 @@ def write_transforms(path: Path, views: Sequence[View], names: Sequence[str], le
     """
     table: dict[str, Any] = {}
     frames: list[dict[str, Any]] = [
-        {"file_path": name, "transform_matrix": _opengl(view.camera)} for view, name in zip(views, names, strict=True)
+        {"file_path": name, "transform_matrix": opengl(view.camera)} for view, name in zip(views, names, strict=True)
     ]
     try:
         table["camera_angle_x"] = _field_of_view(views)
@@ -72,16 +72,14 @@ def write_transforms(path: Path, views: Sequence[View], names: Sequence[str], le
         if not lenses:
             raise
         for frame, view in zip(frames, views, strict=True):
-            frame |= _lens(view.camera)
+            camera = view.camera
+            frame |= {"fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy}
+            frame |= {"w": camera.width, "h": camera.height}
     path.write_text(json.dumps({**table, "frames": frames}, indent=1) + "\n", encoding="utf-8")
 
 
-def _lens(camera: Camera) -> dict[str, float]:
-    pixels = {"fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy}
-    return pixels | {"w": camera.width, "h": camera.height}
-
-
-def _opengl(camera: Camera) -> list[list[float]]:
+def opengl(camera: Camera) -> list[list[float]]:
+    """Camera-to-world rows in OpenGL axes: x right, y up, looking along -z."""
     matrix = camera.camera_to_world.double().clone()
     matrix[:3, 1:3] *= -1
     return matrix.tolist()

@@ -102,16 +102,14 @@ class Blender:
         except BrokenPipeError:
             line = ""
         if not line:
+            lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+            printed = " / ".join(lines[-LAST_LINES:])[:500] or "nothing"
             raise DataError(
                 f"Blender's process ended by itself (exit code {self._process.wait()}) at the task '{task}'",
-                f"It last printed: {self._last_words()}",
+                f"It last printed: {printed}",
                 f"What is finished is kept; the same command goes on. All that it printed is in {self._log}.",
             )
         answer = json.loads(line)
         if "error" in answer:
             raise DataError(*(answer["error"][part] for part in ("what", "why", "remedy")))
         return answer["done"]
-
-    def _last_words(self) -> str:
-        lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        return " / ".join(lines[-LAST_LINES:])[:500] or "nothing"
