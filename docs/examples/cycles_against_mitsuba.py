@@ -26,11 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiogs_datasets.blend.cameras import shots
-from radiogs_datasets.blend.light_maps import refined
 from radiogs_datasets.blend.passes import Maps
 from radiogs_datasets.blend.process import Blender, blender_python, require_blender
 from radiogs_datasets.blend.request import Request
-from radiogs_datasets.blend.studio import Studio
+from radiogs_datasets.blend.studio import Studio, refined
 from radiogs_datasets.generate.cameras import Pinhole
 from radiogs_datasets.generate.environments import LIGHTS
 from radiogs_datasets.generate.materials import Material, Patterned

@@ -13,7 +13,7 @@ from radiogs_core.scene.scene import View
 from ..cameras.transforms import read_transforms
 from ..generate.cameras import pinhole
 from ..generate.recipe import Rig
-from ..new_scene import opengl
+from ..writing import opengl
 from .request import Request
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, math.degrees(0.6911112)

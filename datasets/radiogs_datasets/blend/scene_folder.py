@@ -27,13 +27,12 @@ from radiogs_core.scene.colour import srgb_encode
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
 from ..lights import read_light
-from ..new_scene import require_new, write_display, write_transforms
+from ..writing import require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots
-from .light_maps import refined
 from .passes import Maps
 from .process import Blender, require_blender
 from .request import Request
-from .studio import Studio
+from .studio import Studio, refined
 
 Metadata = dict[str, Any]
 

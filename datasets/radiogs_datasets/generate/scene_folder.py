@@ -23,7 +23,7 @@ from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
-from ..new_scene import made_beside, write_display
+from ..writing import made_beside, write_display
 from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
