@@ -103,10 +103,6 @@ def _each_view(scene: Scene, change: Callable[[View], View]) -> Scene:
     return replace(scene, train=train, test=test, relight=relight)
 
 
-def _of_views(scene: Scene, count: int) -> Scene:
-    return replace(scene, train=scene.train[:: len(scene.train) // count][:count])
-
-
 CONDITIONS: Mapping[str, Condition] = {
     "hard-scale-1e-4": Condition("the world 10,000 times smaller", lambda base: placed(base, 1e-4), same=True),
     "hard-scale-1e4": Condition("the world 10,000 times larger", lambda base: placed(base, 1e4), same=True),
@@ -114,7 +110,9 @@ CONDITIONS: Mapping[str, Condition] = {
     "hard-bright-light": Condition("relit by a million times the light", lambda base: under_brighter_lights(base, 1e6)),
     "hard-sun": Condition("relit by a sun of radiance 1e6 in one texel", lambda base: under_a_sun(base, 1e6)),
     "hard-4-pixels": Condition("images of 4 x 4 pixels", lambda base: with_long_side(base, 4)),
-    "hard-two-views": Condition("two training views", lambda base: _of_views(base, 2)),
+    "hard-two-views": Condition(
+        "two training views", lambda base: replace(base, train=base.train[:: len(base.train) // 2][:2])
+    ),
     "hard-black": Condition("black training images", lambda base: painted(base, 0.0)),
     "hard-white": Condition("white training images", lambda base: painted(base, 1.0)),
 }

@@ -26,7 +26,6 @@ from ..bounded_reading import read_json
 from . import rounds, trefoil
 from .cameras import pinhole
 from .catalogue import RECIPES
-from .materials import Finish
 from .recipe import Rig
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
@@ -85,7 +84,7 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
                 covered |= _inside(other, patch.centre, TOUCHING)
             parts.append((solid.material, patch.where(~covered)))
     patches = [patch for _, patch in parts]
-    values = torch.cat([_at(finish, patch.centre) for finish, patch in parts])
+    values = torch.cat([torch.stack(finish.at(*patch.centre.unbind(-1), torch), -1) for finish, patch in parts])
     return SurfaceSamples(
         centre=torch.cat([patch.centre for patch in patches]),
         frame=torch.cat([patch.frame for patch in patches]),
@@ -115,12 +114,6 @@ class _Patch:
     def turned(self) -> "_Patch":
         first, second, normal = self.frame.unbind(-1)
         return _Patch(self.centre, torch.stack([second, first, -normal], -1), self.size.flip(-1))
-
-
-def _at(finish: Finish, centre: Float[Tensor, "cells 3"]) -> Float[Tensor, "cells 4"]:
-    """Albedo and roughness at the middles of cells."""
-    x, y, z = centre.unbind(-1)
-    return torch.stack(finish.at(x, y, z, torch), -1)
 
 
 def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Patch]:

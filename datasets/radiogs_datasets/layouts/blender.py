@@ -39,7 +39,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     tables = tables_of(folder, options)
     files = {table: read_transforms(table) for table in tables}
     repairs: list[str] = []

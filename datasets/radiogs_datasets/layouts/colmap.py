@@ -10,7 +10,6 @@ their names every eighth image (or ``--hold-out N``) is a test view, from the fi
 pixel counts, unless there is a folder of masks. The sparse points come along.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +46,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     place, said_of_model = chosen_model(folder)
     if place is None:
         raise DataError(f"{folder} has no sparse model", "It lies in sparse/0 or sparse.", "Give a scene's folder.")

@@ -10,7 +10,6 @@ principal point is the image's centre. Images are those of the first of images_2
 there are poses. In the order of their names every eighth (or ``--hold-out N``) is a test view, from the first on.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +54,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     table = folder / TABLE
     poses = _poses(table)
     chosen, paths = _images(folder, len(poses))

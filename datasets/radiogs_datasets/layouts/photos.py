@@ -58,6 +58,11 @@ class Photo:
     depth_unit: float = 1.0
     ignores: bool = False
 
+    @property
+    def covers(self) -> bool:
+        """Whether its alpha or mask is coverage."""
+        return self.has_alpha or (self.mask is not None and not self.ignores)
+
 
 def inspect_photos(
     folder: Path, files: Iterable[Path], masks: Mapping[Path, Path], tables: Sequence[Path] = ()
@@ -83,9 +88,9 @@ def has_alpha(image: Path) -> bool:
 def view_of(photo: Photo) -> View:
     """The view: a pinhole camera and maps that are read when asked for. Raises DataError for an impossible lens."""
     sources: dict[str, Callable[[], Tensor]] = {"image": partial(_image, photo)}
-    if photo.has_alpha or (photo.mask is not None and not photo.ignores):
+    if photo.covers:
         sources["alpha"] = partial(_alpha, photo)
-    if photo.mask is not None and photo.ignores:
+    if photo.ignores:
         sources["valid"] = partial(_valid, photo)
     if photo.depth is not None:
         sources["depth"] = partial(_depth, photo)
@@ -184,23 +189,14 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     said: list[str] = []
     if options.masks == "ignore":
         said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
-    covered = [photo for photo in given if _covers(photo)]
-    if covered and all(_is_whole(photo) for photo in covered):
+    covered = [photo for photo in given if photo.covers]
+    if covered and all(bool((_stored_coverage(photo) == 1).all()) for photo in covered):
         kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
         said.append(f"{kind} 1 in all of its photos, which says nothing")
         given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
-    if not any(_covers(photo) for photo in given):
+    if not any(photo.covers for photo in given):
         said.append("no alpha: every pixel counts")
     return given, tuple(said)
-
-
-def _covers(photo: Photo) -> bool:
-    return photo.has_alpha or (photo.mask is not None and not photo.ignores)
-
-
-def _is_whole(photo: Photo) -> bool:
-    coverage = _stored_coverage(photo)
-    return coverage is not None and bool((coverage == 1).all())
 
 
 def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
@@ -258,8 +254,9 @@ def _image(photo: Photo) -> Tensor:
         if levels.dtype == np.uint8 and levels.shape[2] == 3:
             return torch.from_numpy(levels)
     image = read_colour(photo.image)
-    image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
-    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
+    if not photo.lens.pinhole:
+        image = undistorted(image, _stored_coverage(photo) if photo.covers else None, photo.lens)
+    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores else image
 
 
 def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -278,7 +275,6 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
     coverage = _stored_coverage(photo)
-    assert coverage is not None
     coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
     if not bool((coverage > 0).any()):
         raise DataError(
@@ -289,10 +285,11 @@ def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
     return coverage
 
 
-def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"] | None:
-    alpha = read_alpha(photo.image) if photo.has_alpha else None
-    mask = None if photo.mask is None or photo.ignores else read_mask(photo.mask)
-    return mask if alpha is None else alpha if mask is None else alpha * mask
+def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
+    """The coverage of a photo that has one, as stored."""
+    if photo.mask is None or photo.ignores:
+        return read_alpha(photo.image)
+    return read_alpha(photo.image) * read_mask(photo.mask) if photo.has_alpha else read_mask(photo.mask)
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
@@ -329,7 +326,7 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
         )
     depth = levels * photo.depth_unit
     depth = depth if photo.lens.pinhole else undistorted_depth(depth, photo.lens)
-    if _stored_coverage(photo) is not None:
+    if photo.covers:
         depth = torch.where(_alpha(photo) > 0, depth, 0.0)
     return depth
 

@@ -10,7 +10,6 @@ clipped. Normals and environment maps are stored in each view's camera, and are 
 ``transforms_novel.json`` shows the object in another capture, under a light of its own: ``Scene.relight``.
 """
 
-import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -54,7 +53,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_stanford_orb(folder: Path) -> Scene:
     """Read a capture; its maps are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     truth = ground_truth_folder(folder)
     tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
     splits = {split: read_transforms(table) for split, table in tables.items()}

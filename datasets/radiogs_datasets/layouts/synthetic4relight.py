@@ -11,7 +11,6 @@ display sRGB, clipped. Test images, relit images and albedo are sRGB with straig
 lights have Z up; negative radiance is set to zero, and said.
 """
 
-import os
 import re
 from collections.abc import Callable
 from functools import partial
@@ -46,7 +45,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_synthetic4relight(folder: Path) -> Scene:
     """Read a scene; its maps are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
     splits = {split: read_transforms(table) for split, table in tables.items()}
     stems = {

@@ -10,7 +10,6 @@ camera-to-world in OpenGL axes; lights are found as ``tensoir_lights`` says. Ten
 straight sRGB, taken here for outgoing radiance, which nothing public confirms; an ``indirect.exr`` goes before it.
 """
 
-import os
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -54,7 +53,6 @@ def load_tensoir(folder: Path) -> Scene:
     The header, size and layout of every file are checked here, and in a small scene all pixels too. Raises DataError
     that names the file, or all files that are missing.
     """
-    folder = Path(os.path.normpath(folder.absolute()))
     tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
     splits = {split: read_transforms(table) for split, table in tables.items()}
     images = {
