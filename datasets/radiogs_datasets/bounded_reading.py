@@ -12,7 +12,7 @@ import re
 import stat
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,11 +185,19 @@ def as_float32(path: Path, values: NDArray) -> NDArray[np.float32]:
     """Real numbers in float32. Raises DataError where one is not finite, or no longer is in float32 (above 3.4e38)."""
     with np.errstate(over="ignore"):
         numbers = values.astype(np.float32) if np.isrealobj(values) else np.full(1, np.nan, np.float32)
-    bad = int((~np.isfinite(numbers)).sum())
+    return finite(path, numbers, "NaN, infinite or beyond 3.4e38")
+
+
+Number = TypeVar("Number", bound=np.floating)
+
+
+def finite(path: Path, values: NDArray[Number], unlike: str = "NaN or infinite") -> NDArray[Number]:
+    """The values of a file. Raises DataError, with ``unlike`` in words, where one is not finite."""
+    bad = int((~np.isfinite(values)).sum())
     if bad:
         raise DataError(
-            f"{printable(path)} holds {bad} values that are NaN, infinite or beyond 3.4e38",
+            f"{printable(path)} holds {bad} values that are {unlike}",
             "Every metric and every gradient they meet would become NaN.",
             "Render the file again, or mend the pixels with a tool of your choice.",
         )
-    return numbers
+    return values

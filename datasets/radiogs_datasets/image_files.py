@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError
 
-from .bounded_reading import read_bytes
+from .bounded_reading import finite, read_bytes
 from .colour_profiles import in_srgb
 from .image_structure import (
     PngLayout,
@@ -38,8 +38,6 @@ from .image_structure import (
 from .native_output import ERROR, OUT, caught_output, path_of, unnamed_file
 
 HALF_MAX = 65504.0
-
-Number = TypeVar("Number", bound=np.floating)
 
 
 def read_image(path: Path) -> NDArray[np.float32]:
@@ -89,7 +87,7 @@ def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
 
 def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
     """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
-    levels = np.rint(np.clip(_finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
+    levels = np.rint(np.clip(finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
     order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
     _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
@@ -168,7 +166,7 @@ def read_exr(path: Path) -> NDArray[np.float32]:
         raise damaged(path, f"OpenEXR says: {complaints[0].decode(errors='replace').strip()}")
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
-    return _finite(path, np.stack([channels[name] for name in wanted], -1))
+    return finite(path, np.stack([channels[name] for name in wanted], -1))
 
 
 def exr_envmap(path: Path) -> str | None:
@@ -194,7 +192,7 @@ def _named(data: bytes) -> Iterator[str]:
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:
     """OpenEXR with ZIP compression; 1 (Y), 3 or 4 channels; half floats, or 32 bits where one is beyond 65504."""
     names = {1: "Y", 3: "RGB", 4: "RGBA"}[image.shape[2]]
-    kind = np.float32 if float(np.abs(_finite(path, image)).max(initial=0)) > HALF_MAX else np.float16
+    kind = np.float32 if float(np.abs(finite(path, image)).max(initial=0)) > HALF_MAX else np.float16
     stored = image.astype(kind)
     channels = {name: np.ascontiguousarray(stored[..., place]) for place, name in enumerate(names)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -213,12 +211,12 @@ def read_hdr(path: Path) -> NDArray[np.float32]:
     image = _decode(path, data)
     if image.dtype != np.float32 or image.shape[2] != 3:
         raise damaged(path, "its pixels are not RGBE")
-    return _finite(path, np.ascontiguousarray(image[..., ::-1]))
+    return finite(path, np.ascontiguousarray(image[..., ::-1]))
 
 
 def write_hdr(path: Path, image: NDArray[np.floating]) -> None:
     """Radiance RGBE of [height, width, 3]; each pixel keeps 8 bits of its largest channel (up to 0.8 % error)."""
-    _encode(path, ".hdr", np.ascontiguousarray(_finite(path, image)[..., ::-1], np.float32), [])
+    _encode(path, ".hdr", np.ascontiguousarray(finite(path, image)[..., ::-1], np.float32), [])
 
 
 def _decode(path: Path, data: bytes) -> NDArray:
@@ -258,17 +256,6 @@ def _require_writable(path: Path) -> None:
     except OSError as error:
         reason = os.strerror(error.errno or errno.EIO)
         raise DataError(f"cannot write {path}", f"The system says: {reason}.", "Choose another folder.") from error
-
-
-def _finite(path: Path, image: NDArray[Number]) -> NDArray[Number]:
-    bad = int((~np.isfinite(image)).sum())
-    if bad:
-        raise DataError(
-            f"{path} holds {bad} values that are NaN or infinite",
-            "Every metric and every gradient they meet would become NaN.",
-            "Render the file again, or mend the pixels with a tool of your choice.",
-        )
-    return image
 
 
 JPEG_WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS parameters", b"Inconsistent progression")

@@ -28,9 +28,11 @@ from .transforms_fields import (
     lens_of_fields,
     said_of_fields,
     with_known_names,
+    wrong_field,
 )
 
 SPLITS = ("train", "val", "test")
+SCORED_APART = ("train", "test")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
@@ -121,6 +123,16 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
     )
 
 
+def read_splits(folder: Path) -> dict[Path, Transforms]:
+    """The files of a scene's training and test views, by their paths. Raises DataError as ``read_transforms``."""
+    return {table: read_transforms(table) for table in (folder / f"transforms_{split}.json" for split in SCORED_APART)}
+
+
+def said_of_files(files: Mapping[Path, Transforms]) -> tuple[str, ...]:
+    """Sentences on what of each file is not used."""
+    return tuple(f"{table.name}: {said}" for table, each in files.items() for said in each.said)
+
+
 def _without_scale(frames: list[object], note: Note) -> list[object]:
     """The frames with rigid poses where one factor is common to the rotations of all, or to all of each matrix.
 
@@ -152,11 +164,7 @@ def _depth_unit(path: Path, table: dict[str, Any]) -> float:
     name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
     unit = finite(table.get(name, DEPTH_UNIT))
     if not (math.isfinite(unit) and unit > 0):
-        raise DataError(
-            f"{path}: '{name}' is {table[name]!r:.40}",
-            "It is the length of a level of a depth map in world units.",
-            "Correct the file.",
-        )
+        raise wrong_field(str(path), name, table[name], "It is the length of a level of a depth map in world units.")
     return unit
 
 
@@ -172,11 +180,8 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
 def _masks(path: Path, table: dict[str, Any]) -> str | None:
     meaning = table.get("masks")
     if meaning not in (None, *get_args(Meaning)):
-        raise DataError(
-            f"{path}: 'masks' is {meaning!r:.40}",
-            "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore).",
-            "Write 'object' or 'ignore'.",
-        )
+        why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
+        raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
     return meaning
 
 
@@ -185,7 +190,7 @@ def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
     name = next((name for name in names if fields.get(name) is not None), None)
     value = None if name is None else fields[name]
     if value is not None and (not isinstance(value, str) or not value or "\0" in value):
-        raise DataError(f"{what}: '{name}' is {value!r:.40}", "It must be the path of a file.", "Correct the file.")
+        raise wrong_field(what, str(name), value, "It must be the path of a file.")
     return value
 
 

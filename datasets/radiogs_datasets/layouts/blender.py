@@ -26,7 +26,7 @@ from radiogs_core.scene.scene import Points, Scene
 
 from ..bounded_reading import read_bytes
 from ..cameras.colmap_model import LARGEST_COORDINATE
-from ..cameras.transforms import Frame, Transforms, read_transforms
+from ..cameras.transforms import Frame, Transforms, read_transforms, said_of_files
 from ..options import AS_STORED, SceneOptions
 from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files, require_same_size, shown
 from .photos import Photo, has_alpha, held_out, inspect_photos, masks_of, said_of_lenses, said_of_masks, view_of
@@ -52,7 +52,7 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     photos, said_of_coverage = said_of_masks(photos, options)
     repairs += said_of_coverage
     repairs += [*written.said, *said_of_lenses(photos)]
-    repairs += [f"{table.name}: {said}" for table, each in files.items() for said in each.said]
+    repairs += said_of_files(files)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     return Scene(

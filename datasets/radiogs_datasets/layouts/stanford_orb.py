@@ -26,7 +26,7 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from ..bounded_reading import as_float32, read_json, read_numpy
-from ..cameras.transforms import Transforms, read_transforms
+from ..cameras.transforms import Transforms, read_splits, read_transforms, said_of_files
 from ..image_files import read_image
 from ..lights import read_light
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
@@ -54,30 +54,29 @@ def looks_like(folder: Path) -> bool:
 def load_stanford_orb(folder: Path) -> Scene:
     """Read a capture; its maps are read when asked for. Raises DataError that names what is wrong."""
     truth = ground_truth_folder(folder)
-    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
-    splits = {split: read_transforms(table) for split, table in tables.items()}
+    tables = read_splits(folder)
     images = {
-        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
+        table: [_image(folder, table, frame.file_path) for frame in each.frames] for table, each in tables.items()
     }
-    every = [path for paths in images.values() for path in paths]
+    train_images, test_images = images.values()
+    every = [*train_images, *test_images]
     require_distinct(folder, every)
     masks = [_mask(path) for path in every]
     require_files(folder, [*every, *masks])
     relight, lights, novel_files = _novel(folder)
-    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every, *masks)}
-    true_files = [path for image in images["test"] for path in _truth_of(truth, image).values()]
+    files = {path.relative_to(folder).as_posix(): path for path in (*tables, *every, *masks)}
+    true_files = [path for image in test_images for path in _truth_of(truth, image).values()]
     files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in true_files}
     sizes, checksum = inspect(files | novel_files)
     train, test = (
         tuple(
-            _view(folder, splits[split], place, path, truth if split == "test" else None, sizes[path])
-            for place, path in enumerate(images[split])
+            _view(folder, transforms, place, path, truth if paths is test_images else None, sizes[path])
+            for place, path in enumerate(paths)
         )
-        for split in ("train", "test")
+        for transforms, paths in zip(tables.values(), images.values(), strict=True)
     )
     decode_if_small([*train, *test, *relight], sizes)
-    repairs = tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said)
-    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, repairs, relight)
+    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, said_of_files(tables), relight)
 
 
 def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4 4"]) -> EnvironmentMap:

@@ -20,7 +20,7 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 
-from ..cameras.transforms import Transforms, read_transforms
+from ..cameras.transforms import Transforms, read_splits, said_of_files
 from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .tensoir_lights import find_lights, read_light
@@ -53,23 +53,16 @@ def load_tensoir(folder: Path) -> Scene:
     The header, size and layout of every file are checked here, and in a small scene all pixels too. Raises DataError
     that names the file, or all files that are missing.
     """
-    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
-    splits = {split: read_transforms(table) for split, table in tables.items()}
-    images = {
-        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
-    }
+    files = read_splits(folder)
+    images = {table: [_image(folder, table, frame.file_path) for frame in each.frames] for table, each in files.items()}
     require_distinct(folder, [image.parent for paths in images.values() for image in paths])
-    maps = {split: _common_maps(folder, images[split]) for split in splits}
-    lights = find_lights(folder, {found[1] for name in maps["test"] if (found := RELIT_IMAGE.fullmatch(name))})
-    maps_of_views = [
-        path
-        for split in splits
-        for image in images[split]
-        for path in (image, *(image.parent / name for name in maps[split]))
-    ]
-    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *maps_of_views)}
-    sizes, checksum = inspect({**files, **lights.files()})
-    train, test = (_views(folder, splits[split], images[split], maps[split], sizes) for split in ("train", "test"))
+    maps = {table: _common_maps(folder, paths) for table, paths in images.items()}
+    _, maps_of_test = maps.values()
+    lights = find_lights(folder, {found[1] for name in maps_of_test if (found := RELIT_IMAGE.fullmatch(name))})
+    every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
+    named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
+    sizes, checksum = inspect(named | lights.files())
+    train, test = (_views(folder, each, images[table], maps[table], sizes) for table, each in files.items())
     decode_if_small([*train, *test], sizes)
     return Scene(
         name=folder.name,
@@ -79,7 +72,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights={light: read_light(path) for light, path in lights.relight.items()},
         training_light=None if lights.training is None else read_light(lights.training),
         checksum=checksum,
-        repairs=tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said),
+        repairs=said_of_files(files),
     )
 
 
@@ -97,18 +90,15 @@ def _image(folder: Path, table: Path, file_path: str) -> Path:
 
 def _common_maps(folder: Path, images: list[Path]) -> list[str]:
     """File names of the maps beside the images of a split: what one view has, all must have."""
-    found = {image: _maps_beside(image) for image in images}
-    names = sorted(set[str]().union(*found.values()))
-    wanted = [path for image in images for path in (image, *(image.parent / name for name in names))]
-    require_files(folder, wanted)
+    beside = {path.name for image in images if image.parent.is_dir() for path in image.parent.iterdir()}
+    relit = {name for name in beside if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
+    names = sorted(beside & (MAPS.keys() | MASKED_MAPS.keys()) | relit)
+    require_files(folder, [path for image in images for path in _with_maps(image, names)])
     return names
 
 
-def _maps_beside(image: Path) -> set[str]:
-    place = image.parent
-    names = {path.name for path in place.iterdir()} if place.is_dir() else set()
-    relit = {name for name in names if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
-    return names & (MAPS.keys() | MASKED_MAPS.keys()) | relit
+def _with_maps(image: Path, names: list[str]) -> list[Path]:
+    return [image, *(image.parent / name for name in names)]
 
 
 def _views(
