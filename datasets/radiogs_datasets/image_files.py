@@ -333,36 +333,31 @@ def _image_channels(held: Mapping[str, str]) -> list[str]:
 def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:
     """Raises DataError for what changes an image and is not applied: parts, a cut window, subsampled channels, other
     primaries."""
-    if len(parts) > 1:
-        raise _refused_exr(
-            path, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."
-        )
     data, display = (np.asarray(header[name]).tolist() for name in ("dataWindow", "displayWindow"))
-    if data != display:
-        raise _refused_exr(
-            path, f"holds the window {data} of an image {display}", "What lies outside is not there: it was cropped."
-        )
     coarse = [channel.name for channel in header["channels"] if (channel.xSampling, channel.ySampling) != (1, 1)]
-    if coarse:
-        raise _refused_exr(
-            path,
+    ratio, stored = float(header.get("pixelAspectRatio", 1)), np.ravel(header.get("chromaticities", REC709))
+    off = min(float(np.abs(stored - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50))
+    named = ", ".join(f"{value:.4g}" for value in stored)
+    for wrong, what, why in (
+        (len(parts) > 1, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."),
+        (
+            data != display,
+            f"holds the window {data} of an image {display}",
+            "What lies outside is not there: it was cropped.",
+        ),
+        (
+            coarse,
             f"has channels of several sizes: {', '.join(coarse)[:300]} subsampled",
             "Every pixel needs all channels.",
-        )
-    if abs(float(header.get("pixelAspectRatio", 1)) - 1) > CHROMATICITY_TOLERANCE:
-        raise _refused_exr(
-            path, f"has pixels of the ratio {header['pixelAspectRatio']:g}", "Pixels are taken for square."
-        )
-    stored = header.get("chromaticities")
-    if stored is not None:
-        off = [float(np.abs(np.ravel(stored) - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50)]
-        if not min(off) <= CHROMATICITY_TOLERANCE:
-            raise _refused_exr(
-                path,
-                f"has other primaries than sRGB's: {', '.join(f'{value:.4g}' for value in np.ravel(stored))}",
-                "Its numbers are no sRGB (Rec. 709) radiance.",
+        ),
+        (abs(ratio - 1) > CHROMATICITY_TOLERANCE, f"has pixels of the ratio {ratio:g}", "Pixels are taken for square."),
+        (
+            not off <= CHROMATICITY_TOLERANCE,
+            f"has other primaries than sRGB's: {named}",
+            "Its numbers are no sRGB (Rec. 709) radiance.",
+        ),
+    ):
+        if wrong:
+            raise DataError(
+                f"{path} {what}", why, "Save it as a single whole image with linear sRGB (Rec. 709) primaries."
             )
-
-
-def _refused_exr(path: Path, what: str, why: str) -> DataError:
-    return DataError(f"{path} {what}", why, "Save it as a single whole image with linear sRGB (Rec. 709) primaries.")

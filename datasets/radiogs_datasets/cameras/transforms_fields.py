@@ -15,11 +15,10 @@ from typing import Any
 
 from radiogs_core.errors import DataError
 
-from .lens import LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
+from .lens import COEFFICIENTS, LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
 
 SIZE = ("w", "h")
 PIXELS = ("fl_x", "fl_y", "cx", "cy")
-COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "orthographic", "rolling_shutter")
 """instant-ngp's fields for cameras that cannot be made a pinhole."""
 

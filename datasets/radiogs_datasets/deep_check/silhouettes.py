@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from skimage.measure import find_contours
 
 from ..findings import Finding, warning
-from .cameras import Array, Cameras, Fit, best_reading
+from .cameras import Array, Cameras, best_reading
 from .evidence import Evidence, Look, evenly
 
 CORNERS = 24
@@ -70,25 +70,11 @@ class Outlines:
         return residuals(cameras, self.corners, cameras, self.corners, cameras.looked_at)
 
 
-def outline(alpha: NDArray[np.uint8]) -> tuple[Array, bool] | None:
-    """Corners of the convex hull of what is covered, and whether it is cut off; None if nothing is covered."""
-    height, width = alpha.shape
-    found = [line for line in find_contours(np.pad(alpha, 1).astype(float), 127.5) if len(line) >= 8]
-    if not found:
-        return None
-    points = np.concatenate(found)[:, ::-1] - 0.5
-    try:
-        hull = points[ConvexHull(points).vertices]
-    except QhullError:
-        return None
-    cut = bool(((hull < BORDER) | (hull > np.array([width, height]) - BORDER)).any())
-    if len(hull) > CORNERS:
-        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
-    return np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)]), cut
-
-
 def outlined(look: Look, inverted: bool = False) -> Array | None:
-    """Corners of a view's outline in pixels of its reduced image; None without one, or where it is cut off."""
+    """Corners of the convex hull of what a view covers (``inverted``: of its background), pixels of the reduced image.
+
+    None without an outline, or where it is cut off.
+    """
     if look.alpha is None:
         return None
     alpha = 255 - look.alpha if inverted else look.alpha
@@ -97,10 +83,20 @@ def outlined(look: Look, inverted: bool = False) -> Array | None:
     if factor < 1:
         size = (round(width * factor), round(height * factor))
         alpha = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    found = outline(alpha)
-    if found is None or found[1]:
+    found = [line for line in find_contours(np.pad(alpha, 1).astype(float), 127.5) if len(line) >= 8]
+    if not found:
         return None
-    return found[0] * np.array([width / alpha.shape[1], height / alpha.shape[0]])
+    points = np.concatenate(found)[:, ::-1] - 0.5
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except QhullError:
+        return None
+    if ((hull < BORDER) | (hull > np.array(alpha.shape[::-1]) - BORDER)).any():
+        return None
+    if len(hull) > CORNERS:
+        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
+    corners = np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)])
+    return corners * np.array([width / alpha.shape[1], height / alpha.shape[0]])
 
 
 def outlines(evidence: Evidence, places: Iterable[int], inverted: bool = False) -> Outlines | None:
@@ -155,7 +151,8 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
     unit = max(1.0, float(known.cameras.size.max()) / SIDE)
     whole = known.residual(known.cameras)
     level = median(whole)
-    better = _whole(known)
+    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
+    better = best_reading(some.cameras, lambda cameras: median(some.residual(cameras)))
     if level > WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit):
         yield warning(
             "all views",
@@ -175,12 +172,6 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
 
 def _pixels(residual: float) -> str:
     return f"{residual:.2g}" if np.isfinite(residual) else "more than the image"
-
-
-def _whole(known: Outlines) -> Fit:
-    """The other reading of all cameras that fits best."""
-    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
-    return best_reading(some.cameras, lambda cameras: median(some.residual(cameras)))
 
 
 def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:

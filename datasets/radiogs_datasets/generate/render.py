@@ -17,7 +17,6 @@ from . import rounds, trefoil
 from .cameras import Pinhole
 from .disney_bsdf import PLUGIN, register
 from .materials import Finish, Material, Patterned
-from .patterns import Array
 from .probe import VARIANT
 from .recipe import Recipe
 from .solids import Box, Knot, Relief, Solid, Sphere, Turned
@@ -177,8 +176,8 @@ def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
 
 def _bsdf(finish: Finish) -> dict[str, object]:
     if not isinstance(finish, Material):
-        albedo, roughness = textures(finish)
-        return {"type": PLUGIN, "albedo": albedo, "roughness": roughness, "specular": finish.first.specular}
+        made = texture(finish)
+        return {"type": PLUGIN, "albedo": made, "roughness": made, "specular": finish.first.specular}
     return {
         "type": PLUGIN,
         "albedo": {"type": "rgb", "value": list(finish.albedo)},
@@ -187,15 +186,18 @@ def _bsdf(finish: Finish) -> dict[str, object]:
     }
 
 
-def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:
-    """Albedo and roughness of a finish as textures, to be given to a BSDF; a variant must be set."""
+def texture(finish: Patterned) -> mi.Texture:
+    """A finish as a texture, to be given to a BSDF: its colour is the albedo, its value the roughness."""
 
     class Solid(mi.Texture):
         def __init__(self) -> None:
             mi.Texture.__init__(self, mi.Properties())
 
-        def values(self, si: mi.SurfaceInteraction3f) -> tuple[Array, Array, Array, Array]:
-            return finish.at(si.p.x, si.p.y, si.p.z, dr)
+        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Color3f:
+            return mi.Color3f(*finish.at(si.p.x, si.p.y, si.p.z, dr)[:3])
+
+        def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
+            return finish.at(si.p.x, si.p.y, si.p.z, dr)[3]
 
         def is_spatially_varying(self) -> bool:
             return True
@@ -203,13 +205,4 @@ def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:
         def to_string(self) -> str:
             return f"{type(self).__name__}[{finish}]"
 
-    class Albedo(Solid):
-        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Color3f:
-            red, green, blue, _ = self.values(si)
-            return mi.Color3f(red, green, blue)
-
-    class Roughness(Solid):
-        def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
-            return self.values(si)[3]
-
-    return Albedo(), Roughness()
+    return Solid()
