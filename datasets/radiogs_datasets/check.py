@@ -81,7 +81,10 @@ def check_scene(
             require_trainable(scene)
         except DataError as error:
             findings.append(Finding(scene.name, _sentence(error)))
-        findings += [*_lights_without_maps(scene), *_views(scene, advance)]
+        shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
+        without = "has images of the test views, but no environment map: it cannot be relit"
+        findings += [warning(light, without) for light in sorted(shown - scene.lights.keys())]
+        findings += _views(scene, advance)
         if deep and not any(finding.severity == "error" for finding in findings):
             findings += deep_findings(scene, advance)
     return Report(scene, tuple(grouped(findings)))
@@ -141,12 +144,6 @@ def _mixed_bits(folder: Path) -> Iterator[Finding]:
             yield from (
                 warning(place, f"has {rare} bits a channel, unlike the others of its kind") for place in depths[rare]
             )
-
-
-def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
-    shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
-    for light in sorted(shown - scene.lights.keys()):
-        yield warning(light, "has images of the test views, but no environment map: it cannot be relit")
 
 
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:

@@ -89,12 +89,9 @@ def under_a_sun(scene: Scene, radiance: float) -> Scene:
     bounce of such a sun is beyond what a display shows.
     """
 
-    def sunny(light: EnvironmentMap) -> EnvironmentMap:
-        values = light.radiance.clone()
-        values[values.shape[0] // 4, 0] = radiance
-        return EnvironmentMap(values)
-
-    lights = {name: sunny(light) for name, light in scene.lights.items()}
+    lights = {name: EnvironmentMap(light.radiance.clone()) for name, light in scene.lights.items()}
+    for light in lights.values():
+        light.radiance[light.radiance.shape[0] // 4, 0] = radiance
     return replace(under_brighter_lights(scene, radiance), lights=lights)
 
 

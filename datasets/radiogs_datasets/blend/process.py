@@ -11,6 +11,8 @@ from typing import Any
 
 from radiogs_core.errors import DataError, UsageError
 
+from ..generate.probe import failure_of
+
 PYTHON_VARIABLE = "RADIOGS_BENCH_BLENDER_PYTHON"
 """Names another Python that has ``bpy``: its wheels are for one version of Python each, and pin NumPy."""
 
@@ -47,16 +49,7 @@ def require_blender() -> None:
 
 def blender_failure() -> str | None:
     """The last words of a trial import that failed; None if it worked."""
-    try:
-        run = subprocess.run(
-            [blender_python(), "-c", "import bpy"], capture_output=True, text=True, check=False, env=environment()
-        )
-    except OSError as error:
-        return error.strerror or str(error)
-    if run.returncode == 0:
-        return None
-    lines = run.stderr.strip().splitlines()
-    return lines[-1] if lines else f"exit code {run.returncode}"
+    return failure_of([blender_python(), "-c", "import bpy"], environment())
 
 
 class Blender:

@@ -90,11 +90,8 @@ class Transforms:
 
 def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
     """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
-    notes: Counter[str] = Counter()
-
-    def note(sentence: str) -> None:
-        notes[sentence] += 1
-
+    notes: list[str] = []
+    note = notes.append
     table = read_json(path) if content is None else content
     if not isinstance(table, dict):
         raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
@@ -119,7 +116,7 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
         _masks(path, table),
-        (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in notes.items())),
+        (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in Counter(notes).items())),
     )
 
 

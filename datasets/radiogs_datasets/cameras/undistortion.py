@@ -177,11 +177,8 @@ def _unfolded(
     )
     own = whole & (parts == parts[middle])
     taken = np.where(own, area, 0).astype(np.float32)
-
-    def spread(coarse: NDArray) -> NDArray:
-        return coarse.repeat(step, 0).repeat(step, 1)[:height, :width]
-
-    return spread(own), spread(taken)
+    unfolded, pixels = (coarse.repeat(step, 0).repeat(step, 1)[:height, :width] for coarse in (own, taken))
+    return unfolded, pixels
 
 
 def _whole_rectangle(good: NDArray[np.bool_]) -> tuple[int, int, int, int]:

@@ -82,10 +82,6 @@ class Listed:
     depth: Path | None
     depth_unit: float
 
-    def files(self) -> list[Path]:
-        """All of them that there are."""
-        return [path for path in (self.image, self.mask, self.depth) if path is not None]
-
 
 def tables_of(folder: Path, options: SceneOptions) -> list[Path]:
     """The single file; or the training file, and that of the split which is scored unless views are held out."""
@@ -203,7 +199,7 @@ def _photos(
     """The photos, the checksum over all files of the scene, and the sizes of its images."""
     images = [each.image for each in listed]
     require_distinct(folder, images)
-    every = [path for each in listed for path in each.files()]
+    every = [path for each in listed for path in (each.image, each.mask, each.depth) if path is not None]
     require_files(folder, [*every, *clouds])
     masks = {each.image: each.mask for each in listed if each.mask is not None}
     sizes, checksum = inspect_photos(folder, {*tables, *every, *clouds} - {*masks.values()}, masks)

@@ -315,7 +315,7 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     assert photo.depth is not None
-    levels = read_numbers(photo.depth) if photo.depth.suffix == ".npy" else _levels(photo.depth)
+    levels = _stored_depth(photo.depth)
     wanted = (photo.lens.height, photo.lens.width)
     if levels.shape[:2] != wanted or float(levels.min()) < 0:
         raise DataError(
@@ -331,25 +331,22 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     return depth
 
 
-def _levels(path: Path) -> Float[Tensor, "height width 1"]:
-    """The first channel; whole levels of a 16-bit PNG."""
+def _stored_depth(path: Path) -> Float[Tensor, "height width 1"]:
+    """Numbers of a NumPy array, whole levels of a 16-bit PNG, or the first channel of another image."""
+    if path.suffix == ".npy":
+        values = read_numpy(path)
+        values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
+        if values.ndim != 2 or not values.size or not np.issubdtype(values.dtype, np.number):
+            raise DataError(
+                f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
+                "Export the depth again, or take its path out of the file.",
+            )  # fmt: skip
+        return torch.from_numpy(as_float32(path, values))[..., None]
     if path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).bits != 16:
         raise DataError(
             f"{path} is a depth map of 8 bits",
             "A length in so few levels is a picture of the depth.",
             "Export the depth with 16 bits, or take its path out of the file.",
         )
-    values = torch.from_numpy(read_image(path))[..., :1].contiguous()
-    return (values * 65535).round() if path.suffix.lower() == ".png" else values
-
-
-def read_numbers(path: Path) -> Float[Tensor, "height width 1"]:
-    """A NumPy array [height, width] of finite numbers. Raises DataError."""
-    values = read_numpy(path)
-    values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
-    if values.ndim != 2 or not values.size or not np.issubdtype(values.dtype, np.number):
-        raise DataError(
-            f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
-            "Export the depth again, or take its path out of the file.",
-        )  # fmt: skip
-    return torch.from_numpy(as_float32(path, values))[..., None]
+    levels = torch.from_numpy(read_image(path))[..., :1].contiguous()
+    return (levels * 65535).round() if path.suffix.lower() == ".png" else levels
