@@ -35,7 +35,7 @@ from .image_structure import (
     radiance_size,
     require_size,
 )
-from .native_output import ERROR, OUT, caught_output, path_of, unnamed_file
+from .native_output import ERROR, OUT, caught_output, unnamed_file
 
 HALF_MAX = 65504.0
 
@@ -186,7 +186,7 @@ def _named(data: bytes) -> Iterator[str]:
     with unnamed_file() as file:
         file.write(data)
         file.flush()
-        yield path_of(file)
+        yield f"/dev/fd/{file.fileno()}"
 
 
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:

@@ -99,8 +99,8 @@ def files_of(folder: Path) -> tuple[Path, Path, Path]:
 def read_model(folder: Path) -> SparseModel:
     """Read and check a model; which photo saw which point is left out. Raises DataError."""
     cameras, images, points = files_of(folder)
-    read_points = _binary_points if points.suffix == ".bin" else _text_points
-    found = np.array(sorted(read_points(points)), np.float64).reshape(-1, 7)
+    rows = _binary_points(points) if points.suffix == ".bin" else _records(points, _point)
+    found = np.array(sorted(rows), np.float64).reshape(-1, 7)
     model = SparseModel(_cameras(cameras), _images(images), found[:, 1:4].copy(), found[:, 4:].astype(np.uint8))
     require_sound(folder, model)
     return model
@@ -229,13 +229,13 @@ LARGEST_NUMBER = 1 << 63
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
     """Cameras with their numbers."""
-    lines = list(_lines(path))
-    for place, line in lines:
-        number, camera = _parsed(path, place, line, _camera)
+    count = 0
+    for number, camera in _records(path, _camera):
         if camera.model not in PARAMETERS:
             raise unsupported(path, number, camera.model)
+        count += 1
         yield number, camera
-    _require_counted(path, len(lines))
+    _require_counted(path, count)
 
 
 def _text_images(path: Path) -> Iterator[StoredImage]:
@@ -260,12 +260,6 @@ def _text_images(path: Path) -> Iterator[StoredImage]:
                 )
             place += 1
     _require_counted(path, count)
-
-
-def _text_points(path: Path) -> Iterator[tuple[float, ...]]:
-    """Number, world position and 8-bit colour of each point."""
-    for place, line in _lines(path):
-        yield _parsed(path, place, line, _point)
 
 
 def _features(line: str) -> bool:
@@ -314,11 +308,11 @@ def _whole(text: str) -> int:
     return number
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers from one on, without comments and empty ones."""
+def _records(path: Path, parse: Callable[[str], Read]) -> Iterator[Read]:
+    """The content of each line that is neither empty nor a comment."""
     for place, line in enumerate(_text(path).split("\n"), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
-            yield place, line.strip()
+            yield _parsed(path, place, line.strip(), parse)
 
 
 def _text(path: Path) -> str:

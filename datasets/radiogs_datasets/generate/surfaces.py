@@ -26,7 +26,6 @@ from ..bounded_reading import read_json
 from . import rounds, trefoil
 from .cameras import pinhole
 from .catalogue import RECIPES
-from .recipe import Rig
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP
@@ -51,7 +50,12 @@ def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
     """
     name = metadata_of(folder).get("scene")
     recipe = RECIPES.get(name) if isinstance(name, str) else None
-    return partial(surfaces_of, recipe.solids) if recipe is not None and _seen_by(recipe.rig, scene) else None
+    if recipe is None:
+        return None
+    places = torch.from_numpy(np.stack([pinhole(recipe.rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
+    stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
+    at_places = bool((torch.cdist(stand, places).amin(-1) < NEAR * recipe.rig.radius).all())
+    return partial(surfaces_of, recipe.solids) if at_places else None
 
 
 def metadata_of(folder: Path) -> Mapping[str, Any]:
@@ -61,13 +65,6 @@ def metadata_of(folder: Path) -> Mapping[str, Any]:
     except DataError:
         return {}
     return about if isinstance(about, dict) else {}
-
-
-def _seen_by(rig: Rig, scene: Scene) -> bool:
-    """Whether every camera stands at a place of the rig."""
-    places = torch.from_numpy(np.stack([pinhole(rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
-    stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
-    return bool((torch.cdist(stand, places).amin(-1) < NEAR * rig.radius).all())
 
 
 def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:

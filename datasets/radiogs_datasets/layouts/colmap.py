@@ -19,7 +19,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
 from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
-from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
+from ..cameras.colmap_model import StoredCamera, StoredImage
 from ..cameras.lens import Lens, lens_of
 from ..options import AS_STORED, SceneOptions
 from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files
@@ -73,9 +73,9 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
     repairs = (*said_of_model, *said_of_images, said, *said_of_coverage, *said_of_lenses(photos))
-    return Scene(
-        folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=_points(model)
-    )  # fmt: skip
+    colours = torch.from_numpy(model.colours.astype(np.float32) / 255)
+    points = Points(torch.from_numpy(model.positions.astype(np.float32)), colours)
+    return Scene(folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=points)
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
@@ -130,8 +130,3 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int
             "Use the images that the model was made of.",
         )
     return lens.at_size(height, width)
-
-
-def _points(model: SparseModel) -> Points:
-    colours = model.colours.astype(np.float32) / 255
-    return Points(torch.from_numpy(model.positions.astype(np.float32)), torch.from_numpy(colours))

@@ -152,16 +152,12 @@ def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
 
 def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
     """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
-    return (*require_possible_lenses(photos), *_kept(photos))
-
-
-def _kept(photos: Sequence[Photo]) -> tuple[str, ...]:
-    kept = [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
+    said, kept = require_possible_lenses(photos), [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
     if not kept:
-        return ()
+        return said
     least, most = round(100 * min(kept)), round(100 * max(kept))
     share = f"{least} %" if least == most else f"{least} to {most} %"
-    return (f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each",)
+    return (*said, f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each")
 
 
 def images_in(folder: Path) -> list[Path]:

@@ -165,7 +165,11 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
     if not table.is_file():
         return (), {}, {}
     views, lights, files = [], {}, {"transforms_novel.json": table}
-    for place, frame in enumerate(_frames(table)):
+    content = read_json(table)
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
+    for place, frame in enumerate(frames):
         capture, angle = frame.get("scene_name"), frame.get("camera_angle_x")
         if not isinstance(capture, str) or "/" in capture or capture in ("", ".", ".."):
             raise DataError(f"{table}: frame {place} has no 'scene_name'", "It says which capture shows it.")
@@ -189,14 +193,6 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         views.append(View(name, camera, shown))
         files |= {f"novel/{name}/{part}": path for part, path in zip(NOVEL_PARTS, (image, mask, light), strict=True)}
     return tuple(views), lights, files
-
-
-def _frames(table: Path) -> list[dict[str, object]]:
-    content = read_json(table)
-    frames = content.get("frames") if isinstance(content, dict) else None
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
-        raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
-    return frames
 
 
 def _colours(path: Path) -> Float[Tensor, "height width channels"]:
