@@ -40,7 +40,7 @@ RADIANCE_RUN = 127
 
 @dataclass(frozen=True)
 class PngLayout:
-    """Size in pixels, bits a sample, samples a pixel, the compressed stream, and the bytes that it must expand to.
+    """Size in pixels, bits a sample, the compressed stream, and the bytes that it must expand to.
 
     ``transparent``: whether pixels have alpha, of their own, by their palette or by a key (tRNS). ``transparent_key``
     is the one colour that is transparent in a grey or RGB image, as stored. ``profile`` is its ICC profile.
@@ -49,7 +49,6 @@ class PngLayout:
     height: int
     width: int
     bits: int
-    samples: int
     stream: bytes
     expanded: int
     transparent: bool = False
@@ -103,7 +102,7 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
     stream = b"".join(body for name, body in chunks if name == b"IDAT")
     key = others.get(b"tRNS", b"") if colour in (0, 2) else b""
     return PngLayout(
-        height, width, bits, PNG_SAMPLES[colour], stream, expanded,
+        height, width, bits, stream, expanded,
         colour in (4, 6) or b"tRNS" in others,
         struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
         profile_of_png(path, others),

@@ -155,12 +155,10 @@ def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptio
 
 
 def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> Scene:
-    if name_or_path in ALBEDOS:
+    if name_or_path in ALBEDOS or name_or_path == HARD_CASES:
         _require_none(options, name_or_path)
-        return replace(furnace(name_or_path), loaders=(furnace.__module__,))
-    if name_or_path == HARD_CASES:
-        _require_none(options, name_or_path)
-        return replace(hard_cases(), loaders=(hard_cases.__module__,))
+        made, by = (hard_cases(), hard_cases) if name_or_path == HARD_CASES else (furnace(name_or_path), furnace)
+        return replace(made, loaders=(by.__module__,))
     if name_or_path in CONDITIONS:
         return hard_scene(name_or_path, _as_stored(BASE, None, options))
     folder = scene_folder(name_or_path)

@@ -2,7 +2,7 @@
 
 Cameras are ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them. Cameras
 that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them. A layout's
-writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them, and returns the names of those that it wrote.
+writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them.
 """
 
 import json
@@ -148,7 +148,7 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
         left: dict[str, int] = {}
         for number, view in enumerate(views):
             written = writer.view(folder, view, split, number)
-            for name in sorted(view.sources.keys() - set(written)):
+            for name in sorted(view.sources.keys() - {"image", "alpha", *written}):
                 left[name] = left.get(name, 0) + 1
             done += 1
             advance(done, total)
@@ -175,10 +175,10 @@ WriteView = Callable[[Path, View, str, int], list[str]]
 class Layout:
     """How a layout is written.
 
-    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its maps;
-    ``light`` is the path of a light's map, Z up, with its name left open, or None where the layout has no lights;
-    ``training_light`` the name of the training light. ``lenses``: whether a
-    frame may have a lens of its own.
+    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its image,
+    coverage and other maps, and returns the names of the others; ``light`` is the path of a light's map, Z up, with its
+    name left open, or None where the layout has no lights; ``training_light`` the name of the training light.
+    ``lenses``: whether a frame may have a lens of its own.
     """
 
     frame: Callable[[str, int], str]
@@ -206,12 +206,11 @@ def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> lis
     """One folder a view: everything that a scene can hold has a file."""
     place, alpha = folder / f"{split}_{number:03}", _alpha(view)
     _png(place / "rgba.png", view.read("image"), alpha)
-    written = ["image", "alpha"]
+    written = []
     for name in view.sources:
-        if name == "albedo":
-            _png(place / "albedo.png", view.read(name), alpha)
-        elif name == "normal":
-            _png(place / "normal.png", view.read(name) / 2 + 0.5, alpha)
+        if name in ("albedo", "normal"):
+            values = view.read(name)
+            _png(place / f"{name}.png", values / 2 + 0.5 if name == "normal" else values, alpha)
         elif name == "roughness":
             _png(place / "roughness.png", view.read(name))
         elif name in ("depth", "direct", "indirect"):
@@ -232,9 +231,9 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
     if split == "train":
         _exr(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
         _png(folder / f"train/{stem}_mask.png", alpha)
-        return ["image", "alpha"]
+        return []
     _png(folder / f"test/{stem}_rgba.png", view.read("image"), alpha)
-    written = ["image", "alpha"]
+    written = []
     if view.has("albedo"):
         _png(folder / f"test/{stem}_albedo.png", srgb_encode(view.read("albedo")), alpha)
         written.append("albedo")
@@ -251,7 +250,7 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
 def write_blender_view(folder: Path, view: View, split: str, number: int) -> list[str]:
     """The image and its coverage, nothing else."""
     _png(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
-    return ["image", "alpha"]
+    return []
 
 
 WRITERS: Mapping[str, Layout] = {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..findings import Finding, warning
 from .cameras import Array, best
-from .colours import LINEAR, Reading
+from .colours import LINEAR
 from .evidence import Evidence, Truth
 from .surface import Surface, at_points, seen, surface_of
 
@@ -18,6 +18,8 @@ UNIT = {"albedo": 0.02, "roughness": 0.02, "normal": 0.1}
 
 TIMES, EXPLAINED = 4.0, 0.4
 """Times the usual difference from which on a map is suspected, and the share that another reading may leave."""
+
+FACTORS = (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0)
 
 FEWEST = 40
 """Points that two views have to share."""
@@ -53,7 +55,7 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
     usual = max(float(np.median(costs)), unit / 2)
     for place in np.flatnonzero(costs > TIMES * usual).tolist():
         own = truths[place].maps[name]
-        fit = best((says, cost[place](read(own))) for says, read in _readings(name))
+        fit = best((says, cost[place](read)) for says, read in _readings(name, own))
         if fit.cost >= EXPLAINED * costs[place]:  # a map of one colour but for details looks like any other view's
             others = [truth for truth in truths if truth is not truths[place] and truth.maps[name].shape == own.shape]
             fit = best((f"the map of {other.name}", cost[place](other.maps[name])) for other in others)
@@ -73,16 +75,14 @@ def _shown(surface: Surface, truth: Truth, place: int) -> tuple[Array, NDArray[n
     return at, visible & solid & (np.abs(at_points(truth.maps["depth"], at)[:, 0] - depth) < SAME_DEPTH * depth)
 
 
-def _readings(name: str) -> list[Reading]:
-    mirrored: list[Reading] = [
-        ("the map mirrored left to right", lambda values: values[:, ::-1]),
-        ("the map upside down", lambda values: values[::-1]),
-    ]
-    scaled: list[Reading] = [
-        (f"{factor:g} times the map", lambda values, factor=factor: values * factor)  # type: ignore[misc]
-        for factor in (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0)
-    ]
-    return [*mirrored, *(LINEAR if name == "albedo" else ()), *(scaled if name != "normal" else ())]
+def _readings(name: str, own: Array) -> Iterator[tuple[str, Array]]:
+    """Other readings of a map, in words and as values."""
+    yield "the map mirrored left to right", own[:, ::-1]
+    yield "the map upside down", own[::-1]
+    if name == "albedo":
+        yield from ((says, read(own)) for says, read in LINEAR)
+    if name != "normal":
+        yield from ((f"{factor:g} times the map", own * factor) for factor in FACTORS)
 
 
 def _cost(values: Array, at: Array, compared: NDArray[np.bool_], read: Array) -> float:

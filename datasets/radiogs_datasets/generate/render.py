@@ -116,15 +116,14 @@ def surface(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -> Sur
     share = np.where(coverage > 0, coverage, 1)
     normal = average(np.array(hit.n).T)
     norm = np.linalg.norm(normal, axis=-1, keepdims=True)
-    return Surface(
-        coverage=coverage.astype(np.float32),
-        albedo=(average(np.array(material.eval_attribute_3("albedo", hit, met)).T) / share).astype(np.float32),
-        normal=(normal / np.where(norm > 0, norm, 1)).astype(np.float32),
-        roughness=(average(np.array(material.eval_attribute_1("roughness", hit, met))[:, None]) / share).astype(
-            np.float32
-        ),
-        depth=(average(np.array(hit.t)[:, None] / length) / share).astype(np.float32),
-    )
+    maps = {
+        "coverage": coverage,
+        "albedo": average(np.array(material.eval_attribute_3("albedo", hit, met)).T) / share,
+        "normal": normal / np.where(norm > 0, norm, 1),
+        "roughness": average(np.array(material.eval_attribute_1("roughness", hit, met))[:, None]) / share,
+        "depth": average(np.array(hit.t)[:, None] / length) / share,
+    }
+    return Surface(**{name: values.astype(np.float32) for name, values in maps.items()})
 
 
 def any_coverage(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -> NDArray[np.bool_]:

@@ -61,8 +61,8 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
     sizes, checksum = inspect_photos(folder, paths, masks, (table,))
     photos = [
-        Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
-        for path, pose in zip(paths, poses, strict=True)
+        Photo(path.stem, path, camera_to_world, _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
+        for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True)
     ]
     photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
@@ -108,12 +108,11 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
     return fitting, found[fitting]
 
 
-def _camera_to_world(pose: Float[ndarray, "3 5"]) -> Float[Tensor, "4 4"]:
+def _cameras_to_world(poses: Float[ndarray, "views 3 5"]) -> Float[Tensor, "views 4 4"]:
     """OpenCV axes from down, right and back."""
-    down, right, back, centre = pose[:, 0], pose[:, 1], pose[:, 2], pose[:, 3]
-    matrix = np.eye(4)
-    matrix[:3] = np.stack([right, down, -back, centre], -1)
-    return torch.from_numpy(matrix).float()
+    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
+    matrices[:, :3] = poses[:, :, [1, 0, 2, 3]] * (1, 1, -1, 1)
+    return torch.from_numpy(matrices).float()
 
 
 def _lens(path: Path, pose: Float[ndarray, "3 5"], size: tuple[int, int]) -> Lens:

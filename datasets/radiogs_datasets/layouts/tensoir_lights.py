@@ -42,8 +42,13 @@ def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
     scene is still good for everything but relighting.
     """
     own = {path.stem: path for path in sorted((folder / "envmaps").glob("*.hdr"))}
-    if not own:
-        return _archive_lights(folder, relit)
+    if not own:  # TensoIR's archive has the finer maps first; its rotated lights (sunset_120) have images but no map
+        for archive in (parent / name for parent in (folder.parent, folder.parent.parent) for name in ARCHIVE_FOLDERS):
+            found = {path.stem: path for path in sorted(archive.glob("*.hdr"))}
+            if found:
+                wanted = {light: path for light, path in found.items() if light in relit}
+                return LightFiles(wanted, found.get(ARCHIVE_TRAINING_LIGHT))
+        return LightFiles({}, None)
     if relit - own.keys():
         raise DataError(
             f"scene '{folder.name}' has no environment map for: {', '.join(sorted(relit - own.keys()))}",
@@ -60,14 +65,3 @@ def read_light(path: Path) -> EnvironmentMap:
     Raises DataError for a damaged file, and for one that is no latitude-longitude map.
     """
     return EnvironmentMap(latitude_longitude(path, torch.from_numpy(read_hdr(path)))[0])
-
-
-def _archive_lights(folder: Path, relit: Set[str]) -> LightFiles:
-    """Maps from TensoIR's archive, the finer first; its rotated lights (``sunset_120``) have images but no map."""
-    for parent in (folder.parent, folder.parent.parent):
-        for archive in ARCHIVE_FOLDERS:
-            found = {path.stem: path for path in sorted((parent / archive).glob("*.hdr"))}
-            if found:
-                wanted = {light: path for light, path in found.items() if light in relit}
-                return LightFiles(wanted, found.get(ARCHIVE_TRAINING_LIGHT))
-    return LightFiles({}, None)
