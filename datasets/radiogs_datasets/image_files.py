@@ -220,11 +220,14 @@ def write_hdr(path: Path, image: NDArray[np.floating]) -> None:
 
 
 def _decode(path: Path, data: bytes) -> NDArray:
+    level = LOGGING.getLogLevel()
+    LOGGING.setLogLevel(SILENT)  # OpenCV would log a damaged file on the terminal, beside the error raised here
     try:
-        with _quiet():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise damaged(path, f"OpenCV says: {error.err}") from error
+    finally:
+        LOGGING.setLogLevel(level)
     if image is None:
         raise damaged(path, "its pixels cannot be decoded")
     return image[..., None] if image.ndim == 2 else image
@@ -234,17 +237,6 @@ def _encode(path: Path, suffix: str, image: NDArray, options: list[int]) -> None
     _require_writable(path)
     _, data = cv2.imencode(suffix, image, options)
     path.write_bytes(data.tobytes())
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """OpenCV would log a damaged file on the terminal, beside the error that is raised for it."""
-    level = LOGGING.getLogLevel()
-    LOGGING.setLogLevel(SILENT)
-    try:
-        yield
-    finally:
-        LOGGING.setLogLevel(level)
 
 
 def _require_writable(path: Path) -> None:

@@ -263,5 +263,4 @@ WRITERS: Mapping[str, Layout] = {
     "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None, lenses=True),
 }
 
-
 LAYOUTS = tuple(WRITERS)

@@ -120,7 +120,6 @@ PRESETS = by_name(
 )
 """Budgets by the names of their presets."""
 
-
 DEVIATIONS: Mapping[str, str] = {
     "hemisphere-floor": "incident directions end 10 degrees above the horizon, and the first one is the normal",
     "fixed-offset": "rays start ``ray_offset`` world units from their surfel, whatever its scale",

@@ -25,7 +25,7 @@ from radiogs_core.own_files import require_own_folders
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir import TRAINING_LIGHT
 from ..lights import read_light
 from ..writing import require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir import TRAINING_LIGHT
 from .cameras import Shot
 from .passes import Maps, maps_of, read_passes
 from .process import Blender

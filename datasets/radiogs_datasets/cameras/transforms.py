@@ -32,11 +32,9 @@ from .transforms_fields import (
 )
 
 SPLITS = ("train", "val", "test")
-SCORED_APART = ("train", "test")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
-
 
 DEPTH_UNIT = 1e-3
 """World units of a level of a depth map where the file does not say: nerfstudio's millimetres."""
@@ -109,20 +107,25 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         what = f"{path}: 'applied_transform'"
         _rigid(what, applied, "It says how the poses were turned into the world that they are in.")
     frames = _without_scale(frames, note)
+    meaning = table.get("masks")
+    if meaning not in (None, *get_args(Meaning)):
+        why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
+        raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
     unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
     return Transforms(
         tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
-        _masks(path, table),
+        meaning,
         (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in Counter(notes).items())),
     )
 
 
 def read_splits(folder: Path) -> dict[Path, Transforms]:
     """The files of a scene's training and test views, by their paths. Raises DataError as ``read_transforms``."""
-    return {table: read_transforms(table) for table in (folder / f"transforms_{split}.json" for split in SCORED_APART)}
+    tables = (folder / f"transforms_{split}.json" for split in ("train", "test"))
+    return {table: read_transforms(table) for table in tables}
 
 
 def said_of_files(files: Mapping[Path, Transforms]) -> tuple[str, ...]:
@@ -172,14 +175,6 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise DataError(f"{path}: '{field_name}' must be a list of images", "It names a split.", "Correct the file.")
     return tuple(names)
-
-
-def _masks(path: Path, table: dict[str, Any]) -> str | None:
-    meaning = table.get("masks")
-    if meaning not in (None, *get_args(Meaning)):
-        why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
-        raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
-    return meaning
 
 
 def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:

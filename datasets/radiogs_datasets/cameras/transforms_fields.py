@@ -43,7 +43,6 @@ OTHER_FOCAL = 0.02
 LensOfSize = Callable[[int, int], Lens]
 """The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
 
-
 Note = Callable[[str], object]
 """Takes a sentence on what was read in another way than it is written."""
 

@@ -77,14 +77,10 @@ class DepthMaps:
         """What depth may be instead of z-depth, and the maps of z-depth if it is that."""
         stored = self.maps
         lengths = [np.linalg.norm(truth.rays, axis=-1) for truth in self.truths]
-        yield (
-            "distance along the ray where z-depth is expected",
-            [depth / length for depth, length in zip(stored, lengths, strict=True)],
-        )
-        yield (
-            "z-depth divided by the ray's length once too often",
-            [depth * length for depth, length in zip(stored, lengths, strict=True)],
-        )
+        shorter = [depth / length for depth, length in zip(stored, lengths, strict=True)]
+        yield "distance along the ray where z-depth is expected", shorter
+        longer = [depth * length for depth, length in zip(stored, lengths, strict=True)]
+        yield "z-depth divided by the ray's length once too often", longer
         for factor in FACTORS:
             yield f"its scale is off: {factor:g} times the recorded depth", [factor * depth for depth in stored]
         yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]

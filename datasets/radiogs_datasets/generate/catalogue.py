@@ -176,7 +176,6 @@ _PLAIN = (
     ),
 )
 
-
 LEFT, UP = (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 _PATTERNED = (
@@ -246,7 +245,6 @@ _PATTERNED = (
         relight=("sky", "overcast"),
     ),
 )  # fmt: skip
-
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -422,7 +420,6 @@ _ALL_ROUND = (
         relight=("sky", "overcast"),
     ),
 )  # fmt: skip
-
 
 RECIPES = {recipe.name: recipe for recipe in (*_PLAIN, *_PATTERNED, *_FRONT, *_ALL_ROUND)}
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir import TRAINING_LIGHT
 from ..writing import made_beside, write_display
 from . import render
 from .cameras import Pinhole, pinhole

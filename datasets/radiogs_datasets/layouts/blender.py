@@ -237,7 +237,6 @@ def _photo(folder: Path, listed: Listed, has_alpha: bool, size: tuple[int, int])
 
 POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
 
-
 LONGEST_HEADER = 1 << 16
 """Bytes of a PLY file's header: the library reads it character by character."""
 

@@ -25,6 +25,7 @@ from ..options import AS_STORED, SceneOptions
 from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files
 from .photos import (
     PHOTO_FOLDERS,
+    SIZE_TOLERANCE,
     Photo,
     held_out,
     images_in,
@@ -34,9 +35,6 @@ from .photos import (
     said_of_masks,
     view_of,
 )
-
-SMALLEST_DIFFERENCE = 1.0
-"""Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
 
 
 def looks_like(folder: Path) -> bool:
@@ -123,7 +121,7 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int
         ) from error
     height, width = size
     across, along = width / stored.width, height / stored.height
-    if max(across, along) > 1 or abs(stored.height * across - height) > SMALLEST_DIFFERENCE:
+    if max(across, along) > 1 or abs(stored.height * across - height) > SIZE_TOLERANCE:
         raise DataError(
             f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}",
             "The image must be its camera's, or a reduction of it.",

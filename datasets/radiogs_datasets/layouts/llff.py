@@ -24,10 +24,12 @@ from radiogs_core.scene.scene import Scene
 from ..bounded_reading import read_numpy
 from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import Lens
+from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
 from .inspection import decode_if_small, require_distinct
 from .photos import (
     PHOTO_FOLDERS,
+    SIZE_TOLERANCE,
     Photo,
     has_alpha,
     held_out,
@@ -39,12 +41,6 @@ from .photos import (
 )
 
 TABLE = "poses_bounds.npy"
-
-SMALLEST_DIFFERENCE = 1.0
-"""Pixels by which a reduced image may be off the photo's shape: sizes are rounded."""
-
-RIGID_TOLERANCE = 1e-3
-"""Largest deviation of a pose's axes from orthonormal."""
 
 
 def looks_like(folder: Path) -> bool:
@@ -118,7 +114,7 @@ def _cameras_to_world(poses: Float[ndarray, "views 3 5"]) -> Float[Tensor, "view
 def _lens(path: Path, pose: Float[ndarray, "3 5"], size: tuple[int, int]) -> Lens:
     rows, columns, focal = (float(value) for value in pose[:, 4])
     height, width = size
-    if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SMALLEST_DIFFERENCE:
+    if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SIZE_TOLERANCE:
         raise DataError(
             f"{path} is {width} x {height} pixels, its pose is for {columns:g} x {rows:g} and f = {focal:g}",
             "The image must be the posed photo, or a reduction of it.",

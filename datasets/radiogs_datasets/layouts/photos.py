@@ -27,6 +27,9 @@ from .inspection import inspect, require_same_size, shown
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
 
+SIZE_TOLERANCE = 1.0
+"""Pixels by which a reduced image may be off the shape of the posed photo: sizes are rounded."""
+
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
 """Endings of images, in small letters."""
 
