@@ -7,13 +7,12 @@ taken. Limits can be raised by environment variables (``LIMITS``); every refusal
 
 import io
 import json
-import math
 import os
 import re
 import stat
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,7 @@ JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 """A text in JSON, with its quotation marks."""
 
 LONGEST_NUMBER = 4000
-"""Digits of a number in JSON, the most that Python makes a number of in reasonable time."""
+"""Digits of a real number in JSON; Python itself bounds whole numbers."""
 
 LONGEST_NAME = 200
 """Bytes of a view's or scene's name as part of a file name: file systems end at 255, and endings are added."""
@@ -134,7 +133,7 @@ def read_json(path: Path) -> Any:
     try:
         text = read_bytes(path, TABLE_LIMIT).decode("utf-8-sig")
         _require_shallow(text)
-        value = json.loads(text, parse_int=_whole, parse_float=_real)
+        value = json.loads(text, parse_float=_real)
         if "\\ud" in text or "\\uD" in text:
             json.dumps(value, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
@@ -166,12 +165,6 @@ def _require_shallow(text: str) -> None:
         raise ValueError(f"it is nested deeper than {DEEPEST_JSON}")
 
 
-def _whole(digits: str) -> int:
-    if len(digits) > LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(digits)} digits")
-    return int(digits)
-
-
 def _real(digits: str) -> float:
     if len(digits) > LONGEST_NUMBER:
         raise ValueError(f"a number of {len(digits)} digits")
@@ -179,17 +172,9 @@ def _real(digits: str) -> float:
 
 
 def read_numpy(path: Path) -> NDArray:
-    """The array of a ``.npy`` file; its header must claim what the file holds. Raises DataError."""
-    data = read_bytes(path)
-    file = io.BytesIO(data)
+    """The array of a ``.npy`` file, which holds no Python objects. Raises DataError."""
     try:
-        version = np.lib.format.read_magic(file)
-        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read_header(file)
-        if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - file.tell():
-            raise ValueError(f"its header claims {dtype} of shape {shape}, {len(data) - file.tell()} bytes follow")
-        file.seek(0)
-        return np.asarray(np.load(file, allow_pickle=False))
+        return np.lib.format.read_array(io.BytesIO(read_bytes(path)), allow_pickle=False)
     except (OSError, EOFError, ValueError, MemoryError, SyntaxError, OverflowError) as error:
         raise DataError(
             f"cannot read {printable(path)}", f"NumPy says: {error!s:.300}.", "Write it anew with numpy.save."
@@ -200,11 +185,19 @@ def as_float32(path: Path, values: NDArray) -> NDArray[np.float32]:
     """Real numbers in float32. Raises DataError where one is not finite, or no longer is in float32 (above 3.4e38)."""
     with np.errstate(over="ignore"):
         numbers = values.astype(np.float32) if np.isrealobj(values) else np.full(1, np.nan, np.float32)
-    bad = int((~np.isfinite(numbers)).sum())
+    return finite(path, numbers, "NaN, infinite or beyond 3.4e38")
+
+
+Number = TypeVar("Number", bound=np.floating)
+
+
+def finite(path: Path, values: NDArray[Number], unlike: str = "NaN or infinite") -> NDArray[Number]:
+    """The values of a file. Raises DataError, with ``unlike`` in words, where one is not finite."""
+    bad = int((~np.isfinite(values)).sum())
     if bad:
         raise DataError(
-            f"{printable(path)} holds {bad} values that are NaN, infinite or beyond 3.4e38",
+            f"{printable(path)} holds {bad} values that are {unlike}",
             "Every metric and every gradient they meet would become NaN.",
             "Render the file again, or mend the pixels with a tool of your choice.",
         )
-    return numbers
+    return values

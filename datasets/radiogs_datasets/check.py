@@ -1,5 +1,6 @@
 """Everything that is wrong with a scene's folder, at once; loading it stops at the first error."""
 
+import hashlib
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -14,7 +15,7 @@ from radiogs_core.scene.scene import Scene, View
 from .bounded_reading import read_bytes
 from .cameras.transforms import read_transforms
 from .deep_check import deep_findings
-from .findings import Finding, grouped
+from .findings import Finding, grouped, warning
 from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
@@ -67,17 +68,22 @@ def check_scene(
     """
     folder = scene_folder(name_or_path)
     findings = list(_damaged_files(folder, advance))
+    scene: Scene | None = None
     try:
-        scene: Scene | None = load_scene(name_or_path, options=options)
+        scene = load_scene(name_or_path, options=options)
     except DataError as error:
-        told = {finding.what for finding in findings}
-        scene = None
-        if error.what not in told:
+        if error.what not in {finding.what for finding in findings}:
             findings.append(Finding(folder.name, _sentence(error)))
     findings += _mixed_bits(folder)
     if scene is not None:
-        findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
-        findings += [*_untrainable(scene), *_lights_without_maps(scene)]
+        findings += [warning(folder.name, repair) for repair in scene.repairs]
+        try:
+            require_trainable(scene)
+        except DataError as error:
+            findings.append(Finding(scene.name, _sentence(error)))
+        shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
+        without = "has images of the test views, but no environment map: it cannot be relit"
+        findings += [warning(light, without) for light in sorted(shown - scene.lights.keys())]
         findings += _views(scene, advance)
         if deep and not any(finding.severity == "error" for finding in findings):
             findings += deep_findings(scene, advance)
@@ -135,21 +141,9 @@ def _mixed_bits(folder: Path) -> Iterator[Finding]:
     for depths in kinds.values():
         if len(depths) > 1:
             rare = min(depths, key=lambda bits: len(depths[bits]))
-            for place in depths[rare]:
-                yield Finding(place, f"has {rare} bits a channel, unlike the others of its kind", "warning")
-
-
-def _untrainable(scene: Scene) -> Iterator[Finding]:
-    try:
-        require_trainable(scene)
-    except DataError as error:
-        yield Finding(scene.name, _sentence(error))
-
-
-def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
-    shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
-    for light in sorted(shown - scene.lights.keys()):
-        yield Finding(light, "has images of the test views, but no environment map: it cannot be relit", "warning")
+            yield from (
+                warning(place, f"has {rare} bits a channel, unlike the others of its kind") for place in depths[rare]
+            )
 
 
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
@@ -164,17 +158,18 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
             yield Finding(view.name, _sentence(error))
         advance(done, len(views))
     frames: list[Frame] = []
-
-    def pictured() -> Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]:
-        for view in good:
-            image, alpha = view.read("image"), view.read("alpha") if view.has("alpha") else None
-            frames.append(Frame.of(image, alpha, view.read("valid") if view.has("valid") else None))
-            yield view, image, alpha
-
-    for name, said in little_evidence(pictured()):
-        yield Finding(name, said, "warning")
-    for said in doubtful_coverage(scene, frames):
-        yield Finding(scene.name, said, "warning")
+    names: dict[bytes, list[str]] = defaultdict(list)
+    for view in good:
+        image = view.read("image")
+        alpha, valid = (view.read(name) if view.has(name) else None for name in ("alpha", "valid"))
+        frames.append(Frame.of(image, alpha, valid))
+        names[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
+        yield from (warning(view.name, said) for said in little_evidence(image, alpha))
+    for first, *others in names.values():
+        if others:
+            more = f", as are {len(others) - 1} more" if others[1:] else ""
+            yield warning(others[0], f"its image is that of {first}{more}")
+    yield from (warning(scene.name, said) for said in doubtful_coverage(scene, frames))
 
 
 def _look_at_something(scene: Scene) -> bool:
@@ -192,10 +187,8 @@ def _look_at_something(scene: Scene) -> bool:
 def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
     if centre is not None:
         yield from _looks_past(view, centre)
-    if view.has("alpha"):
-        alpha = view.read("alpha")
-        if not bool((alpha > 0).any()):
-            yield Finding(view.name, "its mask is empty: no pixel shows the object")
+    if view.has("alpha") and not bool((view.read("alpha") > 0).any()):
+        yield Finding(view.name, "its mask is empty: no pixel shows the object")
 
 
 def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:

@@ -65,11 +65,12 @@ def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     try:
         source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
         name = (ImageCms.getProfileDescription(source) or "without a name").strip()[:80]
-        kind = "L" if mode == "L" else "RGB"
         moved = ImageCms.buildTransform(
-            source, ImageCms.createProfile("sRGB"), kind, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
+            source, ImageCms.createProfile("sRGB"), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
         )
-        probe = _probe(mode)
+        levels = np.linspace(0, 255, GRID).astype(np.uint8)
+        cube = np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
+        probe = levels[None, :, None] if mode == "L" else cube
         if np.abs(_through(moved, probe, mode).astype(int) - probe).max() <= SAME_LEVELS:
             return image
         if image.dtype != np.uint8 or mode == "L":
@@ -77,13 +78,6 @@ def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
         return np.concatenate([_through(moved, image[..., :3], mode), image[..., 3:]], -1)
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
         raise _refused(path, f"its ICC profile cannot be applied ({error!s:.120})") from error
-
-
-def _probe(mode: str) -> NDArray[np.uint8]:
-    levels = np.linspace(0, 255, GRID).astype(np.uint8)
-    if mode == "L":
-        return levels[None, :, None]
-    return np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
 
 
 def _through(moved: ImageCms.ImageCmsTransform, levels: NDArray[np.uint8], mode: str) -> NDArray[np.uint8]:

@@ -4,7 +4,6 @@ Views are repeated in turn, and every pixel becomes a block: nothing is seen tha
 take memory, as for a scene of that size. Maps are enlarged whenever they are read, and need no files.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +13,8 @@ from torch import Tensor
 
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene, View
+
+from .reduction import camera_at
 
 
 def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks: bool = True) -> Scene:
@@ -27,8 +28,10 @@ def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks
             f"scene '{scene.name}' cannot become {train} + {test} views of {width} x {height} pixels",
             "It takes a scene with training and test views, and at least one of each and a pixel.",
         )
-    views = [_repeated(views, count) for views, count in ((scene.train, train), (scene.test, test))]
-    made = [tuple(_view(view, name, width, height, masks) for name, view in some) for some in views]
+    made = [
+        tuple(_view(views[place % len(views)], f"_{place}", width, height, masks) for place in range(count))
+        for views, count in ((scene.train, train), (scene.test, test))
+    ]
     said = f"{train} + {test} views of {width} x {height} pixels, repeated and enlarged from those of '{scene.name}'"
     covered = "" if masks else ", without masks"
     return replace(
@@ -41,37 +44,18 @@ def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks
     )
 
 
-def _repeated(views: Sequence[View], count: int) -> list[tuple[str, View]]:
-    """``count`` views with names of their own, in turn."""
-    return [(f"{views[place % len(views)].name}_{place}", views[place % len(views)]) for place in range(count)]
+def _view(view: View, ending: str, width: int, height: int, masks: bool) -> View:
+    names = view.sources if masks else ("image",)
+    sources = {name: partial(_read, view, name, width, height, masks) for name in names}
+    return View(view.name + ending, camera_at(view.camera, height, width), sources)
 
 
-def _view(view: View, name: str, width: int, height: int, masks: bool) -> View:
-    camera = view.camera
-    across, down = width / camera.width, height / camera.height
-    large = replace(
-        camera,
-        fx=camera.fx * across,
-        fy=camera.fy * down,
-        cx=camera.cx * across,
-        cy=camera.cy * down,
-        width=width,
-        height=height,
-    )
-    if masks:
-        return View(name, large, {each: partial(_blocks, view, each, width, height) for each in view.sources})
-    return View(name, large, {"image": partial(_on_black, view, width, height)})
-
-
-def _blocks(view: View, name: str, width: int, height: int) -> Float[Tensor, "height width channels"]:
+def _read(view: View, name: str, width: int, height: int, masks: bool) -> Float[Tensor, "height width channels"]:
+    """A map, each pixel a block; without masks on black and in 8 bits, as a camera stores it."""
     values = view.read(name)
+    if not masks:
+        values = values * view.read("alpha") if view.has("alpha") else values
+        values = (values * 255).round() / 255
     row = torch.arange(height) * values.shape[0] // height
     column = torch.arange(width) * values.shape[1] // width
     return values[row][:, column]
-
-
-def _on_black(view: View, width: int, height: int) -> Float[Tensor, "height width 3"]:
-    """In 8 bits, as a camera stores it."""
-    image = view.read("image") * view.read("alpha") if view.has("alpha") else view.read("image")
-    plain = replace(view, sources={"image": lambda: (image * 255).round() / 255})
-    return _blocks(plain, "image", width, height)

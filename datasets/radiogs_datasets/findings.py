@@ -20,6 +20,11 @@ class Finding:
     severity: Severity = "error"
 
 
+def warning(place: str, what: str) -> Finding:
+    """A thing that is wrong with a scene which can be used all the same."""
+    return Finding(place, what, "warning")
+
+
 def grouped(findings: Sequence[Finding]) -> Iterator[Finding]:
     """Findings in their order, those of the same words in one where there are more than ``MOST_ALIKE``."""
     alike: dict[tuple[str, Severity], list[str]] = defaultdict(list)

@@ -9,8 +9,6 @@ from dataclasses import replace
 from functools import partial
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -65,18 +63,11 @@ def _view(name: str, turn: float, albedo: float) -> View:
     pose = torch.eye(4)
     pose[:3, :3] = torch.stack([right, torch.tensor([0.0, 0.0, -1.0]), forward], -1)
     camera = Camera(pose, focal, focal, SIZE / 2, SIZE / 2, SIZE, SIZE)
-
-    def grey(radiance: float) -> Float[Tensor, "height width 3"]:
-        return torch.full((SIZE, SIZE, 3), radiance)
-
-    def depth() -> Float[Tensor, "height width 1"]:
-        # The ray leaves the cube through the wall that it reaches first.
-        return (HALF_SIDE / camera.ray_directions().abs()).min(-1, keepdim=True).values
-
     sources = {
         "alpha": lambda: torch.ones(SIZE, SIZE, 1),
-        "direct": lambda: grey(EMISSION),
-        "indirect": lambda: grey(EMISSION * albedo / (1 - albedo)),
-        "depth": depth,
+        "direct": lambda: torch.full((SIZE, SIZE, 3), EMISSION),
+        "indirect": lambda: torch.full((SIZE, SIZE, 3), EMISSION * albedo / (1 - albedo)),
+        # A ray leaves the cube through the wall that it reaches first.
+        "depth": lambda: (HALF_SIDE / camera.ray_directions().abs()).min(-1, keepdim=True).values,
     }
     return View(name, camera, sources)

@@ -15,7 +15,7 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from .reduction import with_long_side
+from .reduction import each_view, with_long_side
 
 BASE = "corner"
 """The miniature that every condition changes."""
@@ -51,7 +51,7 @@ def placed(scene: Scene, factor: float = 1.0, extents: float = 0.0) -> Scene:
             sources["depth"] = lambda: view.read("depth") * factor
         return replace(view, camera=replace(view.camera, camera_to_world=pose.float()), sources=sources)
 
-    return _each_view(scene, moved)
+    return each_view(scene, moved)
 
 
 def painted(scene: Scene, value: float) -> Scene:
@@ -79,7 +79,7 @@ def under_brighter_lights(scene: Scene, factor: float) -> Scene:
         return replace(view, sources=kept | {name: partial(relit, view.sources[name]) for name in names})
 
     lights = {name: EnvironmentMap(light.radiance * factor) for name, light in scene.lights.items()}
-    return replace(_each_view(scene, brighter), lights=lights)
+    return replace(each_view(scene, brighter), lights=lights)
 
 
 def under_a_sun(scene: Scene, radiance: float) -> Scene:
@@ -89,22 +89,10 @@ def under_a_sun(scene: Scene, radiance: float) -> Scene:
     bounce of such a sun is beyond what a display shows.
     """
 
-    def sunny(light: EnvironmentMap) -> EnvironmentMap:
-        values = light.radiance.clone()
-        values[values.shape[0] // 4, 0] = radiance
-        return EnvironmentMap(values)
-
-    lights = {name: sunny(light) for name, light in scene.lights.items()}
+    lights = {name: EnvironmentMap(light.radiance.clone()) for name, light in scene.lights.items()}
+    for light in lights.values():
+        light.radiance[light.radiance.shape[0] // 4, 0] = radiance
     return replace(under_brighter_lights(scene, radiance), lights=lights)
-
-
-def _each_view(scene: Scene, change: Callable[[View], View]) -> Scene:
-    train, test, relight = (tuple(map(change, views)) for views in (scene.train, scene.test, scene.relight))
-    return replace(scene, train=train, test=test, relight=relight)
-
-
-def _of_views(scene: Scene, count: int) -> Scene:
-    return replace(scene, train=scene.train[:: len(scene.train) // count][:count])
 
 
 CONDITIONS: Mapping[str, Condition] = {
@@ -114,7 +102,9 @@ CONDITIONS: Mapping[str, Condition] = {
     "hard-bright-light": Condition("relit by a million times the light", lambda base: under_brighter_lights(base, 1e6)),
     "hard-sun": Condition("relit by a sun of radiance 1e6 in one texel", lambda base: under_a_sun(base, 1e6)),
     "hard-4-pixels": Condition("images of 4 x 4 pixels", lambda base: with_long_side(base, 4)),
-    "hard-two-views": Condition("two training views", lambda base: _of_views(base, 2)),
+    "hard-two-views": Condition(
+        "two training views", lambda base: replace(base, train=base.train[:: len(base.train) // 2][:2])
+    ),
     "hard-black": Condition("black training images", lambda base: painted(base, 0.0)),
     "hard-white": Condition("white training images", lambda base: painted(base, 1.0)),
 }

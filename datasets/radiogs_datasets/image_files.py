@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,23 +23,21 @@ from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError
 
-from .bounded_reading import read_bytes
+from .bounded_reading import finite, read_bytes
 from .colour_profiles import in_srgb
 from .image_structure import (
     PngLayout,
     check_png_pixels,
     damaged,
     exr_size,
-    jpeg_layout,
+    jpeg_header,
     png_layout,
     radiance_size,
     require_size,
 )
-from .native_output import ERROR, OUT, caught_output, path_of, unnamed_file
+from .native_output import ERROR, OUT, caught_output, unnamed_file
 
 HALF_MAX = 65504.0
-
-Number = TypeVar("Number", bound=np.floating)
 
 
 def read_image(path: Path) -> NDArray[np.float32]:
@@ -89,7 +87,7 @@ def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
 
 def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
     """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
-    levels = np.rint(np.clip(_finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
+    levels = np.rint(np.clip(finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
     order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
     _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
@@ -128,8 +126,8 @@ def levels_wanted() -> bool:
 def jpeg_levels(path: Path) -> NDArray[np.uint8]:
     """Levels of 8 bits as ``read_jpeg`` reads them, [height, width, 3]."""
     data = read_bytes(path)
-    layout = jpeg_layout(path, data)
-    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), layout.profile)
+    *_, profile = jpeg_header(path, data)
+    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), profile)
 
 
 LOGGING = getattr(cv2.utils, "logging", cv2)
@@ -168,7 +166,7 @@ def read_exr(path: Path) -> NDArray[np.float32]:
         raise damaged(path, f"OpenEXR says: {complaints[0].decode(errors='replace').strip()}")
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
-    return _finite(path, np.stack([channels[name] for name in wanted], -1))
+    return finite(path, np.stack([channels[name] for name in wanted], -1))
 
 
 def exr_envmap(path: Path) -> str | None:
@@ -188,13 +186,13 @@ def _named(data: bytes) -> Iterator[str]:
     with unnamed_file() as file:
         file.write(data)
         file.flush()
-        yield path_of(file)
+        yield f"/dev/fd/{file.fileno()}"
 
 
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:
     """OpenEXR with ZIP compression; 1 (Y), 3 or 4 channels; half floats, or 32 bits where one is beyond 65504."""
     names = {1: "Y", 3: "RGB", 4: "RGBA"}[image.shape[2]]
-    kind = np.float32 if float(np.abs(_finite(path, image)).max(initial=0)) > HALF_MAX else np.float16
+    kind = np.float32 if float(np.abs(finite(path, image)).max(initial=0)) > HALF_MAX else np.float16
     stored = image.astype(kind)
     channels = {name: np.ascontiguousarray(stored[..., place]) for place, name in enumerate(names)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -213,20 +211,23 @@ def read_hdr(path: Path) -> NDArray[np.float32]:
     image = _decode(path, data)
     if image.dtype != np.float32 or image.shape[2] != 3:
         raise damaged(path, "its pixels are not RGBE")
-    return _finite(path, np.ascontiguousarray(image[..., ::-1]))
+    return finite(path, np.ascontiguousarray(image[..., ::-1]))
 
 
 def write_hdr(path: Path, image: NDArray[np.floating]) -> None:
     """Radiance RGBE of [height, width, 3]; each pixel keeps 8 bits of its largest channel (up to 0.8 % error)."""
-    _encode(path, ".hdr", np.ascontiguousarray(_finite(path, image)[..., ::-1], np.float32), [])
+    _encode(path, ".hdr", np.ascontiguousarray(finite(path, image)[..., ::-1], np.float32), [])
 
 
 def _decode(path: Path, data: bytes) -> NDArray:
+    level = LOGGING.getLogLevel()
+    LOGGING.setLogLevel(SILENT)  # OpenCV would log a damaged file on the terminal, beside the error raised here
     try:
-        with _quiet():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise damaged(path, f"OpenCV says: {error.err}") from error
+    finally:
+        LOGGING.setLogLevel(level)
     if image is None:
         raise damaged(path, "its pixels cannot be decoded")
     return image[..., None] if image.ndim == 2 else image
@@ -238,17 +239,6 @@ def _encode(path: Path, suffix: str, image: NDArray, options: list[int]) -> None
     path.write_bytes(data.tobytes())
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """OpenCV would log a damaged file on the terminal, beside the error that is raised for it."""
-    level = LOGGING.getLogLevel()
-    LOGGING.setLogLevel(SILENT)
-    try:
-        yield
-    finally:
-        LOGGING.setLogLevel(level)
-
-
 def _require_writable(path: Path) -> None:
     """Raise DataError where the file cannot be written. A link in its place is taken away, not written through."""
     try:
@@ -258,17 +248,6 @@ def _require_writable(path: Path) -> None:
     except OSError as error:
         reason = os.strerror(error.errno or errno.EIO)
         raise DataError(f"cannot write {path}", f"The system says: {reason}.", "Choose another folder.") from error
-
-
-def _finite(path: Path, image: NDArray[Number]) -> NDArray[Number]:
-    bad = int((~np.isfinite(image)).sum())
-    if bad:
-        raise DataError(
-            f"{path} holds {bad} values that are NaN or infinite",
-            "Every metric and every gradient they meet would become NaN.",
-            "Render the file again, or mend the pixels with a tool of your choice.",
-        )
-    return image
 
 
 JPEG_WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS parameters", b"Inconsistent progression")
@@ -346,36 +325,31 @@ def _image_channels(held: Mapping[str, str]) -> list[str]:
 def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:
     """Raises DataError for what changes an image and is not applied: parts, a cut window, subsampled channels, other
     primaries."""
-    if len(parts) > 1:
-        raise _refused_exr(
-            path, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."
-        )
     data, display = (np.asarray(header[name]).tolist() for name in ("dataWindow", "displayWindow"))
-    if data != display:
-        raise _refused_exr(
-            path, f"holds the window {data} of an image {display}", "What lies outside is not there: it was cropped."
-        )
     coarse = [channel.name for channel in header["channels"] if (channel.xSampling, channel.ySampling) != (1, 1)]
-    if coarse:
-        raise _refused_exr(
-            path,
+    ratio, stored = float(header.get("pixelAspectRatio", 1)), np.ravel(header.get("chromaticities", REC709))
+    off = min(float(np.abs(stored - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50))
+    named = ", ".join(f"{value:.4g}" for value in stored)
+    for wrong, what, why in (
+        (len(parts) > 1, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."),
+        (
+            data != display,
+            f"holds the window {data} of an image {display}",
+            "What lies outside is not there: it was cropped.",
+        ),
+        (
+            coarse,
             f"has channels of several sizes: {', '.join(coarse)[:300]} subsampled",
             "Every pixel needs all channels.",
-        )
-    if abs(float(header.get("pixelAspectRatio", 1)) - 1) > CHROMATICITY_TOLERANCE:
-        raise _refused_exr(
-            path, f"has pixels of the ratio {header['pixelAspectRatio']:g}", "Pixels are taken for square."
-        )
-    stored = header.get("chromaticities")
-    if stored is not None:
-        off = [float(np.abs(np.ravel(stored) - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50)]
-        if not min(off) <= CHROMATICITY_TOLERANCE:
-            raise _refused_exr(
-                path,
-                f"has other primaries than sRGB's: {', '.join(f'{value:.4g}' for value in np.ravel(stored))}",
-                "Its numbers are no sRGB (Rec. 709) radiance.",
+        ),
+        (abs(ratio - 1) > CHROMATICITY_TOLERANCE, f"has pixels of the ratio {ratio:g}", "Pixels are taken for square."),
+        (
+            not off <= CHROMATICITY_TOLERANCE,
+            f"has other primaries than sRGB's: {named}",
+            "Its numbers are no sRGB (Rec. 709) radiance.",
+        ),
+    ):
+        if wrong:
+            raise DataError(
+                f"{path} {what}", why, "Save it as a single whole image with linear sRGB (Rec. 709) primaries."
             )
-
-
-def _refused_exr(path: Path, what: str, why: str) -> DataError:
-    return DataError(f"{path} {what}", why, "Save it as a single whole image with linear sRGB (Rec. 709) primaries.")

@@ -1,9 +1,10 @@
-"""Checks the structure of an image file's bytes before a decoder reads them.
+"""Reads the headers of image files before a decoder does, which would take all the memory that a header claims.
 
-Decoders fill what a cut-off file lacks with black, write to the terminal, or ask for all the memory that a damaged
-header claims. So the layout of PNG, OpenEXR and Radiance files is walked here first; a failure is a DataError.
+PNG and Radiance files are checked as a whole: their decoder fills what a cut-off file lacks with black. Damage behind
+the header of JPEG and OpenEXR files is reported by their decoders (``image_files``).
 """
 
+import io
 import re
 import struct
 import zlib
@@ -11,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+from PIL.JpegImagePlugin import JpegImageFile
 
 from radiogs_core.errors import DataError
 
@@ -21,9 +22,6 @@ from .colour_profiles import profile_of_png
 LARGEST_SIDE = 1 << 16
 """Pixels a side beyond which a header is taken for damage."""
 
-DEFLATE_LIMIT = 1032
-"""Bytes that one byte of a deflate stream can stand for, at most (258 for each two bits or more)."""
-
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Samples a pixel by PNG colour type: grey, RGB, palette index, grey with alpha, RGBA."""
@@ -32,25 +30,7 @@ ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (
 """First column, first row, column step and row step of the passes of an interlaced PNG."""
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
-EXR_NOT_PLAIN = 0x200 | 0x800 | 0x1000
-"""Version flags of tiled, deep and multi-part files, whose pixels are not a single run of scan-line blocks."""
-
-EXR_BLOCK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
-"""Scan lines that one block holds, by compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
-
 JPEG_START = b"\xff\xd8\xff"
-JPEG_END, JPEG_SCAN = 0xD9, 0xDA
-JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
-"""Markers without a length: restarts, and those that encoders no longer write."""
-
-JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
-"""A marker within or after compressed pixels, in which 0xFF is followed by zero or counts restarts."""
-
-JPEG_PROFILE, ICC_MARK = 0xE2, b"ICC_PROFILE\0"
-"""Segments of an ICC profile: after the mark their number and their count, a byte each; they come in order."""
-
-JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers that begin a frame, and with it the size; the others of that range define tables."""
 
 RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
@@ -60,7 +40,7 @@ RADIANCE_RUN = 127
 
 @dataclass(frozen=True)
 class PngLayout:
-    """Size in pixels, bits a sample, samples a pixel, the compressed stream, and the bytes that it must expand to.
+    """Size in pixels, bits a sample, the compressed stream, and the bytes that it must expand to.
 
     ``transparent``: whether pixels have alpha, of their own, by their palette or by a key (tRNS). ``transparent_key``
     is the one colour that is transparent in a grey or RGB image, as stored. ``profile`` is its ICC profile.
@@ -69,21 +49,11 @@ class PngLayout:
     height: int
     width: int
     bits: int
-    samples: int
     stream: bytes
     expanded: int
     transparent: bool = False
     transparent_key: tuple[int, ...] = ()
     profile: bytes | None = None
-
-
-@dataclass(frozen=True)
-class JpegLayout:
-    """Size in pixels, and the ICC profile where there is one."""
-
-    height: int
-    width: int
-    profile: bytes | None
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -106,13 +76,13 @@ def image_size(path: Path, data: bytes) -> tuple[int, int]:
         case ".hdr":
             return radiance_size(path, data)
         case ".jpg" | ".jpeg":
-            jpeg = jpeg_layout(path, data)
-            return jpeg.height, jpeg.width
+            height, width, _ = jpeg_header(path, data)
+            return height, width
     raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr, .hdr and .jpg.")
 
 
 def png_layout(path: Path, data: bytes) -> PngLayout:
-    """Walk the chunks of a PNG: all there, none altered, and enough bytes for the pixels that it claims."""
+    """Walk the chunks of a PNG: all there, and none altered."""
     if not data.startswith(PNG_SIGNATURE):
         raise damaged(path, "it does not begin like a PNG file")
     chunks = list(_png_chunks(path, data))
@@ -130,11 +100,9 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
     # Each line begins with a byte that names its filter; a pass without columns has no lines.
     expanded = sum(rows * (1 + -(-columns * bits * PNG_SAMPLES[colour] // 8)) for rows, columns in sizes if columns > 0)
     stream = b"".join(body for name, body in chunks if name == b"IDAT")
-    if expanded > DEFLATE_LIMIT * len(stream):
-        raise damaged(path, f"it claims {width} x {height} pixels, more than its {len(stream)} bytes can hold")
     key = others.get(b"tRNS", b"") if colour in (0, 2) else b""
     return PngLayout(
-        height, width, bits, PNG_SAMPLES[colour], stream, expanded,
+        height, width, bits, stream, expanded,
         colour in (4, 6) or b"tRNS" in others,
         struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
         profile_of_png(path, others),
@@ -165,59 +133,33 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
         raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
 
 
-def jpeg_layout(path: Path, data: bytes) -> JpegLayout:
-    """Size and profile of a JPEG whose end marker is there: decoders grey out what a cut-off file lacks.
+def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None]:
+    """Height, width and ICC profile of a JPEG, by Pillow.
 
-    Bytes behind the end are not looked at: phones append a video, and cameras previews. Raises DataError for what is
-    damaged, and for colours that are neither grey nor three (CMYK).
+    Raises DataError for a damaged header, and for colours that are neither grey nor three (CMYK).
     """
     if not data.startswith(JPEG_START):
         raise damaged(path, "it does not begin like a JPEG file")
-    profile, size = b"", None
-    for marker, place, end in _jpeg_segments(data):
-        if marker == JPEG_END and size is not None:
-            return JpegLayout(*size, profile or None)
-        if end > len(data):
-            break
-        if marker == JPEG_PROFILE and size is None and data[place:].startswith(ICC_MARK):
-            profile += data[place + len(ICC_MARK) + 2 : end]
-        if marker in JPEG_FRAMES and size is None and end - place >= 6:
-            height, width, components = struct.unpack_from(">HHB", data, place + 1)
-            require_size(path, height, width)
-            if components not in (1, 3):
-                raise DataError(f"{path} has {components} components", "It may be CMYK.", "Save it in sRGB.")
-            size = (height, width)
-    raise damaged(path, "its header is cut off or altered" if size is None else "its end is missing")
-
-
-def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Marker, place and end of the content of each segment; compressed pixels are passed over."""
-    found = JPEG_MARKER.match(data, 2)
-    while found is not None:
-        marker, place = found[1][0], found.end()
-        alone = marker == JPEG_END or marker in JPEG_ALONE
-        end = place if alone else place + max(int.from_bytes(data[place : place + 2], "big"), 2)
-        yield marker, min(place if alone else place + 2, end), end
-        if marker == JPEG_END:
-            return
-        found = (JPEG_MARKER.search if marker == JPEG_SCAN else JPEG_MARKER.match)(data, end)
+    try:
+        photo = JpegImageFile(io.BytesIO(data))
+    except (SyntaxError, OSError, ValueError, LookupError, TypeError, struct.error) as error:
+        raise damaged(path, "its header is cut off or altered") from error
+    require_size(path, photo.height, photo.width)
+    if photo.layers not in (1, 3):
+        raise DataError(f"{path} has {photo.layers} components", "It may be CMYK.", "Save it in sRGB.")
+    return photo.height, photo.width, photo.info.get("icc_profile")
 
 
 def exr_size(path: Path, data: bytes) -> tuple[int, int]:
-    """Height and width of the data window; in plain scan-line files, every block must lie within the file."""
+    """Height and width of the data window of an OpenEXR file."""
     if not data.startswith(EXR_SIGNATURE):
         raise damaged(path, "it does not begin like an OpenEXR file")
     try:
-        (flags,) = struct.unpack_from("<I", data, 4)
-        attributes, end = _exr_attributes(data)
-        left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"])
-        compression = attributes["compression"][0]
-    except (struct.error, ValueError, KeyError, IndexError) as error:
+        left, top, right, bottom = struct.unpack("<4i", _exr_attribute(data, b"dataWindow"))
+    except (struct.error, ValueError, IndexError) as error:
         raise damaged(path, "its header is cut off or altered") from error
     height, width = bottom - top + 1, right - left + 1
     require_size(path, height, width)
-    if not flags & EXR_NOT_PLAIN and compression in EXR_BLOCK_LINES:
-        _check_exr_blocks(path, data, end, -(-height // EXR_BLOCK_LINES[compression]))
     return height, width
 
 
@@ -263,28 +205,17 @@ def _png_chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, bytes]]:
         place = end
 
 
-def _exr_attributes(data: bytes) -> tuple[dict[str, bytes], int]:
-    """Values by name, and the place after the header. Raises ValueError or struct.error where it is cut off."""
-    attributes, place = {}, 8
+def _exr_attribute(data: bytes, wanted: bytes) -> bytes:
+    """The value of an attribute. Raises ValueError, IndexError or struct.error where it is missing or cut off."""
+    place = 8
     while data[place] != 0:
         name_end = data.index(b"\0", place)
         type_end = data.index(b"\0", name_end + 1)
         (length,) = struct.unpack_from("<i", data, type_end + 1)
-        value = type_end + 5
         if length < 0:
             raise ValueError("an attribute of negative length")
-        attributes[data[place:name_end].decode("latin-1")] = data[value : value + length]
+        value, name = type_end + 5, data[place:name_end]
         place = value + length
-    return attributes, place + 1
-
-
-def _check_exr_blocks(path: Path, data: bytes, table: int, count: int) -> None:
-    if table + 8 * count > len(data):
-        raise damaged(path, "its table of scan lines is cut off")
-    offsets = np.frombuffer(data, "<u8", count, table)
-    if int(offsets.min()) < table + 8 * count or int(offsets.max()) + 8 > len(data):
-        raise damaged(path, "its scan lines are cut off")
-    for offset in offsets.tolist():
-        (length,) = struct.unpack_from("<i", data, offset + 4)
-        if length < 0 or offset + 8 + length > len(data):
-            raise damaged(path, "its scan lines are cut off")
+        if name == wanted:
+            return data[value:place]
+    raise ValueError("there is no such attribute")

@@ -57,14 +57,8 @@ ABOVE: Face = (0, 1), (0, 0, 1), (0, -1, 0), (1, 0, 0)
 BELOW: Face = (2, 1), (0, 0, -1), (0, -1, 0), (-1, 0, 0)
 
 CROSSES: dict[tuple[int, int], tuple[str, tuple[Face, ...]]] = {
-    (4, 3): (
-        "vertical",
-        (AHEAD, LEFT, RIGHT, ABOVE, BELOW, ((3, 1), (-1, 0, 0), (0, -1, 0), (0, 0, 1))),
-    ),
-    (3, 4): (
-        "horizontal",
-        (AHEAD, LEFT, RIGHT, ABOVE, BELOW, ((1, 3), (-1, 0, 0), (0, 1, 0), (0, 0, -1))),
-    ),
+    (4, 3): ("vertical", (AHEAD, LEFT, RIGHT, ABOVE, BELOW, ((3, 1), (-1, 0, 0), (0, -1, 0), (0, 0, 1)))),
+    (3, 4): ("horizontal", (AHEAD, LEFT, RIGHT, ABOVE, BELOW, ((1, 3), (-1, 0, 0), (0, 1, 0), (0, 0, -1)))),
 }
 """Unfolded cubes seen from within, by rows and columns of faces. The face that four others touch is ahead."""
 

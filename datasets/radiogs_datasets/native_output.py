@@ -87,8 +87,3 @@ def unnamed_file() -> IO[bytes]:
     if hasattr(os, "memfd_create"):
         return open(os.memfd_create("radiogs-bench", os.MFD_CLOEXEC), "w+b")
     return tempfile.TemporaryFile()
-
-
-def path_of(file: IO[bytes]) -> str:
-    """A path at which libraries that want one can open it while it is open."""
-    return f"/dev/fd/{file.fileno()}"

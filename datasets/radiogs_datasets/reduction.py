@@ -84,14 +84,17 @@ def with_long_side(scene: Scene, pixels: int) -> Scene:
 def _with_sizes(scene: Scene, size: Callable[[int, int], Size], mark: str, said: str) -> Scene:
     """By area: radiance and colour in linear light, weighted by coverage. A camera keeps its field of view exactly."""
     return replace(
-        scene,
-        train=tuple(_view(view, size) for view in scene.train),
-        test=tuple(_view(view, size) for view in scene.test),
-        relight=tuple(_view(view, size) for view in scene.relight),
+        each_view(scene, lambda view: _view(view, size)),
         checksum=f"{scene.checksum}/{mark}",
         repairs=(*scene.repairs, said),
         loaders=(*scene.loaders, __name__),
     )
+
+
+def each_view(scene: Scene, change: Callable[[View], View]) -> Scene:
+    """The scene with all of its views changed."""
+    train, test, relight = (tuple(map(change, views)) for views in (scene.train, scene.test, scene.relight))
+    return replace(scene, train=train, test=test, relight=relight)
 
 
 def _view(view: View, size: Callable[[int, int], Size]) -> View:
@@ -99,17 +102,21 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
     height, width = size(camera.height, camera.width)
     if (height, width) == (camera.height, camera.width):
         return view
-    across, along = width / camera.width, height / camera.height
-    small = Camera(
-        camera.camera_to_world, camera.fx * across, camera.fy * along, camera.cx * across, camera.cy * along,
-        width, height,
-    )  # fmt: skip
     sources: dict[str, Callable[[], Tensor]] = {
         name: partial(_read, view, name, (height, width)) for name in view.sources
     }
     if camera.height * camera.width >= LARGE:
         sources = {name: partial(_read_once, source) for name, source in sources.items()}
-    return View(view.name, small, sources)
+    return View(view.name, camera_at(camera, height, width), sources)
+
+
+def camera_at(camera: Camera, height: int, width: int) -> Camera:
+    """The same view in another number of pixels."""
+    across, along = width / camera.width, height / camera.height
+    return replace(
+        camera, fx=camera.fx * across, fy=camera.fy * along, cx=camera.cx * across, cy=camera.cy * along,
+        width=width, height=height,
+    )  # fmt: skip
 
 
 LARGE = 1 << 21

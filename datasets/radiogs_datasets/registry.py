@@ -1,5 +1,6 @@
 """Scenes by name: those that come with the package, or a folder on disk in any known layout."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,7 +30,8 @@ FORWARD = Path(__file__).parent / "forward"
 class Layout:
     """A layout: what its folders are told by, in words and as a test, and how they are read.
 
-    ``of_photos``: whether views can be held out and masks given, as for captures; its ``load`` takes SceneOptions.
+    ``load`` takes an absolute path without "..". ``of_photos``: whether views can be held out and masks given, as for
+    captures; its ``load`` takes SceneOptions.
     """
 
     marks: str
@@ -153,12 +155,10 @@ def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptio
 
 
 def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> Scene:
-    if name_or_path in ALBEDOS:
+    if name_or_path in ALBEDOS or name_or_path == HARD_CASES:
         _require_none(options, name_or_path)
-        return replace(furnace(name_or_path), loaders=(furnace.__module__,))
-    if name_or_path == HARD_CASES:
-        _require_none(options, name_or_path)
-        return replace(hard_cases(), loaders=(hard_cases.__module__,))
+        made, by = (hard_cases(), hard_cases) if name_or_path == HARD_CASES else (furnace(name_or_path), furnace)
+        return replace(made, loaders=(by.__module__,))
     if name_or_path in CONDITIONS:
         return hard_scene(name_or_path, _as_stored(BASE, None, options))
     folder = scene_folder(name_or_path)
@@ -166,16 +166,16 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
     if chosen not in LAYOUTS:
         raise unknown("layout", chosen, LAYOUTS)
     load = LAYOUTS[chosen].load
-    files = SameBytes(folder.name)
+    place, files = Path(os.path.normpath(folder.absolute())), SameBytes(folder.name)
     with files.required():
         if LAYOUTS[chosen].of_photos:
-            scene = load(folder, options)
+            scene = load(place, options)
             held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
             left_out = "/masks-ignore" if options.masks == "ignore" else ""
             scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
         else:
             _require_none(options, name_or_path)
-            scene = load(folder)
+            scene = load(place)
     scene = files.held(replace(scene, repairs=(*scene.repairs, *unused_files(folder, files.digests))))
     require_names(scene)
     require_shaped(scene)

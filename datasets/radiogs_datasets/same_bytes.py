@@ -16,7 +16,7 @@ from pathlib import Path
 from torch import Tensor
 
 from radiogs_core.errors import DataError
-from radiogs_core.scene.scene import Scene, View
+from radiogs_core.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class SameBytes:
 
     def held(self, scene: Scene) -> Scene:
         """The scene with every map read like this."""
-
-        def views(given: tuple[View, ...]) -> tuple[View, ...]:
-            return tuple(
+        train, test, relight = (
+            tuple(
                 replace(view, sources={name: partial(self.read, source) for name, source in view.sources.items()})
-                for view in given
+                for view in views
             )
-
-        return replace(scene, train=views(scene.train), test=views(scene.test), relight=views(scene.relight))
+            for views in (scene.train, scene.test, scene.relight)
+        )
+        return replace(scene, train=train, test=test, relight=relight)
 
 
 _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are read", default=None)

@@ -6,9 +6,7 @@ otherwise they end in a worse image, or in a failure that speaks of a gradient. 
 sentences: what its images cannot say, metrics of them cannot mean.
 """
 
-import hashlib
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -141,7 +139,7 @@ FEWEST_VIEWS = 3
 """Training views from which on a point is seen from two sides by more than chance."""
 
 FEWEST_PIXELS = 64
-"""Covered pixels of a view below which its values are those of a few."""
+"""Fewest covered pixels of a view whose metrics mean more than chance."""
 
 
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
@@ -176,25 +174,15 @@ def require_trainable(scene: Scene) -> None:
         )
 
 
-def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]) -> Iterator[tuple[str, str]]:
-    """Findings (view, sentence) from images and alpha: images of one colour, hardly covered, or equal to another
-    one."""
-    alike: dict[bytes, list[str]] = defaultdict(list)
-    for view, image, alpha in views:
-        seen = image if alpha is None else image[alpha[..., 0] > 0]
-        if seen.numel() and float(seen.max()) == float(seen.min()):
-            level = {0.0: "black", 1.0: "white"}.get(float(seen.max()), "one colour")
-            yield view.name, f"its image is {level} throughout: nothing can be learnt or scored from it"
-        covered = None if alpha is None else int((alpha > 0.5).sum())
-        if covered is not None and covered < FEWEST_PIXELS:
-            yield view.name, f"{covered} of its pixels show the object: its metrics are those of a few pixels"
-        alike[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
-    for names in alike.values():
-        if len(names) > 1:
-            yield (
-                names[1],
-                f"its image is that of {names[0]}" + (f", as are {len(names) - 2} more" if names[2:] else ""),
-            )
+def little_evidence(image: torch.Tensor, alpha: torch.Tensor | None) -> Iterator[str]:
+    """Sentences on an image [height, width, 3] of one colour, or with hardly any coverage."""
+    seen = image if alpha is None else image[alpha[..., 0] > 0]
+    if seen.numel() and float(seen.max()) == float(seen.min()):
+        level = {0.0: "black", 1.0: "white"}.get(float(seen.max()), "one colour")
+        yield f"its image is {level} throughout: nothing can be learnt or scored from it"
+    covered = FEWEST_PIXELS if alpha is None else int((alpha > 0.5).sum())
+    if covered < FEWEST_PIXELS:
+        yield f"{covered} of its pixels show the object: its metrics are those of a few pixels"
 
 
 RING = 2

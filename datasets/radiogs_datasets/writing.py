@@ -1,24 +1,119 @@
-"""Writing a scene in another layout, and saying what that layout cannot carry.
+"""Writing scenes: a new folder and its cameras for all writers, and a scene in another layout.
 
-A layout's writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them, and returns the names of those that
-it wrote.
+Cameras are ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them. Cameras
+that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them. A layout's
+writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them.
 """
 
-from collections.abc import Callable, Mapping
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from torch import Tensor
 
-from radiogs_core.errors import UsageError, unknown
+from radiogs_core.errors import DataError, UsageError, unknown
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from .image_files import write_exr, write_hdr, write_png
-from .new_scene import made_beside, write_transforms
+
+
+@contextmanager
+def made_beside(folder: Path) -> Iterator[Path]:
+    """A new folder beside ``folder`` to make a scene in; it takes the name at the end, and is removed after an error.
+
+    A killed process leaves ``.unfinished-*``. Raises UsageError for a ``folder`` that holds something or cannot be
+    written.
+    """
+    require_new(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=".unfinished-", dir=folder.parent) as room:
+            made = Path(room) / folder.name
+            made.mkdir()
+            yield made
+            made.replace(folder)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {folder}", f"The system says: {error.strerror}.", "Choose another folder."
+        ) from error
+
+
+def require_new(folder: Path) -> None:
+    """Raise UsageError for a folder that is neither absent nor empty."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(
+            f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
+        )
+
+
+PIXEL_TOLERANCE = 1e-3
+"""How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
+
+
+def write_transforms(path: Path, views: Sequence[View], names: Sequence[str], lenses: bool = False) -> None:
+    """Write the file; with ``lenses`` a frame has one in pixels where one angle cannot say all cameras.
+
+    Raises DataError for such cameras without ``lenses``.
+    """
+    table: dict[str, Any] = {}
+    frames: list[dict[str, Any]] = [
+        {"file_path": name, "transform_matrix": opengl(view.camera)} for view, name in zip(views, names, strict=True)
+    ]
+    try:
+        table["camera_angle_x"] = _field_of_view(views)
+    except DataError:
+        if not lenses:
+            raise
+        for frame, view in zip(frames, views, strict=True):
+            camera = view.camera
+            frame |= {"fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy}
+            frame |= {"w": camera.width, "h": camera.height}
+    path.write_text(json.dumps({**table, "frames": frames}, indent=1) + "\n", encoding="utf-8")
+
+
+def opengl(camera: Camera) -> list[list[float]]:
+    """Camera-to-world rows in OpenGL axes: x right, y up, looking along -z."""
+    matrix = camera.camera_to_world.double().clone()
+    matrix[:3, 1:3] *= -1
+    return matrix.tolist()
+
+
+def _field_of_view(views: Sequence[View]) -> float:
+    first = views[0].camera
+    for view in views:
+        camera = view.camera
+        sizes = torch.tensor([camera.fx - first.fx, camera.fy - first.fx])
+        middle = torch.tensor([camera.cx - camera.width / 2, camera.cy - camera.height / 2])
+        if float(torch.cat([sizes, middle]).abs().max()) > PIXEL_TOLERANCE or camera.width != first.width:
+            raise DataError(
+                f"the camera of view '{view.name}' has no place in this layout",
+                "It knows square pixels, a principal point in the middle and one field of view for a split; here "
+                f"f = ({camera.fx:.2f}, {camera.fy:.2f}), c = ({camera.cx:.2f}, {camera.cy:.2f}) at "
+                f"{camera.width} x {camera.height} pixels.",
+                "Use the scene in the layout that it has.",
+            )
+    return 2 * math.atan(first.width / (2 * first.fx))
+
+
+def write_display(
+    path: Path, radiance: NDArray[np.float32], coverage: NDArray[np.float32], alpha: NDArray[np.float32]
+) -> None:
+    """PNG of straight sRGB and ``alpha``, from linear RGB that is multiplied by the picture's own ``coverage``."""
+    straight = radiance[..., :3] / np.where(coverage > 0, coverage, 1)
+    display = srgb_encode(torch.from_numpy(np.where(alpha > 0, straight, 0).astype(np.float32))).numpy()
+    write_png(path, np.concatenate([display, alpha], -1))
+
 
 Advance = Callable[[int, int], None]
 
@@ -39,11 +134,8 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
             "They would be written as black.",
             "Convert the scene without its masks, and copy the masks beside it.",
         )
-    try:
-        with made_beside(folder) as made:
-            return _write(scene, made, layout, advance)
-    except OSError as error:
-        raise UsageError(f"cannot write {folder}", f"The system says: {error.strerror}.", "Free it.") from error
+    with made_beside(folder) as made:
+        return _write(scene, made, layout, advance)
 
 
 def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[str, ...]:
@@ -56,7 +148,7 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
         left: dict[str, int] = {}
         for number, view in enumerate(views):
             written = writer.view(folder, view, split, number)
-            for name in sorted(view.sources.keys() - set(written)):
+            for name in sorted(view.sources.keys() - {"image", "alpha", *written}):
                 left[name] = left.get(name, 0) + 1
             done += 1
             advance(done, total)
@@ -67,8 +159,10 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
     for name, light in lights.items():
         if writer.light is None:
             lost.append(f"light '{name}' has no place in layout '{layout}'")
-        else:
-            writer.light(folder, name, light)
+            continue
+        path = folder / writer.light.format(name)
+        path.parent.mkdir(exist_ok=True)
+        (write_hdr if path.suffix == ".hdr" else write_exr)(path, light.radiance.numpy())
     return tuple(lost)
 
 
@@ -81,14 +175,15 @@ WriteView = Callable[[Path, View, str, int], list[str]]
 class Layout:
     """How a layout is written.
 
-    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its maps;
-    ``light`` a light's file below the scene's folder, or None where the layout has no lights. ``lenses``: whether a
-    frame may have a lens of its own.
+    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its image,
+    coverage and other maps, and returns the names of the others; ``light`` is the path of a light's map, Z up, with its
+    name left open, or None where the layout has no lights; ``training_light`` the name of the training light.
+    ``lenses``: whether a frame may have a lens of its own.
     """
 
     frame: Callable[[str, int], str]
     view: WriteView
-    light: Callable[[Path, str, EnvironmentMap], Path] | None
+    light: str | None
     training_light: str | None
     lenses: bool = False
 
@@ -111,12 +206,11 @@ def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> lis
     """One folder a view: everything that a scene can hold has a file."""
     place, alpha = folder / f"{split}_{number:03}", _alpha(view)
     _png(place / "rgba.png", view.read("image"), alpha)
-    written = ["image", "alpha"]
+    written = []
     for name in view.sources:
-        if name == "albedo":
-            _png(place / "albedo.png", view.read(name), alpha)
-        elif name == "normal":
-            _png(place / "normal.png", view.read(name) / 2 + 0.5, alpha)
+        if name in ("albedo", "normal"):
+            values = view.read(name)
+            _png(place / f"{name}.png", values / 2 + 0.5 if name == "normal" else values, alpha)
         elif name == "roughness":
             _png(place / "roughness.png", view.read(name))
         elif name in ("depth", "direct", "indirect"):
@@ -137,9 +231,9 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
     if split == "train":
         _exr(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
         _png(folder / f"train/{stem}_mask.png", alpha)
-        return ["image", "alpha"]
+        return []
     _png(folder / f"test/{stem}_rgba.png", view.read("image"), alpha)
-    written = ["image", "alpha"]
+    written = []
     if view.has("albedo"):
         _png(folder / f"test/{stem}_albedo.png", srgb_encode(view.read("albedo")), alpha)
         written.append("albedo")
@@ -156,33 +250,17 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
 def write_blender_view(folder: Path, view: View, split: str, number: int) -> list[str]:
     """The image and its coverage, nothing else."""
     _png(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
-    return ["image", "alpha"]
-
-
-def write_light_as_hdr(folder: Path, name: str, light: EnvironmentMap) -> Path:
-    """Radiance RGBE, Z up."""
-    path = folder / "envmaps" / f"{name}.hdr"
-    path.parent.mkdir(exist_ok=True)
-    write_hdr(path, light.radiance.numpy())
-    return path
-
-
-def write_light_as_exr(folder: Path, name: str, light: EnvironmentMap) -> Path:
-    """Half-float OpenEXR beside the views, Z up."""
-    path = folder / f"{name}.exr"
-    _exr(path, light.radiance)
-    return path
+    return []
 
 
 WRITERS: Mapping[str, Layout] = {
     "tensoir": Layout(
-        lambda split, number: f"./{split}_{number:03}/rgba", write_tensoir_view, write_light_as_hdr, "training"
+        lambda split, number: f"./{split}_{number:03}/rgba", write_tensoir_view, "envmaps/{}.hdr", "training"
     ),
     "synthetic4relight": Layout(
-        lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, write_light_as_exr, "envmap3"
+        lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, "{}.exr", "envmap3"
     ),
     "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None, lenses=True),
 }
-
 
 LAYOUTS = tuple(WRITERS)

@@ -1,6 +1,5 @@
 """Every constant of the paper's text and of the published code, with its value in the three recipes."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,45 +197,37 @@ def value_in(constant: Constant, recipe: str) -> Any:
 
 def recipe_table() -> str:
     """All constants with their values, as Markdown: a table a topic, one of scenes, and what no recipe reproduces."""
-    topics = dict.fromkeys(each.topic for each in CONSTANTS)
-    return "\n\n".join([*(_topic(topic) for topic in topics), _scenes(), _not_reproduced()]) + "\n"
-
-
-def _topic(topic: str) -> str:
-    head = ["", "the paper", "its code", *RECIPES, "field", "remark"]
-    rows = [
-        [each.name, *_sources(each), *(as_text(value_in(each, recipe)) for recipe in RECIPES), f"`{each.field}`",
-         each.remark]
-        for each in CONSTANTS if each.topic == topic and each.field
-    ]  # fmt: skip
-    return "\n".join([f"## {topic[0].upper()}{topic[1:]}", "", *_table(head, rows)])
-
-
-def _scenes() -> str:
-    rows = [
-        [
-            f"{layout}, {scene or 'all scenes'}",
-            ", ".join(f"`{name}` {as_text(value)}" for name, value in values.items()),
+    sources = ["", "the paper", "its code"]
+    tables = []
+    for topic in dict.fromkeys(each.topic for each in CONSTANTS):
+        rows = [
+            [*_sources(each), *(as_text(value_in(each, recipe)) for recipe in RECIPES), f"`{each.field}`", each.remark]
+            for each in CONSTANTS
+            if each.topic == topic and each.field
         ]
+        tables.append(_table(f"{topic[0].upper()}{topic[1:]}", [*sources, *RECIPES, "field", "remark"], rows))
+    rows = [
+        [f"{layout}, {scene or 'all scenes'}", ", ".join(f"`{name}` {as_text(each)}" for name, each in values.items())]
         for (layout, scene), values in OF_SCRIPTS.items()
     ]
-    return "\n".join(["## Values of `released` for single scenes", "", *_table(["scene", "values"], rows)])
+    tables.append(_table("Values of `released` for single scenes", ["scene", "values"], rows))
+    rows = [[*_sources(each), each.remark] for each in CONSTANTS if not each.field]
+    tables.append(_table("Not reproduced", [*sources, "here, in every recipe, and why"], rows))
+    return "\n\n".join(tables) + "\n"
 
 
-def _not_reproduced() -> str:
-    rows = [[each.name, *_sources(each), each.remark] for each in CONSTANTS if not each.field]
-    head = ["", "the paper", "its code", "here, in every recipe, and why"]
-    return "\n".join(["## Not reproduced", "", *_table(head, rows)])
-
-
-def _sources(constant: Constant) -> tuple[str, str]:
+def _sources(constant: Constant) -> tuple[str, str, str]:
+    """Name, and the values of the paper and of its code."""
     paper, code = ("-" if each is None else as_text(each) for each in (constant.paper, constant.code))
-    return paper, paper if constant.code is None else code
+    return constant.name, paper, paper if constant.code is None else code
 
 
-def _table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
-    for cells in (head, ["---"] * len(head), *rows):
-        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+def _table(title: str, head: list[str], rows: list[list[str]]) -> str:
+    lines = [
+        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+        for cells in (head, ["---"] * len(head), *rows)
+    ]
+    return "\n".join([f"## {title}", "", *lines])
 
 
 def as_text(value: Any) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, Probe, ShortRun, require_truth
+from radiogs_core.capabilities import PARTS, Probe, require_truth
 from radiogs_core.contract import Run, SharedStart, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -39,6 +39,8 @@ class RadioGS:
     given_parts = PARTS
     size_name = "surfels"
     relighting_modes = RELIGHTING
+    sizes = staticmethod(sizes)
+    short_run = staticmethod(short_run)
     sources = ("radiogs.showing",)
     recipes: Mapping[str, str] = {name: each.title for name, each in RECIPES.items()}
     published_recipe = PUBLISHED
@@ -110,14 +112,6 @@ class RadioGS:
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
         return probe_run(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
-
-    def sizes(self, budget: Budget) -> tuple[int, int]:
-        """Initial and largest number of surfels; see ``radiogs_core.capabilities.Rehearsing``."""
-        return sizes(budget)
-
-    def short_run(self, variant: Variant, budget: Budget, size: int) -> ShortRun:
-        """A run of a few steps with ``size`` surfels; see ``radiogs_core.capabilities.Rehearsing``."""
-        return short_run(variant, budget, size)
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering. Raises DataError for malformed tensors."""

@@ -28,28 +28,22 @@ class Model(LitSurfels):
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors and values, without gradient history."""
         effects = {"plan": self.plan.state(), "evidence": [dict(each) for each in self.evidence]}
-        given = {} if self.indirect is None else {"indirect": _plain(self.indirect)}
-        return {**super().tensors(), "effects": effects, **given}
+        made = {**super().tensors(), "effects": effects}
+        if self.indirect is not None:
+            made["indirect"] = {"surfels": self.indirect.surfels.parameters(), "residual": self.indirect.residual}
+        return made
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
         """The inverse of ``tensors``. Raises DataError for a tensor of the wrong shape or with values not finite."""
-        effects = tensors["effects"]
+        effects, given = tensors["effects"], tensors.get("indirect")
         return cls(
             restored_surfels(tensors["surfels"]),
             restored_map(tensors, "log_environment"),
             EffectPlan(**effects["plan"]),
             tuple(effects["evidence"]),
-            _known(tensors["indirect"]) if "indirect" in tensors else None,
+            None if given is None else KnownRadiance(restored_surfels(given["surfels"]), given["residual"]),
         )
-
-
-def _plain(known: KnownRadiance) -> dict[str, Any]:
-    return {"surfels": known.surfels.parameters(), "residual": known.residual}
-
-
-def _known(stored: Mapping[str, Any]) -> KnownRadiance:
-    return KnownRadiance(restored_surfels(stored["surfels"]), stored["residual"])
 
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:

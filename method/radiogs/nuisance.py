@@ -197,7 +197,7 @@ class NuisanceOfSurfels:
     Args:
         jacobian: The linearised images.
         free: For each parameter, whether it may answer.
-        kept: The linear function of an answer that stays zero, so that no answer undoes the quantity's change; None if
+        kept: The linear function of an answer that stays zero, so that no answer undoes the quantity's change; zeros if
             no free parameter can.
         render: The images with the quantity changed by an amount and everything else by an answer.
     """
@@ -206,12 +206,12 @@ class NuisanceOfSurfels:
         self,
         jacobian: Jacobian,
         free: Answer,
-        kept: Answer | None,
+        kept: Answer,
         render: Callable[[float, Answer], list[Float[Tensor, "height width 3"]]],
     ) -> None:
         self.jacobian, self.render = jacobian, render
         self.unit = Answer(*(part * unit.to(part) for part, unit in zip(free, UNITS, strict=True))).flat()
-        direction = torch.zeros_like(self.unit) if kept is None else self.unit * kept.flat()
+        direction = self.unit * kept.flat()
         self.scale = 1 / jacobian.scale(self.unit)
         self.kept = direction / direction.norm().clamp(min=torch.finfo(direction.dtype).tiny)
 

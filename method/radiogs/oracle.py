@@ -79,7 +79,10 @@ def with_given_parts(start: Start, parts: tuple[str, ...], scene: Scene, seed: i
     if set(parts) - {"light"}:
         spacing = SPACING * scene.extent
         true = _surfels_of(scene, spacing, device)
-        surfels = _with_true_materials(surfels, true, parts)
+        given = {f"{name}_logit" for name in ("albedo", "roughness") if name in parts}
+        if given:
+            nearest = Nearest(true, true).of(surfels)
+            surfels = replace(surfels, **{name: getattr(true, name)[nearest] for name in given})
         if "indirect" in parts:
             indirect = known_radiance(known_scene(scene, spacing).to(device), seed)
     if "light" in parts and scene.training_light is not None:
@@ -97,40 +100,26 @@ def log_radiance(light: EnvironmentMap) -> Float[Tensor, "height width 3"]:
 
 
 def given_geometry(learnt: Surfels, parts: tuple[str, ...], scene: Scene) -> Surfels:
-    """The learnt surfels, or, with given geometry, true surfels with the mean radiance of the nearest learnt ones.
+    """The learnt surfels; with given geometry, true surfels with mean radiance and materials of the nearest learnt.
 
     Raises DataError if the true geometry is not known.
     """
     if "geometry" not in parts:
         return learnt
     require_truth(scene, parts)
-    return _with_learnt_radiance(_surfels_of(scene, SPACING * scene.extent, learnt.centre.device), learnt)
-
-
-def _surfels_of(scene: Scene, spacing: float, device: torch.device) -> Surfels:
-    true = surfels_on(scene.true_surfaces(spacing)).parameters()
-    return Surfels.of({name: value.to(device) for name, value in true.items()})
-
-
-def _with_learnt_radiance(true: Surfels, learnt: Surfels) -> Surfels:
-    """True surfels with the radiance (of degree 0) and the materials of the nearest learnt surfels."""
+    true = _surfels_of(scene, SPACING * scene.extent, learnt.centre.device)
     nearest = Nearest(learnt, true).of(true)
-    of_degree_0 = torch.cat([learnt.sh[nearest, :1], torch.zeros_like(true.sh[:, 1:])], 1)
     return replace(
         true,
-        sh=of_degree_0,
+        sh=torch.cat([learnt.sh[nearest, :1], torch.zeros_like(true.sh[:, 1:])], 1),
         albedo_logit=learnt.albedo_logit[nearest],
         roughness_logit=learnt.roughness_logit[nearest],
     )
 
 
-def _with_true_materials(surfels: Surfels, true: Surfels, parts: tuple[str, ...]) -> Surfels:
-    """The surfels with the given materials of their nearest true surfels."""
-    changes = {f"{name}_logit" for name in ("albedo", "roughness") if name in parts}
-    if not changes:
-        return surfels
-    nearest = Nearest(true, true).of(surfels)
-    return replace(surfels, **{name: getattr(true, name)[nearest] for name in changes})
+def _surfels_of(scene: Scene, spacing: float, device: torch.device) -> Surfels:
+    true = surfels_on(scene.true_surfaces(spacing)).parameters()
+    return Surfels.of({name: value.to(device) for name, value in true.items()})
 
 
 SPREAD, DRAWN = 96, 32

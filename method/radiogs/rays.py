@@ -74,15 +74,12 @@ class KnownIndirectTracer(SurfelTracer):
     ) -> Incident:
         """V of the model with its gradient, and the true L_ind, along given unit directions."""
         own = super().incident(index, direction, weight, plan)
-        return replace(own, radiance=self._arriving(index, direction, weight))
-
-    @torch.no_grad()
-    def _arriving(self, index: Tensor, direction: Tensor, weight: Tensor) -> Float[Tensor, "chosen samples 3"]:
-        sample = self.nearest.of(self.surfels.take(index))
-        incident = incident_along(self.true, direction, weight, index=sample)
-        normal = self.true.surfels.frame[sample, :, 2]
-        above = (direction * normal[:, None]).sum(-1, keepdim=True) > 0
-        return torch.where(above, incident.radiance, 0.0)
+        with torch.no_grad():
+            sample = self.nearest.of(self.surfels.take(index))
+            arriving = incident_along(self.true, direction, weight, index=sample).radiance
+            normal = self.true.surfels.frame[sample, :, 2]
+            above = (direction * normal[:, None]).sum(-1, keepdim=True) > 0
+            return replace(own, radiance=torch.where(above, arriving, 0.0))
 
 
 @dataclass(frozen=True)

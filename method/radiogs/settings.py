@@ -38,15 +38,15 @@ class Budget(SurfelBudget):
     """Number of random surfels in the L_rad of a step (N_g)."""
     incident_samples: int
     """Number of rays of each of these surfels (N_s), and of directions of each surfel's cached light."""
-    refresh_interval: int
+    refresh_interval: int = 100
     """Steps between two tracings of the light on all surfels."""
     relight_hemisphere_samples: int
     """Number of rays of each surfel in relighting that are spread over the hemisphere."""
     relight_light_samples: int
     """Number of rays of each surfel in relighting that are drawn from the light."""
-    relight_bounces: int
+    relight_bounces: int = 4
     """Number of surfaces that light meets before it arrives, in relighting by traced bounces; 1 or more."""
-    relight_paths: int
+    relight_paths: int = 1024
     """Number of paths of each surfel in relighting by path tracing."""
     finetune_iterations: int
     """Number of steps of fine-tuning under another light (stage 3)."""
@@ -84,12 +84,9 @@ PRESETS = by_name(
         inverse_iterations=600,
         consistency_surfels=256,
         incident_samples=32,
-        refresh_interval=100,
         light_height=16,
         relight_hemisphere_samples=64,
         relight_light_samples=64,
-        relight_bounces=4,
-        relight_paths=1024,
         finetune_iterations=200,
         finetune_surfels=512,
         finetune_samples=64,
@@ -100,12 +97,9 @@ PRESETS = by_name(
         inverse_iterations=3000,
         consistency_surfels=1024,
         incident_samples=64,
-        refresh_interval=100,
         light_height=32,
         relight_hemisphere_samples=128,
         relight_light_samples=64,
-        relight_bounces=4,
-        relight_paths=1024,
         finetune_iterations=500,
         finetune_surfels=2048,
         finetune_samples=128,
@@ -116,19 +110,15 @@ PRESETS = by_name(
         inverse_iterations=20_000,
         consistency_surfels=4096,
         incident_samples=64,
-        refresh_interval=100,
         light_height=64,
         relight_hemisphere_samples=256,
         relight_light_samples=128,
-        relight_bounces=4,
-        relight_paths=1024,
         finetune_iterations=2000,
         finetune_surfels=8192,
         finetune_samples=256,
     ),
 )
 """Budgets by the names of their presets."""
-
 
 DEVIATIONS: Mapping[str, str] = {
     "hemisphere-floor": "incident directions end 10 degrees above the horizon, and the first one is the normal",

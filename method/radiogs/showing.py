@@ -1,9 +1,9 @@
-"""A trained RadioGS model for the harness, under the light of training or relit.
+"""A trained RadioGS model for the harness, under the light of training or relit, and the labels of its settings.
 
 Training never imports this module, so that a new map does not invalidate trained models.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
+from radiogs_core.learning.geometry import turning
 from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
+from radiogs_core.plain_values import leaf_names, value_at, with_values
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
@@ -24,12 +26,13 @@ from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
+from .constants import as_text
 from .effects.new_light import probe_relighting, training_share
-from .labels import labels_of
 from .model import Model
 from .rays import RaySettings
+from .recipes import PUBLISHED, RECIPES
 from .relighting import RelitBySurfels, relight
-from .settings import PATH, Budget, Variant
+from .settings import PATH, PRESETS, Budget, Variant
 from .varying import VaryingRadioGS
 
 SHOWN_BY_SURFELS: dict[str, MapKind] = {name: STANDARD_MAPS[name] for name in ("image", "alpha")}
@@ -145,6 +148,63 @@ class Renderer:
         if set(ARRIVING).isdisjoint(further):
             return maps
         return maps | incident_maps(camera, surfels, self.incident, environment)
+
+
+TOPICS: Mapping[str, tuple[str, ...]] = {
+    "stage 1": ("geometry", "split_sum"),
+    "stage 2": ("materials", "deviations"),
+    "light and rays": ("masking", "ray_offset", "relighting", "met_light", "finetuning"),
+}
+"""Labels of settings by the first part of their names."""
+
+
+def labels_of(variant: Variant, budget: Budget, layout: str, scene: str) -> dict[str, str]:
+    """The recipe nearest to a run, its length beside the paper's, and settings that are not as printed, by name.
+
+    ``layout`` and ``scene``: of the scene, for its recipe's values.
+    """
+    made = {name: with_values(Variant(), recipe.of(layout, scene)) for name, recipe in RECIPES.items()}
+    apart = {name: differences(variant, recipe) for name, recipe in made.items()}
+    name = min(apart, key=lambda each: len(apart[each]))
+    own = ", ".join(f"{field} = {value}" for field, (value, _) in apart[name].items())
+    labels = {"recipe": f"{name}, {RECIPES[name].title}{', but for ' if own else ''}{own}"}
+    labels |= length_label(variant, budget)
+    unlike = differences(made[name], made[PUBLISHED])
+    for topic, firsts in TOPICS.items():
+        found = [
+            f"{field.partition('.')[2] or field} {value} (printed: {theirs})"
+            for field, (value, theirs) in unlike.items()
+            if field.partition(".")[0] in firsts
+        ]
+        if found:
+            labels[f"{topic}, not as printed"] = ", ".join(found)
+    return labels
+
+
+def differences(variant: Variant, other: Variant) -> dict[str, tuple[str, str]]:
+    """The fields in which two variants differ, with both values as text."""
+    return {
+        name: (as_text(value_at(variant, name)), as_text(value_at(other, name)))
+        for name in leaf_names(variant)
+        if value_at(variant, name) != value_at(other, name)
+    }
+
+
+def length_label(variant: Variant, budget: Budget) -> dict[str, str]:
+    """The label ``length``: the steps beside the paper's, and the factors of rates that follow; empty at its length."""
+    paper = PRESETS["paper"]
+    stages = (budget.geometry.steps, budget.inverse_iterations)
+    whole = (paper.geometry.steps, paper.inverse_iterations)
+    if stages == whole:
+        return {}
+    factor = variant.materials.rates.factor(budget.inverse_iterations)
+    return {
+        "length": f"{stages[0]:,} + {stages[1]:,} steps (paper: {whole[0]:,} + {whole[1]:,}); schedules are shares of"
+        f" a stage; the length rule takes rates of positions times {budget.geometry.rate:.3g} and of rotations times"
+        f" {turning(budget.geometry.rate):.3g} in stage 1, of materials, light and harmonics times {factor:.3g} in"
+        f" stage 2; N_g {budget.consistency_surfels:,} (paper: {paper.consistency_surfels:,}), N_s"
+        f" {budget.incident_samples} (paper: {paper.incident_samples})"
+    }
 
 
 @torch.no_grad()

@@ -11,12 +11,11 @@ from typing import Any
 import torch
 
 from radiogs_core.contract import Run
-from radiogs_core.learning.views import TrainingView, chosen_views, load
+from radiogs_core.learning.views import chosen_views, load
 from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import StartingModel, starting_model
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.start_values import StartValues
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, plan_of
 
 from .model import constant_light
@@ -79,20 +78,15 @@ def make_start(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> dic
     generator = torch.Generator(device).manual_seed(run.seed)
     learnt = surfels_of(initialised, device)
     chosen = given_geometry(learnt, ("geometry",) if settings.true_geometry else (), run.scene)
-    model = _materials_and_light(chosen, settings, views, generator)
+    values, rows = settings.values, settings.light_height
+    if settings.released:
+        light = constant_light(rows, START_RADIANCE, chosen.centre.device)
+        model = StartingModel(chosen.with_material(values.albedo, values.roughness), light, searched=False)
+    else:
+        plan = EffectPlan(visibility=settings.visibility, indirect=settings.indirect)
+        model = starting_model(chosen, views, rows, values, generator, settings.two_sided, plan)
     made = {**model.tensors(), "searched": model.searched, "generator": generator.get_state()}
     if settings.probed:
         light = initialised["optimiser"]["tensors"]["log_environment"].to(device)
         made["initialised"] = LitSurfels(learnt, light).tensors()
     return made
-
-
-def _materials_and_light(
-    learnt: Surfels, settings: StartSettings, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> StartingModel:
-    values, rows = settings.values, settings.light_height
-    if settings.released:
-        surfels = learnt.with_material(values.albedo, values.roughness)
-        return StartingModel(surfels, constant_light(rows, START_RADIANCE, learnt.centre.device), searched=False)
-    plan = EffectPlan(visibility=settings.visibility, indirect=settings.indirect)
-    return starting_model(learnt, views, rows, values, generator, settings.two_sided, plan)

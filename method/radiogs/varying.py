@@ -105,10 +105,10 @@ class VaryingRadioGS:
         Raises UsageError as ``images`` does.
         """
         self._require_free(quantity)
-        jacobian = self._jacobian
-        seen = jacobian.seen
-        none = Answer(*map(torch.zeros_like, self._all))
-        kept = None
+        jacobian, new = self._jacobian, self.albedo.new_ones
+        seen, blocks = jacobian.seen, jacobian.to_light.shape[-1]
+        every = Answer(new(len(seen), 3), new(len(seen)), new(len(seen), 2), new(blocks, 3))
+        kept = none = Answer(*map(torch.zeros_like, every))
         if quantity == "roughness variation":
             # Weighted by what roughness changes in the images: those that it does not change cannot undo the change.
             effect = (self.weight[:, seen, None] * jacobian.to_roughness.square()).sum((0, 2))
@@ -121,7 +121,7 @@ class VaryingRadioGS:
             "slope": "geometry" in self.given,
             "light": "light" in self.given,
         }
-        free = self._all._replace(**{name: getattr(none, name) for name, is_held in held.items() if is_held})
+        free = every._replace(**{name: getattr(none, name) for name, is_held in held.items() if is_held})
         return NuisanceOfSurfels(jacobian, free, kept, partial(self._answered, quantity))
 
     @torch.no_grad()
@@ -137,13 +137,6 @@ class VaryingRadioGS:
             light = light * answer.light[block].view_as(light).exp()
         unit, rest = self._shaded(roughness, light, turned(self.surfels.frame.detach(), slope))
         return self._seen(albedo.index_add(0, seen, answer.albedo).clamp(0, 1) * unit + rest)
-
-    @cached_property
-    def _all(self) -> Answer:
-        """One for every nuisance parameter."""
-        jacobian, new = self._jacobian, self.albedo.new_ones
-        seen, blocks = len(jacobian.seen), jacobian.to_light.shape[-1]
-        return Answer(new(seen, 3), new(seen), new(seen, 2), new(blocks, 3))
 
     @cached_property
     @torch.no_grad()
@@ -193,51 +186,39 @@ class VaryingRadioGS:
         change = rest - self.rest
         if quantity == "brightness, albedo free":
             change = change + albedo * unit - self.albedo * self.unit
-        albedo = self._absorbing(albedo, unit, change)
+        # Albedo compensates the mean change of radiance, within [0, 1]; where no light arrives it stays.
+        weight = self.weight[..., None]
+        mean_change, irradiance = (weight * change).sum(0), (weight * unit).sum(0)
+        lit = irradiance > 0
+        albedo = (albedo - torch.where(lit, mean_change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
         return Changed(albedo, roughness, light), albedo * unit + rest
 
+    @torch.no_grad()
     def _shaded(
         self,
         roughness: Float[Tensor, " surfels"],
         light: Float[Tensor, "rows columns 3"],
         normal: Float[Tensor, "surfels 3"] | None = None,
     ) -> tuple[Float[Tensor, "cameras surfels 3"], Float[Tensor, "cameras surfels 3"]]:
-        """U and R towards each camera, linear RGB: diffuse radiance for an albedo of 1, and that of the lobe.
+        """U and R towards each camera, linear RGB: diffuse radiance for an albedo of 1, and radiance of the lobe.
 
-        ``normal``: unit normals in the world; None: those of the surfels.
+        ``normal``: unit normals in the world; None: the surfels' own.
         """
         normal = self.surfels.frame[..., 2] if normal is None else normal
-        unit, rest = zip(*(self._shaded_for(camera, roughness, light, normal) for camera in self.cameras), strict=True)
-        return torch.stack(unit), torch.stack(rest)
-
-    @torch.no_grad()
-    def _shaded_for(
-        self,
-        camera: Camera,
-        roughness: Float[Tensor, " surfels"],
-        light: Float[Tensor, "rows columns 3"],
-        normal: Float[Tensor, "surfels 3"],
-    ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
-        outgoing, white, incident = towards(camera, self.surfels), torch.ones_like(self.albedo), self.incident
-        if incident is None:
-            return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light, self.masking))
+        white, shaded = torch.ones_like(self.albedo), []
         specular_at = self.model.plan.specular_among(self.albedo)
-        parts = shade_materials(normal, white, roughness, outgoing[:, None], incident, light, specular_at)[:, 0]
-        diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
-        unit = diffuse / lambert_albedo(white, roughness, specular_at)
-        return unit, parts.sum(1) - unit
-
-    def _absorbing(
-        self,
-        albedo: Float[Tensor, "surfels 3"],
-        unit: Float[Tensor, "cameras surfels 3"],
-        change: Float[Tensor, "cameras surfels 3"],
-    ) -> Float[Tensor, "surfels 3"]:
-        """The albedo that compensates the mean ``change`` of radiance, in [0, 1]; unchanged where no light arrives."""
-        weight = self.weight[..., None]
-        mean_change, irradiance = (weight * change).sum(0), (weight * unit).sum(0)
-        lit = irradiance > 0
-        return (albedo - torch.where(lit, mean_change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
+        for outgoing in (towards(camera, self.surfels) for camera in self.cameras):
+            if self.incident is None:
+                prefiltered = PrefilteredLight(light, self.masking)
+                shaded.append(split_sum_radiance(normal, white, roughness, outgoing, prefiltered))
+                continue
+            view = outgoing[:, None]
+            parts = shade_materials(normal, white, roughness, view, self.incident, light, specular_at)[:, 0]
+            diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
+            unit = diffuse / lambert_albedo(white, roughness, specular_at)
+            shaded.append((unit, parts.sum(1) - unit))
+        unit, rest = (torch.stack(parts) for parts in zip(*shaded, strict=True))
+        return unit, rest
 
     def _seen(self, radiance: Float[Tensor, "cameras surfels 3"]) -> list[Float[Tensor, "height width 3"]]:
         images = []

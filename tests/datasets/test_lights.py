@@ -14,7 +14,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.placed_light import placed_light
 from radiogs_datasets.image_files import write_exr, write_hdr
-from radiogs_datasets.layouts import tensoir_lights
+from radiogs_datasets.layouts import tensoir
 from radiogs_datasets.lights import latitude_longitude, read_light
 
 SIDE = 32
@@ -128,7 +128,7 @@ def test_a_light_in_another_shape_is_refused_by_name_wherever_it_is_read(
 ) -> None:
     path = tmp_path / "light.hdr"
     write_hdr(path, np.random.default_rng(0).random((*shape, 3)) + 0.1)
-    for read in (read_light, tensoir_lights.read_light, read_environment):
+    for read in (read_light, tensoir.read_light, read_environment):
         with pytest.raises(DataError, match=f"is {shape[1]} x {shape[0]} pixels: no latitude-longitude map") as found:
             read(path)
         assert why in found.value.why

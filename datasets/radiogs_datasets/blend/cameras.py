@@ -13,6 +13,7 @@ from radiogs_core.scene.scene import View
 from ..cameras.transforms import read_transforms
 from ..generate.cameras import pinhole
 from ..generate.recipe import Rig
+from ..writing import opengl
 from .request import Request
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, math.degrees(0.6911112)
@@ -45,10 +46,7 @@ class Shot:
 
     def opengl(self) -> list[list[float]]:
         """Camera-to-world rows in Blender's axes: x right, y up, looking along -z."""
-        pose = self.camera.camera_to_world.double().clone()
-        pose[:3, 1:3] *= -1
-        rows: list[list[float]] = pose.tolist()
-        return rows
+        return opengl(self.camera)
 
     def view(self) -> View:
         """The camera under the view's name, without maps."""

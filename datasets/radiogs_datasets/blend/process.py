@@ -11,6 +11,8 @@ from typing import Any
 
 from radiogs_core.errors import DataError, UsageError
 
+from ..generate.probe import failure_of
+
 PYTHON_VARIABLE = "RADIOGS_BENCH_BLENDER_PYTHON"
 """Names another Python that has ``bpy``: its wheels are for one version of Python each, and pin NumPy."""
 
@@ -47,16 +49,7 @@ def require_blender() -> None:
 
 def blender_failure() -> str | None:
     """The last words of a trial import that failed; None if it worked."""
-    try:
-        run = subprocess.run(
-            [blender_python(), "-c", "import bpy"], capture_output=True, text=True, check=False, env=environment()
-        )
-    except OSError as error:
-        return error.strerror or str(error)
-    if run.returncode == 0:
-        return None
-    lines = run.stderr.strip().splitlines()
-    return lines[-1] if lines else f"exit code {run.returncode}"
+    return failure_of([blender_python(), "-c", "import bpy"], environment())
 
 
 class Blender:
@@ -102,16 +95,14 @@ class Blender:
         except BrokenPipeError:
             line = ""
         if not line:
+            lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+            printed = " / ".join(lines[-LAST_LINES:])[:500] or "nothing"
             raise DataError(
                 f"Blender's process ended by itself (exit code {self._process.wait()}) at the task '{task}'",
-                f"It last printed: {self._last_words()}",
+                f"It last printed: {printed}",
                 f"What is finished is kept; the same command goes on. All that it printed is in {self._log}.",
             )
         answer = json.loads(line)
         if "error" in answer:
             raise DataError(*(answer["error"][part] for part in ("what", "why", "remedy")))
         return answer["done"]
-
-    def _last_words(self) -> str:
-        lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        return " / ".join(lines[-LAST_LINES:])[:500] or "nothing"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 
-from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir import TRAINING_LIGHT
 
 LIGHT_FILES = (".hdr", ".exr")
 SCHEMA = 1

@@ -25,15 +25,14 @@ from radiogs_core.own_files import require_own_folders
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir import TRAINING_LIGHT
 from ..lights import read_light
-from ..new_scene import require_new, write_display, write_transforms
+from ..writing import require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots
-from .light_maps import refined
 from .passes import Maps
 from .process import Blender, require_blender
 from .request import Request
-from .studio import Studio
+from .studio import Studio, refined
 
 Metadata = dict[str, Any]
 
@@ -147,22 +146,18 @@ def write_view(studio: Studio, shot: Shot, folder: Path, state: Path) -> None:
     maps = studio.take(shot, keep=studio.passes / f"{shot.name}.exr" if test and studio.passes else None)
     write_display(place / "rgba.png", maps.image, maps.alpha, maps.alpha)
     if test:
-        _write_maps(maps, place)
+        write_png(place / "albedo.png", np.concatenate([maps.albedo, maps.alpha], -1))
+        write_png(place / "normal.png", np.concatenate([maps.normal * 0.5 + 0.5, maps.alpha], -1))
+        if maps.roughness is not None:
+            write_png(place / "roughness.png", maps.roughness)
+        for name in ("depth", "direct", "indirect", "incident_indirect"):
+            write_exr(place / f"{name}.exr", getattr(maps, name))
         for light in studio.lights.keys() - {TRAINING_LIGHT}:
             relit = studio.take(shot, light)
             write_display(place / f"rgba_{light}.png", relit.image, relit.alpha, maps.alpha)
             write_exr(place / f"indirect_{light}.exr", relit.indirect)
     (state / f"{shot.name}.json").write_text(json.dumps(measures(maps)), encoding="utf-8")
     place.replace(folder / shot.name)
-
-
-def _write_maps(maps: Maps, place: Path) -> None:
-    write_png(place / "albedo.png", np.concatenate([maps.albedo, maps.alpha], -1))
-    write_png(place / "normal.png", np.concatenate([maps.normal * 0.5 + 0.5, maps.alpha], -1))
-    if maps.roughness is not None:
-        write_png(place / "roughness.png", maps.roughness)
-    for name in ("depth", "direct", "indirect", "incident_indirect"):
-        write_exr(place / f"{name}.exr", getattr(maps, name))
 
 
 def measures(maps: Maps) -> dict[str, float | dict[str, float]]:
@@ -193,19 +188,24 @@ def describe(
     radiance = sum(each["radiance"] for each in test)
     scored = next(shot for shot in views if shot.split == "test")
     first, second = studio.take(scored), studio.take(scored, other_seed=True)
+    shown = [srgb_encode(torch.from_numpy(each.image)).clamp(0, 1).numpy() for each in (first, second)]
     deeper = studio.take(scored, bounces=2 * request.bounces)
     identity = request.identity()
     return {
         "scene": request.file.stem,
         "purpose": "rendered from a .blend file by Blender Cycles",
         **{name: identity[name] for name in ("seed", "samples", "bounces", "device", "file", "cameras")},
-        "noise_floor_db": display_floor(first, second),
-        "noise_floors_db": {name: floor(first, second, name) for name in NOISY},
+        "noise_floor_db": _psnr(*shown),
+        "noise_floors_db": {name: _psnr(getattr(first, name), getattr(second, name)) for name in NOISY},
         "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
         "indirect_share": _share(sum(each["indirect"] for each in test), radiance),
         "largest_closure_error": max(each["closure"] for each in measured.values()),
         "views_of_nothing": [name for name, each in measured.items() if not each["covered"]],
-        "energy_of_what_the_brdf_cannot_say": _features(test, radiance),
+        "energy_of_what_the_brdf_cannot_say": {
+            name: share
+            for name in test[0]["features"]
+            if (share := _share(sum(each["features"][name] for each in test), radiance)) >= SMALLEST_SHARE
+        },
         "materials": opened["materials"],
         "materials_not_understood": opened["not_understood"],
         "opened": {name: opened[name] for name in OPENED},
@@ -219,26 +219,11 @@ OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_sy
           "volumes", "other_scenes")  # fmt: skip
 
 
-def floor(first: Maps, second: Maps, name: str) -> float | None:
-    """PSNR in dB of a map between two seeds, in its own values; None where they are equal."""
-    return _psnr(getattr(first, name), getattr(second, name))
-
-
-def display_floor(first: Maps, second: Maps) -> float | None:
-    """PSNR in dB between two seeds in display colour, multiplied by alpha; None where they are equal."""
-    shown = [srgb_encode(torch.from_numpy(each.image)).clamp(0, 1).numpy() for each in (first, second)]
-    return _psnr(*shown)
-
-
 def _psnr(first: np.ndarray, second: np.ndarray) -> float | None:
+    """PSNR in dB between two maps; None where they are equal."""
     error = float(np.square((first - second).astype(np.float64)).mean())
     return round(-10 * math.log10(error), 2) if error else None
 
 
 def _share(part: float, whole: float) -> float:
     return round(part / whole, 4) if whole else 0.0
-
-
-def _features(test: Sequence[Mapping[str, Any]], radiance: float) -> dict[str, float]:
-    shares = {name: _share(sum(each["features"][name] for each in test), radiance) for name in test[0]["features"]}
-    return {name: share for name, share in shares.items() if share >= SMALLEST_SHARE}

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError
 
@@ -43,30 +42,26 @@ def chosen_model(folder: Path) -> tuple[Path | None, tuple[str, ...]]:
     largest. Raises DataError where the first cannot be read; of the others it is said.
     """
     places, sizes, said = models_in(folder), dict[Path, int](), []
+    named = {place: place.relative_to(folder).as_posix() for place in places}
     for place in places:
         try:
-            sizes[place] = len(_poses(files_of(place)[1]))
+            sizes[place] = len(_images(files_of(place)[1]))
         except DataError as error:
             if place == places[0]:
                 raise
-            said.append(f"the model in {_named(folder, place)} is not used: {error.what}")
+            said.append(f"the model in {named[place]} is not used: {error.what}")
     if not places:
         return None, ()
     largest = max(sizes, key=lambda place: sizes[place])
-    rest = [f"{_named(folder, place)} ({count} photos)" for place, count in sizes.items() if place != largest]
+    rest = [f"{named[place]} ({count} photos)" for place, count in sizes.items() if place != largest]
     if rest:
         said.append(
-            f"the model in {_named(folder, largest)} is used ({sizes[largest]} photos), the largest;"
-            f" not used: {', '.join(rest)}"
+            f"the model in {named[largest]} is used ({sizes[largest]} photos), the largest; not used: {', '.join(rest)}"
         )
-    return largest, (*said, *_text_beside(folder, largest))
+    return largest, (*said, *_text_beside(largest, named[largest]))
 
 
-def _named(folder: Path, place: Path) -> str:
-    return place.relative_to(folder).as_posix()
-
-
-def _text_beside(folder: Path, place: Path) -> tuple[str, ...]:
+def _text_beside(place: Path, named: str) -> tuple[str, ...]:
     """A sentence on text files beside the binary ones that are read, and whether they list the same poses."""
     names = [f"{part}.txt" for part in PARTS if (place / f"{part}.txt").is_file()]
     images = files_of(place)[1]
@@ -75,21 +70,17 @@ def _text_beside(folder: Path, place: Path) -> tuple[str, ...]:
     differ = ""
     if (place / "images.txt").is_file():
         try:
-            stored, written = ({each.name: each for each in _poses(path)} for path in (images, place / "images.txt"))
-            same = stored.keys() == written.keys() and all(_close(stored[name], written[name]) for name in stored)
+            stored, written = (
+                {each.name: (*each.rotation, *each.translation) for each in _images(path)}
+                for path in (images, place / "images.txt")
+            )
+            same = stored.keys() == written.keys() and all(
+                np.allclose(motion, written[name], rtol=1e-6, atol=1e-6) for name, motion in stored.items()
+            )
             differ = "" if same else "; they hold other photos or poses"
         except DataError:
             differ = "; they cannot be read"
-    return (f"{', '.join(names)} in {_named(folder, place)} are not used: the binary files are{differ}",)
-
-
-def _poses(path: Path) -> tuple[StoredImage, ...]:
-    return read_binary_images(path) if path.suffix == ".bin" else read_text_images(path)
-
-
-def _close(first: StoredImage, second: StoredImage) -> bool:
-    values = [np.array([*each.rotation, *each.translation]) for each in (first, second)]
-    return bool(np.allclose(values[0], values[1], rtol=1e-6, atol=1e-6))
+    return (f"{', '.join(names)} in {named} are not used: the binary files are{differ}",)
 
 
 def files_of(folder: Path) -> tuple[Path, Path, Path]:
@@ -108,14 +99,24 @@ def files_of(folder: Path) -> tuple[Path, Path, Path]:
 def read_model(folder: Path) -> SparseModel:
     """Read and check a model; which photo saw which point is left out. Raises DataError."""
     cameras, images, points = files_of(folder)
-    if cameras.suffix == ".bin":
-        positions, colours = read_binary_points(points)
-        model = SparseModel(read_binary_cameras(cameras), read_binary_images(images), positions, colours)
-    else:
-        positions, colours = read_text_points(points)
-        model = SparseModel(read_text_cameras(cameras), read_text_images(images), positions, colours)
+    rows = _binary_points(points) if points.suffix == ".bin" else _records(points, _point)
+    found = np.array(sorted(rows), np.float64).reshape(-1, 7)
+    model = SparseModel(_cameras(cameras), _images(images), found[:, 1:4].copy(), found[:, 4:].astype(np.uint8))
     require_sound(folder, model)
     return model
+
+
+def _cameras(path: Path) -> dict[int, StoredCamera]:
+    cameras: dict[int, StoredCamera] = {}
+    for number, camera in _binary_cameras(path) if path.suffix == ".bin" else _text_cameras(path):
+        if number in cameras:
+            raise wrong(path, f"camera {number} is listed twice")
+        cameras[number] = camera
+    return cameras
+
+
+def _images(path: Path) -> tuple[StoredImage, ...]:
+    return tuple(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
 
 
 MODEL_NAMES = {
@@ -189,44 +190,36 @@ class _Reader:
             raise wrong(self.path, f"{claim or 'it is cut off'}, with {left} bytes left")
 
 
-def read_binary_cameras(path: Path) -> dict[int, StoredCamera]:
-    """Cameras by their number. Raises DataError."""
-    reader, cameras = _Reader(path), {}
+def _binary_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
+    """Cameras with their numbers."""
+    reader = _Reader(path)
     for _ in reader.records(CAMERA.size):
         number, kind, width, height = reader.take(CAMERA)
         model = MODEL_NAMES.get(kind, f"number {kind}")
         if model not in PARAMETERS:
             # How many parameters follow is not known of every model; without a lens the rest is of no use.
             raise unsupported(path, number, model)
-        parameters = reader.take(struct.Struct(f"<{len(PARAMETERS[model])}d"))
-        if number in cameras:
-            raise wrong(path, f"camera {number} is listed twice")
-        cameras[number] = StoredCamera(model, width, height, parameters)
-    return cameras
+        yield number, StoredCamera(model, width, height, reader.take(struct.Struct(f"<{len(PARAMETERS[model])}d")))
 
 
-def read_binary_images(path: Path) -> tuple[StoredImage, ...]:
-    """Photos in the file's order; where features lie in them is skipped. Raises DataError."""
-    reader, images = _Reader(path), []
+def _binary_images(path: Path) -> Iterator[StoredImage]:
+    """Photos in the file's order; where features lie in them is skipped."""
+    reader = _Reader(path)
     for _ in reader.records(IMAGE.size + 1 + COUNT.size):
         _, *motion, camera = reader.take(IMAGE)
         name = reader.name()
         (features,) = reader.take(COUNT)
         reader.skip(features, OBSERVATION)
-        images.append(StoredImage(name, camera, tuple(motion[:4]), tuple(motion[4:])))
-    return tuple(images)
+        yield StoredImage(name, camera, tuple(motion[:4]), tuple(motion[4:]))
 
 
-def read_binary_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """World positions and 8-bit colours [points, 3], in the order of their numbers. Raises DataError."""
-    reader, found = _Reader(path), []
+def _binary_points(path: Path) -> Iterator[tuple[float, ...]]:
+    """Number, world position and 8-bit colour of each point."""
+    reader = _Reader(path)
     for _ in reader.records(POINT.size):
-        number, x, y, z, red, green, blue, _, length = reader.take(POINT)
+        *point, _, length = reader.take(POINT)
         reader.skip(length, TRACK_ENTRY)
-        found.append((number, x, y, z, red, green, blue))
-    found.sort()
-    table = np.array(found, np.float64).reshape(-1, 7)
-    return table[:, 1:4].copy(), table[:, 4:].astype(np.uint8)
+        yield tuple(point)
 
 
 Read = TypeVar("Read")
@@ -234,32 +227,30 @@ Read = TypeVar("Read")
 LARGEST_NUMBER = 1 << 63
 
 
-def read_text_cameras(path: Path) -> dict[int, StoredCamera]:
-    """Cameras by their number. Raises DataError."""
-    cameras: dict[int, StoredCamera] = {}
-    for place, line in _lines(path):
-        number, camera = _parsed(path, place, line, _camera)
+def _text_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
+    """Cameras with their numbers."""
+    count = 0
+    for number, camera in _records(path, _camera):
         if camera.model not in PARAMETERS:
             raise unsupported(path, number, camera.model)
-        if number in cameras:
-            raise wrong(path, f"camera {number} is listed twice")
-        cameras[number] = camera
-    _require_counted(path, len(cameras))
-    return cameras
+        count += 1
+        yield number, camera
+    _require_counted(path, count)
 
 
-def read_text_images(path: Path) -> tuple[StoredImage, ...]:
-    """Photos in the file's order; the second line of each, its features, is skipped. Raises DataError.
+def _text_images(path: Path) -> Iterator[StoredImage]:
+    """Photos in the file's order; the second line of each, its features, is skipped.
 
-    Also where that line is no list of features: a file without these lines would lose every second photo.
+    Raises DataError where that line is no list of features: without it every second photo would be lost.
     """
     lines = _text(path).split("\n")
-    images, place = [], 0
+    count = place = 0
     while place < len(lines):
         line = lines[place].strip()
         place += 1
         if line and not line.startswith("#"):
-            images.append(_parsed(path, place, line, _image))
+            count += 1
+            yield _parsed(path, place, line, _image)
             if place < len(lines) and not _features(lines[place]):
                 raise DataError(
                     f"cannot read {path}: line {place + 1} is no list of features: {lines[place].strip():.60}",
@@ -268,8 +259,7 @@ def read_text_images(path: Path) -> tuple[StoredImage, ...]:
                     "Write an empty line after each pose.",
                 )
             place += 1
-    _require_counted(path, len(images))
-    return tuple(images)
+    _require_counted(path, count)
 
 
 def _features(line: str) -> bool:
@@ -290,13 +280,6 @@ def _require_counted(path: Path, found: int) -> None:
             "It was cut off, or lines are missing.",
             "Export the model anew (colmap model_converter); or correct the header, if the list is as you mean it.",
         )
-
-
-def read_text_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """World positions and 8-bit colours [points, 3], in the order of their numbers. Raises DataError."""
-    found = sorted(_parsed(path, place, line, _point) for place, line in _lines(path))
-    table = np.array(found, np.float64).reshape(-1, 7)
-    return table[:, 1:4].copy(), table[:, 4:].astype(np.uint8)
 
 
 def _camera(line: str) -> tuple[int, StoredCamera]:
@@ -325,11 +308,11 @@ def _whole(text: str) -> int:
     return number
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers from one on, without comments and empty ones."""
+def _records(path: Path, parse: Callable[[str], Read]) -> Iterator[Read]:
+    """The content of each line that is neither empty nor a comment."""
     for place, line in enumerate(_text(path).split("\n"), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
-            yield place, line.strip()
+            yield _parsed(path, place, line.strip(), parse)
 
 
 def _text(path: Path) -> str:

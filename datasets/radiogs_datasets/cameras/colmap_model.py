@@ -9,15 +9,13 @@ from numpy import ndarray
 
 from radiogs_core.errors import DataError
 
+from ..image_structure import LARGEST_SIDE
 from .lens import PARAMETERS
 
 LARGEST_COORDINATE = 1e15
 """Largest coordinate of a camera or point: squares of larger distances are not finite in float32."""
 
 SHORTEST_QUATERNION = 1e-6
-
-LARGEST_SIDE = 1 << 16
-"""Pixels a side of a photo, as ``image_structure`` bounds them."""
 
 
 @dataclass(frozen=True)

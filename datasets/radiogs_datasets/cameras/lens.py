@@ -13,7 +13,7 @@ ORDER: Mapping[Projection, tuple[str, ...]] = {
 }
 """Coefficients of both models in the order in which OpenCV takes them."""
 
-COEFFICIENT_NAMES = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 
 LENS = ("fx", "fy", "cx", "cy")
 
@@ -73,9 +73,7 @@ class Lens:
         """Share of its distance from the principal point by which distortion moves the image's farthest corner."""
         across = max(abs(self.cx), abs(self.width - self.cx)) / self.fx
         down = max(abs(self.cy), abs(self.height - self.cy)) / self.fy
-        named = dict.fromkeys(COEFFICIENT_NAMES, 0.0) | dict(
-            zip(ORDER[self.projection], self.coefficients, strict=False)
-        )
+        named = dict.fromkeys(COEFFICIENTS, 0.0) | dict(zip(ORDER[self.projection], self.coefficients, strict=False))
         square = across**2 + down**2
         radial = 1 + sum(named[f"k{power}"] * square**power for power in (1, 2, 3))
         if self.projection == "fisheye":

@@ -28,13 +28,13 @@ from .transforms_fields import (
     lens_of_fields,
     said_of_fields,
     with_known_names,
+    wrong_field,
 )
 
 SPLITS = ("train", "val", "test")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
-
 
 DEPTH_UNIT = 1e-3
 """World units of a level of a depth map where the file does not say: nerfstudio's millimetres."""
@@ -88,12 +88,12 @@ class Transforms:
 
 def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
     """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
-    notes: Counter[str] = Counter()
-
-    def note(sentence: str) -> None:
-        notes[sentence] += 1
-
-    table = with_known_names(_read_object(path) if content is None else content, note)
+    notes: list[str] = []
+    note = notes.append
+    table = read_json(path) if content is None else content
+    if not isinstance(table, dict):
+        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
+    table = with_known_names(table, note)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:
         raise DataError(
@@ -102,17 +102,35 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
     frames = [with_known_names(frame, note) if isinstance(frame, dict) else frame for frame in frames]
     own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]
     common = None if all(own) else lens_of_fields(str(path), table, note)
-    _check_applied(path, table.get("applied_transform"))
+    if (applied := table.get("applied_transform")) is not None:
+        # nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked.
+        what = f"{path}: 'applied_transform'"
+        _rigid(what, applied, "It says how the poses were turned into the world that they are in.")
     frames = _without_scale(frames, note)
+    meaning = table.get("masks")
+    if meaning not in (None, *get_args(Meaning)):
+        why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
+        raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
     unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
     return Transforms(
         tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
-        _masks(path, table),
-        (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in notes.items())),
+        meaning,
+        (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in Counter(notes).items())),
     )
+
+
+def read_splits(folder: Path) -> dict[Path, Transforms]:
+    """The files of a scene's training and test views, by their paths. Raises DataError as ``read_transforms``."""
+    tables = (folder / f"transforms_{split}.json" for split in ("train", "test"))
+    return {table: read_transforms(table) for table in tables}
+
+
+def said_of_files(files: Mapping[Path, Transforms]) -> tuple[str, ...]:
+    """Sentences on what of each file is not used."""
+    return tuple(f"{table.name}: {said}" for table, each in files.items() for said in each.said)
 
 
 def _without_scale(frames: list[object], note: Note) -> list[object]:
@@ -142,22 +160,11 @@ def _without_scale(frames: list[object], note: Note) -> list[object]:
     return [{**frame, "transform_matrix": pose.tolist()} for frame, pose in zip(frames, poses, strict=True)]  # type: ignore[dict-item]
 
 
-def _check_applied(path: Path, rows: object) -> None:
-    """nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked."""
-    if rows is None:
-        return
-    _rigid(f"{path}: 'applied_transform'", rows, "It says how the poses were turned into the world that they are in.")
-
-
 def _depth_unit(path: Path, table: dict[str, Any]) -> float:
     name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
     unit = finite(table.get(name, DEPTH_UNIT))
     if not (math.isfinite(unit) and unit > 0):
-        raise DataError(
-            f"{path}: '{name}' is {table[name]!r:.40}",
-            "It is the length of a level of a depth map in world units.",
-            "Correct the file.",
-        )
+        raise wrong_field(str(path), name, table[name], "It is the length of a level of a depth map in world units.")
     return unit
 
 
@@ -170,31 +177,13 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
     return tuple(names)
 
 
-def _masks(path: Path, table: dict[str, Any]) -> str | None:
-    meaning = table.get("masks")
-    if meaning not in (None, *get_args(Meaning)):
-        raise DataError(
-            f"{path}: 'masks' is {meaning!r:.40}",
-            "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore).",
-            "Write 'object' or 'ignore'.",
-        )
-    return meaning
-
-
 def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
     """The first of some fields that is there, as a path."""
     name = next((name for name in names if fields.get(name) is not None), None)
     value = None if name is None else fields[name]
     if value is not None and (not isinstance(value, str) or not value or "\0" in value):
-        raise DataError(f"{what}: '{name}' is {value!r:.40}", "It must be the path of a file.", "Correct the file.")
+        raise wrong_field(what, str(name), value, "It must be the path of a file.")
     return value
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    table = read_json(path)
-    if not isinstance(table, dict):
-        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
-    return table
 
 
 def _frame(

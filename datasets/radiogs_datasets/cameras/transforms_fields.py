@@ -10,17 +10,15 @@ by name when they are set; those known to be harmless are passed over; any other
 
 import math
 import re
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from radiogs_core.errors import DataError
 
-from .lens import LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
+from .lens import COEFFICIENTS, LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
 
 SIZE = ("w", "h")
 PIXELS = ("fl_x", "fl_y", "cx", "cy")
-COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "orthographic", "rolling_shutter")
 """instant-ngp's fields for cameras that cannot be made a pinhole."""
 
@@ -45,9 +43,13 @@ OTHER_FOCAL = 0.02
 LensOfSize = Callable[[int, int], Lens]
 """The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
 
-
 Note = Callable[[str], object]
 """Takes a sentence on what was read in another way than it is written."""
+
+
+def wrong_field(what: str, name: str, value: object, why: str, remedy: str = "Correct the file.") -> DataError:
+    """The error for a value that a field cannot have; ``what`` names its file or frame."""
+    return DataError(f"{what}: '{name}' is {value!r:.40}", why, remedy)
 
 
 def with_known_names(fields: Mapping[str, Any], note: Note) -> dict[str, Any]:
@@ -95,11 +97,8 @@ def _in_radians(what: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
     for name, ours in zip(ANGLES[2:], ANGLES[:2], strict=True):
         if (value := fields.get(name)) is not None:
             if not math.pi < finite(value) < 180:
-                raise DataError(
-                    f"{what}: '{name}' is {value!r:.40}",
-                    "Degrees are between 3.15 and 180; whether a smaller number means radians cannot be told.",
-                    f"Write '{ours}', in radians.",
-                )
+                why = "Degrees are between 3.15 and 180; whether a smaller number means radians cannot be told."
+                raise wrong_field(what, name, value, why, f"Write '{ours}', in radians.")
             angles[ours] = math.radians(finite(value))
     return {**fields, **angles}
 
@@ -131,11 +130,8 @@ def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent
 def _ratio(what: str, name: str, angle: object) -> float:
     """Focal length over the side that an angle of view spans."""
     if not 0 < finite(angle) < math.pi:
-        raise DataError(
-            f"{what}: '{name}' is {angle!r:.40}",
-            "It must be a field of view in radians, between 0 and pi; the focal length follows from it.",
-            "Correct the file.",
-        )
+        why = "It must be a field of view in radians, between 0 and pi; the focal length follows from it."
+        raise wrong_field(what, name, angle, why)
     return 0.5 / math.tan(0.5 * finite(angle))
 
 
@@ -214,18 +210,11 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
     named = {name: finite(fields[name]) for name in COEFFICIENTS if fields.get(name) is not None}
     broken = [name for name, value in named.items() if not math.isfinite(value)]
     if broken:
-        raise DataError(
-            f"{what}: '{broken[0]}' is {fields[broken[0]]!r:.40}",
-            "A coefficient of distortion is a finite number.",
-            "Correct the file.",
-        )
+        raise wrong_field(what, broken[0], fields[broken[0]], "A coefficient of distortion is a finite number.")
     model = fields.get("camera_model", "OPENCV_FISHEYE" if is_set(fields.get("is_fisheye")) else None)
     if model is not None and (not isinstance(model, str) or model not in PARAMETERS):
-        raise DataError(
-            f"{what}: 'camera_model' is {model!r:.40}",
-            f"Undistorted on reading are: {', '.join(PARAMETERS)}.",
-            "Undistort the images first.",
-        )
+        why = f"Undistorted on reading are: {', '.join(PARAMETERS)}."
+        raise wrong_field(what, "camera_model", model, why, "Undistort the images first.")
     known = COMMON if model in (None, "OPENCV") else frozenset(PARAMETERS[model]) - {*LENS, "f"}
     foreign = [name for name, value in named.items() if value and name not in known]
     if foreign:
@@ -291,21 +280,20 @@ CHANGES_IMAGES = re.compile(
 """Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene."""
 
 
-def _usual(name: str, value: object) -> bool:
-    """Whether a field says in words how poses are read anyway."""
-    return isinstance(value, str) and bool(CONVENTION.fullmatch(name)) and value.strip().lower() in SAME_CONVENTION
-
-
 def said_of_fields(what: str, table: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """A sentence on fields that are not known and not read. Raises DataError for those that could change an image.
 
     ``what`` names the file. A field of all frames with one and the same value of nothing (null, false, zero, empty)
     says nothing.
     """
-    pairs = [(name, value) for holder in (table, *frames) for name, value in holder.items()]
-    counts = Counter(name for name, value in pairs if is_set(value) and not _usual(name, value))
-    known = READ | HARMLESS
-    unknown = [name for name in counts if name not in known and not HARMLESS_NAMES.fullmatch(name)]
+    pairs = [(name, value) for holder in (table, *frames) for name, value in holder.items() if is_set(value)]
+    # A field that states the usual convention in words is as good as none.
+    names = dict.fromkeys(
+        name
+        for name, value in pairs
+        if not (CONVENTION.fullmatch(name) and str(value).strip().lower() in SAME_CONVENTION)
+    )
+    unknown = [name for name in names if name not in READ | HARMLESS and not HARMLESS_NAMES.fullmatch(name)]
     refused = sorted(name for name in unknown if CHANGES_IMAGES.fullmatch(name))
     if refused:
         places = [place for place, frame in enumerate(frames) if refused[0] in frame]

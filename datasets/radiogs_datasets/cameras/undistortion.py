@@ -1,4 +1,4 @@
-"""The pinhole image that a distorted photo holds, by OpenCV.
+"""Undoes the distortion of photos, by OpenCV: the image that a pinhole camera in the same place would take.
 
 The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel. Its image grows where the lens
 has drawn a wide view together, and is cut to a rectangle all of whose pixels the photo shows, as that of COLMAP's
@@ -177,11 +177,8 @@ def _unfolded(
     )
     own = whole & (parts == parts[middle])
     taken = np.where(own, area, 0).astype(np.float32)
-
-    def spread(coarse: NDArray) -> NDArray:
-        return coarse.repeat(step, 0).repeat(step, 1)[:height, :width]
-
-    return spread(own), spread(taken)
+    unfolded, pixels = (coarse.repeat(step, 0).repeat(step, 1)[:height, :width] for coarse in (own, taken))
+    return unfolded, pixels
 
 
 def _whole_rectangle(good: NDArray[np.bool_]) -> tuple[int, int, int, int]:

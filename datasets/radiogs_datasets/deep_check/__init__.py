@@ -1,6 +1,6 @@
 """The deep checks of a scene: which evidence there is, and in which order it is checked."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 
 from radiogs_core.scene.scene import Scene
 
@@ -11,30 +11,18 @@ from .map_agreement import map_agreement
 from .matches import epipolar_agreement
 from .poses import poses
 from .radiance import radiance
+from .recorded_lights import recorded_lights
 from .reprojection import reprojection
-from .shading import shading
 from .shape_maps import shape_maps
 from .silhouettes import silhouettes
 
 Check = Callable[[Evidence], Iterator[Finding]]
 
-OF_CAMERAS: Mapping[str, Check] = {
-    "poses": poses,
-    "silhouettes": silhouettes,
-    "reprojection": reprojection,
-    "matches": epipolar_agreement,
-}
+OF_CAMERAS: tuple[Check, ...] = (poses, silhouettes, reprojection, epipolar_agreement)
 """Checks of cameras, the surest first: a view that one of them has named is not named by the next."""
 
-OF_VALUES: Mapping[str, Check] = {
-    "shape maps": shape_maps,
-    "exposure": exposure,
-    "map agreement": map_agreement,
-    "radiance": radiance,
-    "shading": shading,
-}
+OF_VALUES: tuple[Check, ...] = (shape_maps, exposure, map_agreement, radiance, recorded_lights)
 """Checks of images and maps. A wrong camera would mislead them, so they are left out where all cameras are wrong."""
-
 
 WHOLE_MAPS = {"depth", "normal"}
 """Places of findings that concern a map of all test views: what is wrong in all of them is no evidence afterwards."""
@@ -55,13 +43,13 @@ def deep_findings(scene: Scene, advance: Advance = lambda done, total: None) -> 
     """Contradictions between the parts of a scene. Raises DataError for a damaged file."""
     evidence = gather(scene, advance)
     named: set[str] = set()
-    for check in OF_CAMERAS.values():
+    for check in OF_CAMERAS:
         found = [] if "all views" in named else [each for each in check(evidence) if each.place not in named]
         named |= {each.place for each in found}
         yield from found
     if "all views" not in named:
         sound = evidence.without(named)
-        for check in OF_VALUES.values():
+        for check in OF_VALUES:
             found = list(check(sound))
             yield from found
             for name in WHOLE_MAPS & {each.place for each in found}:

@@ -3,9 +3,9 @@
 Reflections of an image are written as cameras with left-handed axes, so that every alternative is a camera.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ class Cameras:
         return Cameras(*(getattr(self, name)[chosen] for name in FIELDS))
 
     def with_one(self, place: int, other: "Cameras") -> "Cameras":
-        """A copy in which the single camera of ``other`` stands at ``place``."""
+        """A copy whose camera at ``place`` is the single camera of ``other``."""
         parts = {name: getattr(self, name).copy() for name in FIELDS}
         for name in FIELDS:
             parts[name][place] = getattr(other, name)[0]
@@ -81,215 +81,151 @@ def stacked(cameras: Sequence[Camera]) -> Cameras:
     )
 
 
-Change = Callable[[Cameras], Cameras]
+OPENGL, OPENCV = np.array([1.0, -1.0, -1.0]), np.ones(3)
+"""Signs of a camera's axes beside OpenCV's."""
 
+NEGATED = {
+    "x axis negated (handedness)": (-1.0, 1.0, 1.0), "y axis negated (handedness)": (1.0, -1.0, 1.0),
+    "z axis negated (handedness)": (1.0, 1.0, -1.0), "x and z axes negated": (-1.0, 1.0, -1.0),
+}  # fmt: skip
+"""Signs of a camera's axes by words for what is wrong with them."""
 
-@dataclass(frozen=True)
-class Alternative:
-    """Another reading of cameras: what it says of the file, and the cameras under it.
-
-    ``of_world``: whether it turns or mirrors the world, so that only views of which some have it differ.
-    """
-
-    says: str
-    change: Change
-    of_world: bool = False
-
-
-def _image(flip_x: bool, flip_y: bool, cameras: Cameras) -> Cameras:
-    """The stored images are mirrored: left to right, upside down, or both."""
-    sign = np.array([-1.0 if flip_x else 1.0, -1.0 if flip_y else 1.0])
-    principal = np.where(sign < 0, cameras.size - cameras.principal, cameras.principal)
-    return replace(cameras, axes=cameras.axes * np.append(sign, 1.0), principal=principal)
-
-
-def _transposed_image(cameras: Cameras) -> Cameras:
-    """Rows and columns of the stored images are exchanged; for square images."""
-    swap = [1, 0]
-    return replace(
-        cameras, axes=cameras.axes[:, :, [1, 0, 2]], focal=cameras.focal[:, swap],
-        principal=cameras.principal[:, swap], size=cameras.size[:, swap],
-    )  # fmt: skip
-
-
-def _quarter(flip_x: bool, cameras: Cameras) -> Cameras:
-    return _image(flip_x, not flip_x, _transposed_image(cameras))
-
-
-def _axes(signs: tuple[float, float, float], cameras: Cameras) -> Cameras:
-    return replace(cameras, axes=cameras.axes * np.array(signs))
-
-
-def _transposed(cameras: Cameras) -> Cameras:
-    return replace(cameras, axes=cameras.axes.transpose(0, 2, 1))
-
-
-def _transposed_gl(cameras: Cameras) -> Cameras:
-    """The transpose was taken before OpenGL axes were read as OpenCV axes."""
-    signs = np.array([1.0, -1.0, -1.0])
-    return replace(cameras, axes=(cameras.axes * signs).transpose(0, 2, 1) * signs)
-
-
-def _inverted(opengl: bool, cameras: Cameras) -> Cameras:
-    """World-to-camera was read as camera-to-world."""
-    signs = np.array([1.0, -1.0, -1.0]) if opengl else np.ones(3)
-    axes = (cameras.axes * signs).transpose(0, 2, 1)
-    return replace(cameras, axes=axes * signs, centre=-np.einsum("vij,vj->vi", axes, cameras.centre))
-
-
-def _world(matrix: Array, what: str, cameras: Cameras) -> Cameras:
-    """Positions, rotations or both were written in other axes of the world."""
-    axes = cameras.axes if what == "centre" else np.einsum("ij,vjk->vik", matrix, cameras.axes)
-    return replace(cameras, axes=axes, centre=cameras.centre if what == "axes" else cameras.centre @ matrix.T)
-
-
-def _mirrored(matrix: Array, cameras: Cameras) -> Cameras:
-    """The pose was mirrored in the world and, to stay a rotation, along the camera's x axis."""
-    return _axes((-1.0, 1.0, 1.0), _world(matrix, "both", cameras))
-
-
-def _nearer(factor: float, cameras: Cameras) -> Cameras:
-    """Distances of the cameras from what they look at were scaled."""
-    middle = cameras.looked_at if len(cameras) > 2 else np.zeros(3)
-    return replace(cameras, centre=middle + (cameras.centre - middle) * factor)
-
-
-def _zoomed(factor: float, axis: int | None, cameras: Cameras) -> Cameras:
-    factors = np.full(2, factor) if axis is None else np.where(np.arange(2) == axis, factor, 1.0)
-    return replace(cameras, focal=cameras.focal * factors)
-
-
-def rolled(degrees: float, cameras: Cameras) -> Cameras:
-    """Turned about the optical axis, clockwise as seen from behind the camera."""
-    angle = np.radians(degrees)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    return replace(cameras, axes=cameras.axes @ turn)
-
-
-def moved(pixels: Array, cameras: Cameras) -> Cameras:
-    """The principal point moved by (columns, rows)."""
-    return replace(cameras, principal=cameras.principal + pixels)
-
-
-IMAGES: tuple[Alternative, ...] = (
-    Alternative("the image mirrored left to right", partial(_image, True, False)),
-    Alternative("the image upside down (top and bottom exchanged)", partial(_image, False, True)),
-    Alternative("the image turned by 180 degrees", partial(_image, True, True)),
-)
-SQUARE_IMAGES: tuple[Alternative, ...] = (
-    Alternative("the image turned by 90 degrees", partial(_quarter, True)),
-    Alternative("the image turned by 90 degrees the other way", partial(_quarter, False)),
-    Alternative("the image with rows and columns exchanged", _transposed_image),
-)
-
-
-def _axis_matrix(rows: Sequence[Sequence[float]]) -> Array:
-    return np.array(rows, dtype=float)
-
-
-X_MIRROR, Y_MIRROR, Z_MIRROR = (np.diag([-1.0 if place == axis else 1.0 for place in range(3)]) for axis in range(3))
-Y_UP = _axis_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-
-POSES: tuple[Alternative, ...] = (
-    Alternative("OpenGL axes where OpenCV's were read, or the reverse (y and z negated)",
-                partial(_axes, (1.0, -1.0, -1.0))),
-    Alternative("the rotation transposed", _transposed_gl),
-    Alternative("the rotation transposed (OpenCV axes)", _transposed),
-    Alternative("the pose inverted (world-to-camera where camera-to-world is expected)",
-                partial(_inverted, True)),
-    Alternative("the pose inverted (OpenCV axes)", partial(_inverted, False)),
-    Alternative("the camera's x axis negated (handedness)", partial(_axes, (-1.0, 1.0, 1.0))),
-    Alternative("the camera's y axis negated (handedness)", partial(_axes, (1.0, -1.0, 1.0))),
-    Alternative("the camera's z axis negated (handedness)", partial(_axes, (1.0, 1.0, -1.0))),
-    Alternative("the camera's x and z axes negated", partial(_axes, (-1.0, 1.0, -1.0))),
-    *(
-        Alternative(f"the pose mirrored in the world's {name}", partial(_world, matrix, "both"), True)
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
-    *(
-        Alternative(f"the pose mirrored in the world's {name} as a rotation", partial(_mirrored, matrix), True)
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
-    *(
-        Alternative(f"the position mirrored in the world's {name}", partial(_world, matrix, "centre"))
-        for name, matrix in (("x", X_MIRROR), ("y", Y_MIRROR), ("z", Z_MIRROR))
-    ),
-    Alternative("the position negated", partial(_world, -np.eye(3), "centre")),
-    *(
-        Alternative(f"{what} in a world with {up} up", partial(_world, matrix, part), part == "both")
-        for what, part in (("the pose", "both"), ("the position alone", "centre"), ("the rotation alone", "axes"))
-        for up, matrix in (("Y", Y_UP), ("-Y", Y_UP.T))
-    ),
-)  # fmt: skip
+MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
+Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 FACTORS = (0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0)
+LENGTHS = {
+    "focal length": (True, True), "horizontal focal length": (True, False), "vertical focal length": (False, True),
+}  # fmt: skip
+"""Which of the focal lengths, horizontal and vertical, a name is for."""
 
-LENSES: tuple[Alternative, ...] = (
-    *(Alternative(f"a focal length {factor:g} times the recorded one", partial(_zoomed, factor, None))
-      for factor in FACTORS),
-    *(Alternative(f"a {name} {factor:g} times the recorded one", partial(_zoomed, factor, axis))
-      for axis, name in ((0, "horizontal focal length"), (1, "vertical focal length")) for factor in FACTORS),
-)  # fmt: skip
-
-DISTANCES: tuple[Alternative, ...] = tuple(
-    Alternative(f"the distance from the world's middle {factor:g} times the recorded one",
-                partial(_nearer, factor))
-    for factor in FACTORS
-)  # fmt: skip
-
-ROLLS: tuple[Alternative, ...] = tuple(
-    Alternative(f"the camera turned by {degrees} degrees about its optical axis", partial(rolled, degrees))
-    for degrees in (*range(-45, 0, 5), *range(5, 50, 5), -120, -90, -60, 60, 90, 120, 180, -3, 3)
-)
+ROLLS = (*range(-45, 0, 5), *range(5, 50, 5), -120, -90, -60, 60, 90, 120, 180, -3, 3)
+"""Degrees about the optical axis."""
 
 
-def alternatives(cameras: Cameras, whole: bool) -> Iterator[Alternative]:
-    """Readings to try, those of one view or (``whole``) of all views at once, where a world turned or mirrored as a
-    whole is the same scene."""
-    yield from IMAGES
-    if bool((cameras.size[:, 0] == cameras.size[:, 1]).all()):
-        yield from SQUARE_IMAGES
-    yield from (each for each in POSES if not (whole and each.of_world))
-    yield from LENSES
+def alternatives(own: Cameras, whole: bool) -> Iterator[tuple[str, Cameras]]:
+    """Other readings of cameras: what each supposes of the files, and the cameras under it.
+
+    Readings of one view, or (``whole``) of all views at once, where a world turned or mirrored as a whole is the same
+    scene.
+    """
+    yield from _images(own)
+    yield from _poses(own)
+    yield from _worlds(own, whole)
+    for name, which in LENGTHS.items():
+        for factor in FACTORS:
+            zoomed = replace(own, focal=own.focal * np.where(which, factor, 1.0))
+            yield f"a {name} {factor:g} times the recorded one", zoomed
     if not whole:
-        yield from DISTANCES
-    yield from ROLLS
+        middle = own.looked_at if len(own) > 2 else np.zeros(3)
+        for factor in FACTORS:
+            moved = replace(own, centre=middle + (own.centre - middle) * factor)
+            yield f"the distance from the world's middle {factor:g} times the recorded one", moved
+    for degrees in ROLLS:
+        sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+        rolled = replace(own, axes=own.axes @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]))
+        yield f"the camera turned by {degrees} degrees about its optical axis", rolled
+
+
+def _images(own: Cameras) -> Iterator[tuple[str, Cameras]]:
+    """The stored images are mirrored or turned; by a quarter only where they are square."""
+    yield "the image mirrored left to right", _flipped(own, -1.0, 1.0)
+    yield "the image upside down (top and bottom exchanged)", _flipped(own, 1.0, -1.0)
+    yield "the image turned by 180 degrees", _flipped(own, -1.0, -1.0)
+    if bool((own.size[:, 0] == own.size[:, 1]).all()):
+        swap = [1, 0]
+        transposed = replace(
+            own, axes=own.axes[:, :, [1, 0, 2]], focal=own.focal[:, swap],
+            principal=own.principal[:, swap], size=own.size[:, swap],
+        )  # fmt: skip
+        yield "the image turned by 90 degrees", _flipped(transposed, -1.0, 1.0)
+        yield "the image turned by 90 degrees the other way", _flipped(transposed, 1.0, -1.0)
+        yield "the image with rows and columns exchanged", transposed
+
+
+def _flipped(own: Cameras, across: float, down: float) -> Cameras:
+    sign = np.array([across, down])
+    principal = np.where(sign < 0, own.size - own.principal, own.principal)
+    return replace(own, axes=own.axes * np.append(sign, 1.0), principal=principal)
+
+
+def _poses(own: Cameras) -> Iterator[tuple[str, Cameras]]:
+    """Rotations and positions were written in another convention of the camera."""
+    yield "OpenGL axes where OpenCV's were read, or the reverse (y and z negated)", replace(own, axes=own.axes * OPENGL)
+    # Transposes were taken before axes with these signs were read as OpenCV's.
+    transposed = [((own.axes * signs).transpose(0, 2, 1), signs) for signs in (OPENGL, OPENCV)]
+    for said, (axes, signs) in zip(("", " (OpenCV axes)"), transposed, strict=True):
+        yield f"the rotation transposed{said}", replace(own, axes=axes * signs)
+    inverted = "world-to-camera where camera-to-world is expected", "OpenCV axes"
+    for said, (axes, signs) in zip(inverted, transposed, strict=True):
+        centre = -np.einsum("vij,vj->vi", axes, own.centre)
+        yield f"the pose inverted ({said})", replace(own, axes=axes * signs, centre=centre)
+    for said, negative in NEGATED.items():
+        yield f"the camera's {said}", replace(own, axes=own.axes * np.array(negative))
+
+
+def _worlds(own: Cameras, whole: bool) -> Iterator[tuple[str, Cameras]]:
+    """Positions, rotations or both were written in other axes of the world."""
+
+    def read(matrix: Array, part: str) -> Cameras:
+        axes = own.axes if part == "centre" else np.einsum("ij,vjk->vik", matrix, own.axes)
+        return replace(own, axes=axes, centre=own.centre if part == "axes" else own.centre @ matrix.T)
+
+    if not whole:
+        mirrored = {name: read(matrix, "both") for name, matrix in MIRRORS.items()}
+        for name, cameras in mirrored.items():
+            yield f"the pose mirrored in the world's {name}", cameras
+        for name, cameras in mirrored.items():  # to stay a rotation, it was mirrored along the camera's x axis, too
+            rotation = replace(cameras, axes=cameras.axes * np.array([-1.0, 1.0, 1.0]))
+            yield f"the pose mirrored in the world's {name} as a rotation", rotation
+    for name, matrix in MIRRORS.items():
+        yield f"the position mirrored in the world's {name}", read(matrix, "centre")
+    yield "the position negated", read(-np.eye(3), "centre")
+    for what, part in (("the pose", "both"), ("the position alone", "centre"), ("the rotation alone", "axes")):
+        for up, matrix in (("Y", Y_UP), ("-Y", Y_UP.T)):
+            if not (whole and part == "both"):
+                yield f"{what} in a world with {up} up", read(matrix, part)
 
 
 Cost = Callable[[Cameras], float]
 
 
-@dataclass(frozen=True)
-class Reading:
-    """A reading of cameras, and how badly it fits."""
+class Fit(NamedTuple):
+    """Another reading of cameras or values, and how badly it fits."""
 
     says: str
     cost: float
 
 
-def best_reading(own: Cameras, cost: Cost, whole: bool, others: Sequence[tuple[str, Cameras]] = ()) -> Reading:
+def best(tried: Iterable[tuple[str, float]]) -> Fit:
+    """The reading with the least cost, the first one of equal ones; an infinite cost where none was tried."""
+    return min((Fit(*each) for each in tried), key=lambda fit: fit.cost, default=Fit("", np.inf))
+
+
+def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> Fit:
     """The alternative with the least cost; the first one of those that are nearly as good (within 15 %).
 
-    ``others``: names and cameras of other views, which may belong to this one's image.
+    ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of
+    all views at once.
     """
-    tried = [Reading(each.says, cost(each.change(own))) for each in alternatives(own, whole)]
-    tried += [Reading(f"the camera of {name}", cost(camera)) for name, camera in others]
+    tried = [Fit(says, cost(cameras)) for says, cameras in alternatives(own, whole=others is None)]
+    tried += [Fit(f"the camera of {name}", cost(camera)) for name, camera in others or ()]
     tried.append(_best_shift(own, cost))
     least = min(each.cost for each in tried)
     return next(each for each in tried if each.cost <= 1.15 * least)
 
 
-def _best_shift(own: Cameras, cost: Cost) -> Reading:
+def _best_shift(own: Cameras, cost: Cost) -> Fit:
     """The shift of the principal point that fits best, by a search on ever finer grids."""
-    best, left = np.zeros(2), cost(own)
+    shift, left = np.zeros(2), cost(own)
     step = 0.08 * float(own.size.max())
     for _ in range(6):
-        around = [best + step * np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
-        results = [cost(moved(each, own)) for each in around]
+        around = [shift + step * np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+        results = [cost(replace(own, principal=own.principal + pixels)) for pixels in around]
         place = int(np.argmin(results))
         if results[place] < left:
-            best, left = around[place], results[place]
+            shift, left = around[place], results[place]
         else:
             step /= 2
-    across, down = (100 * float(value) for value in best / own.size.max())
-    return Reading(f"the principal point (or the image) moved by ({across:+.1f} %, {down:+.1f} %) of its side", left)
+    across, down = (100 * float(value) for value in shift / own.size.max())
+    return Fit(f"the principal point (or the image) moved by ({across:+.1f} %, {down:+.1f} %) of its side", left)

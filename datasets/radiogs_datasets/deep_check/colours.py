@@ -23,11 +23,7 @@ def encoded(linear: Array) -> Array:
     return np.asarray(srgb_encode(torch.from_numpy(np.ascontiguousarray(linear.clip(0)))))
 
 
-def _exchanged(values: Array) -> Array:
-    return values[..., ::-1]
-
-
-EXCHANGED: Reading = ("red and blue exchanged", _exchanged)
+EXCHANGED: Reading = ("red and blue exchanged", lambda values: values[..., ::-1])
 
 DISPLAY: tuple[Reading, ...] = (
     ("the sRGB curve applied twice", decoded),

@@ -4,7 +4,7 @@ Everything is read once. Images are area means with a longer side of at most ``P
 every n-th pixel, so that those of one pixel belong together.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
-from .cameras import Array, Cameras, stacked
+from ..reduction import camera_at
+from .cameras import Array, Cameras, Cost, Fit, best_reading, stacked
 
 Advance = Callable[[int, int], None]
 Bytes = NDArray[np.uint8]
+Pixels = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Rows and columns of some pixels."""
+
 Item = TypeVar("Item")
 
 PHOTO_SIDE = 480
@@ -29,8 +33,13 @@ MAP_SIDE = 128
 """Longest side of sampled maps, pixels."""
 
 MOST_VIEWS = 300
+"""Views that are looked at; of more, evenly spaced ones."""
+
 MOST_TRUE_VIEWS = 16
-"""Views, and test views with maps, that are looked at; of more, evenly spaced ones."""
+"""Test views with maps that are looked at; of more, evenly spaced ones."""
+
+JUMP = 0.02
+"""Change of depth to the next pixels, in depths, from which on a pixel may lie at an edge."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +71,55 @@ class Truth:
         alpha = self.maps["alpha"][..., 0] if "alpha" in self.maps else np.ones(self.maps["image"].shape[:2])
         full = (alpha > 0.999).astype(np.uint8)
         return cv2.erode(full, np.ones((3, 3), np.uint8), borderValue=1).astype(bool)
+
+    @cached_property
+    def inner(self) -> NDArray[np.bool_]:
+        """Fully covered pixels with a depth, away from edges of the object and from jumps of its depth."""
+        depth = self.maps["depth"][..., 0].astype(np.float32)
+        if not self.solid.any():
+            return self.solid
+        spread = cv2.dilate(depth, np.ones((3, 3))) - cv2.erode(depth, np.ones((3, 3)))
+        limit = JUMP * depth + 3 * np.median(spread[self.solid])
+        return np.asarray(self.solid & (depth > 0) & (spread < limit))
+
+    @cached_property
+    def with_normal(self) -> NDArray[np.bool_]:
+        """Pixels with a normal, inside the object: [height, width]."""
+        inside = self.inner if "depth" in self.maps else self.solid
+        return np.asarray(inside & (np.linalg.norm(self.maps["normal"], axis=-1) > 0.5))
+
+    @cached_property
+    def seen_by(self) -> Cameras:
+        """The camera alone."""
+        return stacked([self.camera])
+
+    @cached_property
+    def place(self) -> Array:
+        """The camera's centre in the world."""
+        return self.seen_by.centre[0]
+
+    @cached_property
+    def rays(self) -> Array:
+        """World directions of z-depth 1 through the pixels of the maps [height, width, 3]."""
+        height, width = self.maps["image"].shape[:2]
+        rows, columns = np.mgrid[:height, :width]
+        pixels = np.stack([columns, rows], -1).reshape(1, -1, 2) + 0.5
+        return self.seen_by.rays(pixels).reshape(height, width, 3)
+
+    @cached_property
+    def points(self) -> Array:
+        """World points that the depth map shows [height, width, 3]."""
+        return np.asarray(self.place + self.rays * self.maps["depth"])
+
+    @cached_property
+    def derived_normals(self) -> Array:
+        """Unit normals of the depth map by central differences, towards the camera; zero at the image's border."""
+        points = self.rays * self.maps["depth"]
+        across, down = np.zeros_like(points), np.zeros_like(points)
+        across[:, 1:-1] = points[:, 2:] - points[:, :-2]
+        down[1:-1] = points[2:] - points[:-2]
+        normal = np.cross(down, across)
+        return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +153,12 @@ class Evidence:
         """Cameras of ``looks``."""
         return stacked([look.camera for look in self.looks])
 
+    def better_camera(self, place: int, cost: Cost, among: Iterable[int] | None = None) -> Fit:
+        """The reading of one look's camera with the least cost; cameras of other looks (``among``; None: all) count."""
+        every = range(len(self.looks)) if among is None else among
+        others = [(self.looks[other].name, self.cameras.take([other])) for other in every if other != place]
+        return best_reading(self.cameras.take([place]), cost, others)
+
 
 def gather(scene: Scene, advance: Advance = lambda done, total: None, maps: bool = True) -> Evidence:
     """Read a scene's views at reduced size, and, unless told otherwise, their maps. Raises DataError for damage."""
@@ -119,17 +183,20 @@ def evenly(items: Sequence[Item], most: int) -> list[Item]:
     return [items[place] for place in np.linspace(0, len(items) - 1, most).round().astype(int)]
 
 
+def some_pixels(kept: NDArray[np.bool_], most: int, seed: int = 0) -> Pixels:
+    """At most so many of the pixels where a mask is true, at random."""
+    chosen = np.argwhere(kept)
+    chosen = chosen[np.random.default_rng(seed).permutation(len(chosen))[:most]]
+    return chosen[:, 0], chosen[:, 1]
+
+
 def _look(view: View, trained: bool) -> Look:
     camera = view.camera
     factor = min(1.0, PHOTO_SIDE / max(camera.width, camera.height))
     width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
-    across, along = width / camera.width, height / camera.height
-    small = Camera(
-        camera.camera_to_world, camera.fx * across, camera.fy * along, camera.cx * across, camera.cy * along,
-        width, height,
-    )  # fmt: skip
     alpha = reduced(view.read("alpha").numpy(), width, height) if view.has("alpha") else None
-    return Look(view.name, trained, small, reduced(view.read("image").numpy(), width, height), alpha)
+    image = reduced(view.read("image").numpy(), width, height)
+    return Look(view.name, trained, camera_at(camera, height, width), image, alpha)
 
 
 def reduced(values: NDArray[np.float32], width: int, height: int) -> Bytes:

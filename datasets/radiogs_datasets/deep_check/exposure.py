@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..findings import Finding
-from .cameras import Array
+from ..findings import Finding, warning
+from .cameras import Array, best
 from .colours import DISPLAY, decoded
 from .evidence import Evidence
-from .matches import Matches, matched
+from .matches import matched
 from .surface import sampled, seen, surface_of
 
 FEWEST = 25
@@ -67,11 +67,11 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
         own = each.difference(each.own)
         if own < SUSPECT:
             continue
-        says, least = min(((says, each.difference(read(each.own))) for says, read in DISPLAY), key=lambda one: one[1])
-        if least < EXPLAINED * own:
+        fit = best((says, each.difference(read(each.own))) for says, read in DISPLAY)
+        if fit.cost < EXPLAINED * own:
             told.add(place)
-            what = f"its colours contradict those of other views: {says} explains it"
-            yield Finding(evidence.looks[place].name, what, "warning")
+            what = f"its colours contradict those of other views: {fit.says} explains it"
+            yield warning(evidence.looks[place].name, what)
     yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told}, alone)
 
 
@@ -84,7 +84,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterato
     spread = max(float(np.median(np.abs(apart).max(1))), USUAL_SPREAD)
     if spread > VARIED * alone / ALONE:
         what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
-        yield Finding("all views", what, "warning")
+        yield warning("all views", what)
         return
     for place, gain in zip(places, apart, strict=True):
         if np.abs(gain).max() > max(alone, TIMES * spread):
@@ -95,7 +95,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterato
                 if tint > ALONE / 2
                 else f"exposure: it is {np.exp(gain.mean()):.2f} times as bright as other views"
             )
-            yield Finding(evidence.looks[place].name, what, "warning")
+            yield warning(evidence.looks[place].name, what)
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
@@ -122,18 +122,12 @@ def _by_matches(evidence: Evidence) -> dict[int, Pairs]:
     matches = matched(evidence)
     blurred = [cv2.GaussianBlur(look.image, (0, 0), 1.5) for look in evidence.looks]
     pairs = {}
-    for place in np.unique(np.concatenate([matches.first, matches.second])):
-        own = _agreeing(evidence, matches.of(int(place)))
-        if len(own.first) >= FEWEST:
-            pairs[int(place)] = Pairs(
-                _colours(blurred, own.first, own.at_first), _colours(blurred, own.second, own.at_second)
-            )
+    for place in np.unique(matches.views).tolist():
+        own = matches.of(place)
+        own = own.some(np.flatnonzero(own.agreeing(evidence.cameras)))
+        if len(own.views) >= FEWEST:
+            pairs[place] = Pairs(*(_colours(blurred, own.views[:, side], own.at[:, side]) for side in (0, 1)))
     return pairs
-
-
-def _agreeing(evidence: Evidence, matches: Matches) -> Matches:
-    cameras = evidence.cameras
-    return matches.some(np.flatnonzero(matches.agreeing(cameras.take(matches.first), cameras.take(matches.second))))
 
 
 def _colours(images: Sequence[object], view: NDArray[np.int64], at: Array) -> Array:

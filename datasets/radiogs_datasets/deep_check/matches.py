@@ -7,12 +7,13 @@ images are enlarged first. Matches need neither masks nor truth; smooth objects 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import combinations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..findings import Finding
+from ..findings import Finding, warning
 from .cameras import Array, Cameras, best_reading
 from .evidence import Evidence, Look, evenly
 
@@ -57,32 +58,29 @@ NEARLY_USUAL = 0.75
 
 @dataclass(frozen=True)
 class Matches:
-    """Matches between views: places of both, and their image points [matches, 2]."""
+    """Matches between two views each."""
 
-    first: NDArray[np.int64]
-    second: NDArray[np.int64]
-    at_first: Array
-    at_second: Array
+    views: NDArray[np.int64]
+    """[matches, 2]: places of the views."""
+    at: Array
+    """[matches, 2, 2]: image points in both, pixels."""
 
     def some(self, chosen: NDArray[np.int64]) -> "Matches":
         """Some of the matches."""
-        return Matches(self.first[chosen], self.second[chosen], self.at_first[chosen], self.at_second[chosen])
+        return Matches(self.views[chosen], self.at[chosen])
 
     def of(self, place: int) -> "Matches":
         """The matches of one view, which stands first in all of them."""
-        here, there = self.first == place, self.second == place
+        here, there = self.views[:, 0] == place, self.views[:, 1] == place
         return Matches(
-            np.concatenate([self.first[here], self.second[there]]),
-            np.concatenate([self.second[here], self.first[there]]),
-            np.concatenate([self.at_first[here], self.at_second[there]]),
-            np.concatenate([self.at_second[here], self.at_first[there]]),
+            np.concatenate([self.views[here], self.views[there][:, ::-1]]),
+            np.concatenate([self.at[here], self.at[there][:, ::-1]]),
         )
 
-    def agreeing(self, cameras: Cameras, others: Cameras) -> NDArray[np.bool_]:
-        """Which matches lie near each other's epipolar line and before both cameras; ``cameras`` are those of the
-        first, ``others`` those of the second view of each match."""
-        first = cameras.rays(self.at_first[:, None])[:, 0]
-        second = others.rays(self.at_second[:, None])[:, 0]
+    def agreeing(self, of_views: Cameras) -> NDArray[np.bool_]:
+        """Which matches lie near each other's epipolar line and before both cameras."""
+        cameras, others = (of_views.take(places) for places in self.views.T)
+        first, second = cameras.rays(self.at[:, :1])[:, 0], others.rays(self.at[:, 1:])[:, 0]
         base = others.centre - cameras.centre
         plane, other_plane = np.cross(base, first), np.cross(base, second)
         line = np.einsum("mji,mj->mi", others.axes, plane)[:, :2] / others.focal
@@ -95,19 +93,19 @@ class Matches:
         other_ahead = (np.cross(base, first) * normal).sum(1) > -1e-9
         return np.asarray((apart < np.maximum(NEAR * cameras.size.max(1), NEAR_PIXELS)) & ahead & other_ahead)
 
+    def missed(self, of_views: Cameras) -> float:
+        """Share of the matches that do not agree with the cameras."""
+        return 1 - float(self.agreeing(of_views).mean())
+
 
 @lru_cache(maxsize=1)
 def matched(evidence: Evidence) -> Matches:
     """Matches of the views that share most; views that are not looked at have none."""
     places = evenly(range(len(evidence.looks)), MOST_MATCHED)
     described = {place: _described(evidence.looks[place]) for place in places}
-    shared = {
-        (one, other): _shared(described[one], described[other])
-        for number, one in enumerate(places)
-        for other in places[number + 1 :]
-    }
+    shared = {pair: _shared(*(described[place] for place in pair)) for pair in combinations(places, 2)}
     counts = np.zeros((len(evidence.looks), len(evidence.looks)), dtype=int)
-    for (one, other), (points, _) in shared.items():
+    for (one, other), points in shared.items():
         counts[one, other] = counts[other, one] = len(points)
     partners = np.argsort(-counts, axis=1)[:, :PARTNERS]
     kept = [
@@ -115,11 +113,10 @@ def matched(evidence: Evidence) -> Matches:
         for pair, points in shared.items()
         if counts[pair] >= FEWEST_SHARED and (pair[1] in partners[pair[0]] or pair[0] in partners[pair[1]])
     ]
+    none = Matches(np.zeros((0, 2), np.int64), np.zeros((0, 2, 2)))
     return Matches(
-        np.concatenate([np.full(len(points[0]), pair[0]) for pair, points in kept] or [np.zeros(0, np.int64)]),
-        np.concatenate([np.full(len(points[0]), pair[1]) for pair, points in kept] or [np.zeros(0, np.int64)]),
-        np.concatenate([points[0] for _, points in kept] or [np.zeros((0, 2))]),
-        np.concatenate([points[1] for _, points in kept] or [np.zeros((0, 2))]),
+        np.concatenate([none.views, *(np.full((len(points), 2), pair) for pair, points in kept)]),
+        np.concatenate([none.at, *(points for _, points in kept)]),
     )
 
 
@@ -143,10 +140,10 @@ def _described(look: Look) -> tuple[Array, NDArray[np.float32]]:
     return (np.array([point.pt for point in points]) + 0.5) / factor, roots.astype(np.float32)
 
 
-def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[np.float32]]) -> tuple[Array, Array]:
-    """Image points that are each other's best match, and far better than the second best."""
+def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[np.float32]]) -> Array:
+    """Pairs of image points [matches, 2, 2] that are each other's best match, and far better than the second best."""
     if min(len(one[1]), len(other[1])) < 2:
-        return np.zeros((0, 2)), np.zeros((0, 2))
+        return np.zeros((0, 2, 2))
     alike = one[1] @ other[1].T
     best = alike.argmax(1)
     rows = np.arange(len(alike))
@@ -156,7 +153,7 @@ def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[
     alike[rows, best] = highest
     mutual = alike.argmax(0)[best] == rows
     chosen = distinct & mutual
-    return one[0][chosen], other[0][best[chosen]]
+    return np.stack([one[0][chosen], other[0][best[chosen]]], 1)
 
 
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
@@ -164,49 +161,37 @@ def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
     if len(evidence.looks) < FEWEST_VIEWS:
         return
     found = matched(evidence)
-    if len(found.first) < FEWEST:
+    if len(found.views) < FEWEST:
         return
-    share = _share(found, evidence.cameras, evidence.cameras)
-    some = found.some(np.array(evenly(range(len(found.first)), TRIED_TOGETHER)))
-    better = best_reading(evidence.cameras, lambda cameras: 1 - _share(some, cameras, cameras), True)
+    share = float(found.agreeing(evidence.cameras).mean())
+    some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
+    better = best_reading(evidence.cameras, some.missed)
     if 1 - better.cost > share + BETTER / 2 and share < WHOLE_AGREEING:
-        yield Finding(
+        yield warning(
             "all views",
             f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
             f" with {better.says} {100 * (1 - better.cost):.0f} %",
-            "warning",
         )
         return
     yield from _single(evidence, found, share)
 
 
-def _share(found: Matches, cameras: Cameras, others: Cameras) -> float:
-    return float(found.agreeing(cameras.take(found.first), others.take(found.second)).mean())
-
-
 def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Finding]:
-    for place in np.unique(np.concatenate([found.first, found.second])):
-        own = found.of(int(place))
-        if len(own.first) < FEWEST:
+    for place in np.unique(found.views).tolist():
+        own = found.of(place)
+        if len(own.views) < FEWEST:
             continue
-        share = _share(own, evidence.cameras, evidence.cameras)
+        share = float(own.agreeing(evidence.cameras).mean())
         if share > AGREEING * usual:
             continue
-        cameras = evidence.cameras.take(own.second)
-        others = [
-            (evidence.looks[other].name, evidence.cameras.take([other]))
-            for other in range(len(evidence.looks))
-            if other != place
-        ]
-        better = best_reading(evidence.cameras.take([int(place)]), partial(_missed, own, cameras), False, others)
+        better = evidence.better_camera(place, partial(_missed_with, own, evidence.cameras, place))
         if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
-            yield Finding(
+            yield warning(
                 evidence.looks[place].name,
                 f"points that other images show contradict its camera: {better.says} fits far better",
-                "warning",
             )
 
 
-def _missed(own: Matches, others: Cameras, camera: Cameras) -> float:
-    """Share of one view's matches that do not agree with a camera."""
-    return 1 - float(own.agreeing(camera.take(np.zeros(len(own.first), dtype=np.int64)), others).mean())
+def _missed_with(own: Matches, cameras: Cameras, place: int, camera: Cameras) -> float:
+    """Share of one view's matches that do not agree with another camera of it."""
+    return own.missed(cameras.with_one(place, camera))

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from ..findings import Finding
-from .evidence import Evidence, Look
+from ..findings import Finding, warning
+from .evidence import Evidence
 
 SAME_PLACE, SAME_DIRECTION = 1e-5, 1e-6
 """Distance of two centres, in the cameras' distances from one another, and of two axes, below which poses are one."""
@@ -22,10 +22,8 @@ def poses(evidence: Evidence) -> Iterator[Finding]:
     turned = np.abs(cameras.axes[:, None] - cameras.axes[None]).max((-1, -2))
     same = (apart <= SAME_PLACE * max(float(apart.max()), 1e-12)) & (turned < SAME_DIRECTION)
     for one, other in np.argwhere(np.triu(same, 1)):
-        if looks[one].trained == looks[other].trained and _unlike(looks[one], looks[other]):
+        images = looks[one].image, looks[other].image
+        comparable = looks[one].trained == looks[other].trained and images[0].shape == images[1].shape
+        if comparable and cv2.absdiff(*images).mean() > 255 * DIFFERENT:
             what = f"it has the pose of {looks[one].name}, but another image: one of the two poses is wrong"
-            yield Finding(looks[other].name, what, "warning")
-
-
-def _unlike(one: Look, other: Look) -> bool:
-    return one.image.shape == other.image.shape and bool(cv2.absdiff(one.image, other.image).mean() > 255 * DIFFERENT)
+            yield warning(looks[other].name, what)

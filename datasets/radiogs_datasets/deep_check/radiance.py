@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..findings import Finding
-from .cameras import Array
+from ..findings import Finding, warning
+from .cameras import Array, best
 from .colours import DISPLAY, decoded
 from .evidence import Evidence, Truth
 
@@ -38,52 +39,57 @@ def radiance(evidence: Evidence) -> Iterator[Finding]:
                 yield from _beyond(truth, name, image)
 
 
+def _unclipped(truth: Truth, image: str) -> NDArray[np.bool_] | None:
+    """Pixels in which an image is not clipped; None if there are hardly any."""
+    chosen = truth.solid & (truth.maps[image].max(-1) < CLIPPED)
+    return chosen if int(chosen.sum()) >= FEWEST else None
+
+
 def _apart(linear: Array, whole: Array) -> float:
     """Median ratio of two radiances, as a natural logarithm."""
     return float(np.median(np.abs(np.log(linear.clip(0) + DARK) - np.log(whole.clip(0) + DARK))))
 
 
 def _sum(truth: Truth, others: Sequence[Truth]) -> Iterator[Finding]:
-    image = truth.maps["image"]
-    chosen = truth.solid & (image.max(-1) < CLIPPED)
-    if int(chosen.sum()) < FEWEST:
+    chosen = _unclipped(truth, "image")
+    if chosen is None:
         return
-    shown, direct, indirect = image[chosen], truth.maps["direct"][chosen], truth.maps["indirect"][chosen]
-    own = _apart(decoded(shown), direct + indirect)
+    display, direct, indirect = (truth.maps[name][chosen] for name in ("image", "direct", "indirect"))
+    shown, whole = decoded(display), direct + indirect
+    own = _apart(shown, whole)
     if own < OFF:
         return
-    ratio = float(np.exp(np.median(np.log((direct + indirect).clip(0) + DARK) - np.log(decoded(shown) + DARK))))
-    tried = [(f"the image has {says}", _apart(decoded(read(shown)), direct + indirect)) for says, read in DISPLAY]
+    ratio = float(np.exp(np.median(np.log(whole.clip(0) + DARK) - np.log(shown + DARK))))
+    tried = [(f"the image has {says}", _apart(decoded(read(display)), whole)) for says, read in DISPLAY]
     tried += [
-        ("direct light holds the whole radiance already", _apart(decoded(shown), direct)),
+        ("direct light holds the whole radiance already", _apart(shown, direct)),
         ("direct and indirect light are stored as display sRGB",
-         _apart(decoded(shown), decoded(direct.clip(0, 1)) + decoded(indirect.clip(0, 1)))),
-        ("red and blue of direct and indirect light exchanged", _apart(decoded(shown), (direct + indirect)[..., ::-1])),
-        (f"the image {ratio:.2g} times as bright", _apart(decoded(shown) * ratio, direct + indirect)),
+         _apart(shown, decoded(direct.clip(0, 1)) + decoded(indirect.clip(0, 1)))),
+        ("red and blue of direct and indirect light exchanged", _apart(shown, whole[..., ::-1])),
+        (f"the image {ratio:.2g} times as bright", _apart(shown * ratio, whole)),
     ]  # fmt: skip
     for other in others:
-        if other is not truth and other.maps["image"].shape == image.shape:
-            swapped = other.maps["image"][chosen]
+        if other is not truth and other.maps["image"].shape == truth.maps["image"].shape:
             theirs = other.maps["direct"][chosen] + other.maps["indirect"][chosen]
-            tried.append((f"the image of {other.name}", _apart(decoded(swapped), direct + indirect)))
-            tried.append((f"the radiance of {other.name}", _apart(decoded(shown), theirs)))
-    says, least = min(tried, key=lambda each: each[1])
+            tried.append((f"the image of {other.name}", _apart(decoded(other.maps["image"][chosen]), whole)))
+            tried.append((f"the radiance of {other.name}", _apart(shown, theirs)))
+    fit = best(tried)
     what = f"direct and indirect light do not sum to its image ({100 * (np.exp(own) - 1):.0f} % off in the median)"
-    yield Finding(truth.name, f"{what}: {says} fits" if least < EXPLAINED * own else what, "warning")
+    yield warning(truth.name, f"{what}: {fit.says} fits" if fit.cost < EXPLAINED * own else what)
 
 
 def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
-    shown = truth.maps[image]
-    chosen = truth.solid & (shown.max(-1) < CLIPPED)
-    if int(chosen.sum()) < FEWEST:
+    chosen = _unclipped(truth, image)
+    if chosen is None:
         return
-    whole = decoded(shown[chosen])
-    beyond = (truth.maps[name][chosen] > BEYOND * whole + DARK).any(-1)
-    share = float(beyond.mean())
+    display, part = truth.maps[image][chosen], truth.maps[name][chosen]
+
+    def beyond(shown: Array) -> float:
+        return float((part > BEYOND * decoded(shown) + DARK).any(-1).mean())
+
+    share = beyond(display)
     if share > MOST_BEYOND:
-        tried = [(says, float((truth.maps[name][chosen] > BEYOND * decoded(read(shown[chosen])) + DARK).any(-1).mean()))
-                 for says, read in DISPLAY]  # fmt: skip
-        says, least = min(tried, key=lambda each: each[1])
+        fit = best((says, beyond(read(display))) for says, read in DISPLAY)
         what = f"{name} exceeds the whole radiance of {image} at {100 * share:.0f} % of the pixels"
-        fits = least < 0.2 * share
-        yield Finding(truth.name, f"{what}: it does not if the image has {says}" if fits else what, "warning")
+        fits = fit.cost < 0.2 * share
+        yield warning(truth.name, f"{what}: it does not if the image has {fit.says}" if fits else what)

@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from ..findings import Finding
-from .cameras import Array, Cameras, best_reading
+from ..findings import Finding, warning
+from .cameras import Array, Cameras
 from .evidence import Evidence, Look
 from .surface import Surface, sampled, seen, surface_of
 
@@ -36,17 +36,11 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
     usual = float(np.median(costs))
     for place in np.flatnonzero(costs > SUSPECT * usual + SUSPECT_FROM).tolist():
         look = evidence.looks[place]
-        others = [
-            (other.name, evidence.cameras.take([number]))
-            for number, other in enumerate(evidence.looks)
-            if number != place
-        ]
-        cost = partial(difference, surface, colour, look)
-        better = best_reading(evidence.cameras.take([int(place)]), cost, False, others)
+        better = evidence.better_camera(place, partial(difference, surface, colour, look))
         if better.cost < EXPLAINED * costs[place]:
             gain = 20 * np.log10(costs[place] / max(better.cost, 1e-6))
             what = f"its image contradicts the surface of the test views: {better.says} fits {gain:.0f} dB better"
-            yield Finding(look.name, what, "warning")
+            yield warning(look.name, what)
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:

@@ -1,28 +1,31 @@
-"""True normals against the camera and the depth, and true depth against that of other views."""
+"""True normals against the camera and the depth, and true depth against the depth of other views."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..findings import Finding
-from .cameras import Array, stacked
-from .evidence import Evidence, Truth
-from .surface import at_points, derived_normals, inner, place_of, rays_of
+from ..findings import Finding, warning
+from .cameras import Array, best
+from .evidence import Evidence, Truth, some_pixels
+from .surface import at_points
 
 AWAY, MOST_AWAY = -0.1, 0.03
 """Cosine to the camera below which a visible surface looks away, and the share of a view's pixels that may."""
 
-UNLIKE_DEPTH, FIT = 0.8, 0.95
-"""Mean cosine between stored normals and those of the depth below which they contradict each other, and from which on
-another reading explains it."""
+UNLIKE_DEPTH = 0.8
+"""Mean cosine between stored normals and normals of the depth map below which the two contradict each other."""
+
+FIT = 0.95
+"""Mean cosine that another reading of the normals has to reach to be named."""
 
 FARTHEST_OFF = 0.1
 """Relative difference of two depths that counts where one view does not show the other's point."""
 
 OFF, TIMES = 0.002, 3.0
-"""Relative difference of depths, and times that of another reading, from which on depth contradicts other views."""
+"""Relative difference of depths, and its multiple under another reading, from which depth contradicts other views."""
 
 SINGLE_OFF = 0.01
 """The same for the depth of a single view, which has to leave less than OFF under another reading."""
@@ -38,6 +41,9 @@ FACTORS = (0.001, 0.01, 0.1, 0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1
 
 NAMES = ("x", "y", "z")
 
+AS_STORED = np.eye(3)
+"""The exchange of axes that changes nothing."""
+
 
 def shape_maps(evidence: Evidence) -> Iterator[Finding]:
     """Normals and depth of the test views that contradict the camera, each other or other views."""
@@ -45,146 +51,103 @@ def shape_maps(evidence: Evidence) -> Iterator[Finding]:
     yield from _normals([truth for truth in evidence.truths if "normal" in truth.maps])
 
 
-DepthReading = tuple[str, NDArray[np.float64]]
+@dataclass(frozen=True)
+class DepthMaps:
+    """Depth of several views as it is stored, or as it would be under another reading; a list with a map a view."""
 
+    truths: Sequence[Truth]
+    maps: Sequence[Array]
+    """Z-depth [height, width]."""
+    kept: Sequence[NDArray[np.bool_]]
+    """Pixels that are compared."""
+    facing: Sequence[Array]
+    """Normals of the surface; zero where they are not known."""
 
-def _depth_readings(truths: Sequence[Truth]) -> Iterator[tuple[str, list[Array]]]:
-    """Depth as it is stored, and as z-depth if it were something else: a sentence, and a map for each view."""
-    stored = [truth.maps["depth"][..., 0] for truth in truths]
-    lengths = [np.linalg.norm(rays_of(truth), axis=-1) for truth in truths]
-    yield "", stored
-    yield (
-        "distance along the ray where z-depth is expected",
-        [depth / length for depth, length in zip(stored, lengths, strict=True)],
-    )
-    yield (
-        "z-depth divided by the ray's length once too often",
-        [depth * length for depth, length in zip(stored, lengths, strict=True)],
-    )
-    for factor in FACTORS:
-        yield f"its scale is off: {factor:g} times the recorded depth", [factor * depth for depth in stored]
-    yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]
+    @classmethod
+    def of(cls, truths: Sequence[Truth]) -> "DepthMaps":
+        """The maps as stored."""
+        return cls(
+            truths,
+            [truth.maps["depth"][..., 0] for truth in truths],
+            [truth.inner for truth in truths],
+            [truth.derived_normals for truth in truths],
+        )
+
+    def readings(self) -> Iterator[tuple[str, list[Array]]]:
+        """What depth may be instead of z-depth, and the maps of z-depth if it is that."""
+        stored = self.maps
+        lengths = [np.linalg.norm(truth.rays, axis=-1) for truth in self.truths]
+        shorter = [depth / length for depth, length in zip(stored, lengths, strict=True)]
+        yield "distance along the ray where z-depth is expected", shorter
+        longer = [depth * length for depth, length in zip(stored, lengths, strict=True)]
+        yield "z-depth divided by the ray's length once too often", longer
+        for factor in FACTORS:
+            yield f"its scale is off: {factor:g} times the recorded depth", [factor * depth for depth in stored]
+        yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]
+
+    def with_one(self, place: int, **parts: NDArray) -> "DepthMaps":
+        """A copy with other parts of one view."""
+        changed = {name: list(getattr(self, name)) for name in parts}
+        for name, part in parts.items():
+            changed[name][place] = part
+        return replace(self, **changed)
+
+    def costs(self) -> Array:
+        """The cost of each view."""
+        return np.array([self.cost(place) for place in range(len(self.truths))])
+
+    def cost(self, place: int) -> float:
+        """Relative difference of one depth map's points from the depth maps of the views that they face."""
+        truth, facing = self.truths[place], self.facing[place]
+        at = some_pixels(self.kept[place], POINTS)
+        points = truth.place + truth.rays[at] * self.maps[place][at][:, None]
+        costs = []
+        for other, depth, inside in zip(self.truths, self.maps, self.kept, strict=True):
+            if other is truth:
+                continue
+            image_points, z = (each[0] for each in other.seen_by.project(points))
+            towards = other.place - points
+            compared = at_points(inside.astype(np.float32), image_points)[:, 0] > 0.999
+            turned = (facing[at] * towards).sum(1)
+            compared &= (turned > 0.2 * np.linalg.norm(towards, axis=1)) | ~facing.any()
+            if int(compared.sum()) >= FEWEST:
+                shown = at_points(depth, image_points)[compared, 0]
+                apart = np.abs(z[compared] - shown) / np.maximum(shown, 1e-12)
+                costs.append(np.quantile(apart.clip(max=FARTHEST_OFF), SHOWN))
+        return float(np.quantile(costs, SHOWN)) if costs else FARTHEST_OFF
 
 
 def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
     if len(truths) < 3:
         return
-    kept = [inner(truth) for truth in truths]
-    facing = [derived_normals(truth) for truth in truths]
-    stored = [truth.maps["depth"][..., 0] for truth in truths]
-    own = _costs(truths, stored, kept, facing)
+    stored = DepthMaps.of(truths)
+    own = stored.costs()
     level = float(np.median(own))
     if level <= OFF:
-        yield from _depth_of_single(truths, stored, kept, facing, own)
+        yield from _depth_of_single(stored, own)
         return
-    tried = [(says, float(np.median(_costs(truths, maps, kept, facing)))) for says, maps in _depth_readings(truths)]
-    says, least = min(tried[1:], key=lambda each: each[1])
-    if level > TIMES * least:
-        yield Finding(
+    fit = best((says, float(np.median(replace(stored, maps=maps).costs()))) for says, maps in stored.readings())
+    if level > TIMES * fit.cost:
+        yield warning(
             "depth",
-            f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point): {says}"
-            f" leaves {100 * least:.2g} %",
-            "warning",
+            f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point):"
+            f" {fit.says} leaves {100 * fit.cost:.2g} %",
         )
 
 
-def _depth_of_single(
-    truths: Sequence[Truth],
-    stored: Sequence[Array],
-    kept: Sequence[NDArray[np.bool_]],
-    facing: Sequence[Array],
-    own: Array,
-) -> Iterator[Finding]:
-    """Views whose depth contradicts that of the others while another reading agrees with it."""
+def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
+    """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
+    truths = stored.truths
     for place in np.flatnonzero(own > SINGLE_OFF).tolist():
-        fits = [
-            (says, _cost(truths, [*stored[:place], maps[place], *stored[place + 1 :]], kept, facing, place))
-            for says, maps in _depth_readings(truths)
-            if says
-        ]
-        says, least = min(fits, key=lambda each: each[1])
-        swapped = _swapped(truths, stored, kept, facing, place)
-        if swapped is not None and swapped[1] < least:
-            says, least = swapped
-        if least < OFF:
-            yield Finding(truths[place].name, f"its depth contradicts that of the other views: {says} fits", "warning")
-
-
-def _swapped(
-    truths: Sequence[Truth],
-    stored: Sequence[Array],
-    kept: Sequence[NDArray[np.bool_]],
-    facing: Sequence[Array],
-    place: int,
-) -> tuple[str, float] | None:
-    """The other view whose depth map fits this view's camera best."""
-    tried = [
-        (
-            f"the depth of {truths[other].name}",
-            _cost(
-                truths,
-                [*stored[:place], stored[other], *stored[place + 1 :]],
-                [*kept[:place], kept[other], *kept[place + 1 :]],
-                [*facing[:place], np.zeros_like(facing[place]), *facing[place + 1 :]],
-                place,
-            ),
-        )
-        for other in range(len(truths))
-        if other != place and stored[other].shape == stored[place].shape
-    ]
-    return min(tried, key=lambda each: each[1]) if tried else None
-
-
-def _costs(
-    truths: Sequence[Truth], maps: Sequence[Array], kept: Sequence[NDArray[np.bool_]], facing: Sequence[Array]
-) -> Array:
-    return np.array([_cost(truths, maps, kept, facing, place) for place in range(len(truths))])
-
-
-def _cost(
-    truths: Sequence[Truth],
-    maps: Sequence[Array],
-    kept: Sequence[NDArray[np.bool_]],
-    facing: Sequence[Array],
-    place: int,
-) -> float:
-    """Relative difference of one depth map's points from the depth maps of the views that they face."""
-    truth = truths[place]
-    chosen = np.argwhere(kept[place])
-    chosen = chosen[np.random.default_rng(0).permutation(len(chosen))[:POINTS]]
-    at = (chosen[:, 0], chosen[:, 1])
-    points = place_of(truth) + rays_of(truth)[at] * maps[place][at][:, None]
-    costs = []
-    for other, depth, inside in zip(truths, maps, kept, strict=True):
-        if other is truth:
-            continue
-        image_points, z = (each[0] for each in stacked([other.camera]).project(points))
-        towards = place_of(other) - points
-        compared = at_points(inside.astype(np.float32), image_points)[:, 0] > 0.999
-        turned = (facing[place][at] * towards).sum(1)
-        compared &= (turned > 0.2 * np.linalg.norm(towards, axis=1)) | ~facing[place].any()
-        if int(compared.sum()) >= FEWEST:
-            shown = at_points(depth, image_points)[compared, 0]
-            apart = np.abs(z[compared] - shown) / np.maximum(shown, 1e-12)
-            costs.append(np.quantile(apart.clip(max=FARTHEST_OFF), SHOWN))
-    return float(np.quantile(costs, SHOWN)) if costs else FARTHEST_OFF
-
-
-def _normals(truths: Sequence[Truth]) -> Iterator[Finding]:
-    samples = [sample for truth in truths if (sample := _sample(truth)) is not None]
-    if not samples:
-        return
-    cosine = np.array([_fit(sample, False, np.eye(3)) for sample in samples])
-    away = np.array([_away(sample, sample.stored) for sample in samples])
-    wrong = np.flatnonzero((cosine < UNLIKE_DEPTH) | (away > MOST_AWAY))
-    if len(wrong) > len(samples) / 2:
-        together = _best_frame([samples[place] for place in wrong])
-        yield Finding("normal", _sentence(samples, wrong, together), "warning")
-        return
-    for place in wrong:
-        yield Finding(
-            samples[place].name, _sentence(samples, np.array([place]), _best_frame([samples[place]])), "warning"
-        )
+        tried = [(says, stored.with_one(place, maps=maps[place]).cost(place)) for says, maps in stored.readings()]
+        for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
+            if other != place and depth.shape == stored.maps[place].shape:
+                unknown = np.zeros_like(stored.facing[place])
+                swapped = stored.with_one(place, maps=depth, kept=kept, facing=unknown)
+                tried.append((f"the depth of {truths[other].name}", swapped.cost(place)))
+        fit = best(tried)
+        if fit.cost < OFF:
+            yield warning(truths[place].name, f"its depth contradicts that of the other views: {fit.says} fits")
 
 
 class Sample:
@@ -193,49 +156,55 @@ class Sample:
     def __init__(self, truth: Truth, kept: NDArray[np.bool_]) -> None:
         self.name = truth.name
         self.stored: Array = truth.maps["normal"][kept]
-        rays = -rays_of(truth)[kept]
+        rays = -truth.rays[kept]
         self.towards: Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-        self.derived: Array | None = derived_normals(truth)[kept] if "depth" in truth.maps else None
+        self.derived: Array | None = truth.derived_normals[kept] if "depth" in truth.maps else None
         self.axes: Array = truth.camera.axes.double().numpy()
 
+    def read(self, in_camera: bool, matrix: Array) -> Array:
+        """The normals if they are stored with other axes of the world's or of the camera's frame."""
+        turned = self.stored @ matrix.T
+        return turned @ self.axes.T if in_camera else turned
 
-def _sample(truth: Truth) -> Sample | None:
-    kept = inner(truth) if "depth" in truth.maps else truth.solid
-    kept = kept & (np.linalg.norm(truth.maps["normal"], axis=-1) > 0.5)
-    kept[[0, -1]] = kept[:, [0, -1]] = False
-    return Sample(truth, kept) if int(kept.sum()) >= FEWEST else None
+    def fit(self, in_camera: bool = False, matrix: Array = AS_STORED) -> float:
+        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away."""
+        read = self.read(in_camera, matrix)
+        if self.derived is not None:
+            return float((read * self.derived).sum(1).mean())
+        return 1 - 2 * self.away(read)
 
-
-def _read(sample: Sample, in_camera: bool, matrix: Array) -> Array:
-    turned = sample.stored @ matrix.T
-    return turned @ sample.axes.T if in_camera else turned
-
-
-def _fit(sample: Sample, in_camera: bool, matrix: Array) -> float:
-    """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away."""
-    read = _read(sample, in_camera, matrix)
-    if sample.derived is not None:
-        return float((read * sample.derived).sum(1).mean())
-    return 1 - 2 * _away(sample, read)
+    def away(self, normals: Array) -> float:
+        """Share of the pixels whose normals look away from the camera."""
+        return float(((normals * self.towards).sum(1) < AWAY).mean())
 
 
-def _away(sample: Sample, normals: Array) -> float:
-    """Share of the pixels whose normals look away from the camera."""
-    return float(((normals * sample.towards).sum(1) < AWAY).mean())
+def _normals(truths: Sequence[Truth]) -> Iterator[Finding]:
+    samples = []
+    for truth in truths:
+        kept = truth.with_normal.copy()
+        kept[[0, -1]] = kept[:, [0, -1]] = False
+        if int(kept.sum()) >= FEWEST:
+            samples.append(Sample(truth, kept))
+    wrong = [each for each in samples if each.fit() < UNLIKE_DEPTH or each.away(each.stored) > MOST_AWAY]
+    if len(wrong) > len(samples) / 2:
+        yield warning("normal", _sentence(wrong))
+        return
+    for sample in wrong:
+        yield warning(sample.name, _sentence([sample]))
 
 
 def _best_frame(samples: Sequence[Sample]) -> tuple[str, float]:
     """The signed exchange of axes, of the world's or the camera's frame, that fits best; and how well."""
-    best = ("", -np.inf)
+    found = ("", -np.inf)
     for in_camera in (False, True):
         for order in permutations(range(3)):
             for signs in product((1.0, -1.0), repeat=3):
                 matrix = np.zeros((3, 3))
                 matrix[range(3), order] = signs
-                fit = float(np.mean([_fit(sample, in_camera, matrix) for sample in samples]))
-                if fit > best[1] + 1e-6:
-                    best = (_frame(in_camera, order, signs), fit)
-    return best
+                fit = float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
+                if fit > found[1] + 1e-6:
+                    found = (_frame(in_camera, order, signs), fit)
+    return found
 
 
 def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str:
@@ -248,11 +217,12 @@ def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str
     return f"stored with the world's axes exchanged or mirrored: ({axes}) are right"
 
 
-def _sentence(samples: Sequence[Sample], wrong: NDArray[np.int64], best: tuple[str, float]) -> str:
-    away = float(np.mean([_away(samples[place], samples[place].stored) for place in wrong]))
-    against = "the depth" if samples[wrong[0]].derived is not None else "the camera"
-    now = float(np.mean([_fit(samples[place], False, np.eye(3)) for place in wrong]))
+def _sentence(wrong: Sequence[Sample]) -> str:
+    away = float(np.mean([sample.away(sample.stored) for sample in wrong]))
+    against = "the depth" if wrong[0].derived is not None else "the camera"
+    now = float(np.mean([sample.fit() for sample in wrong]))
     said = f"normals contradict {against}: {100 * away:.0f} % of them look away from the camera"
-    if best[1] > FIT and best[1] > now + 0.1:
-        return f"{said}; they fit if they are {best[0]} (mean cosine {best[1]:.2f} instead of {now:.2f})"
+    frame, fit = _best_frame(wrong)
+    if fit > FIT and fit > now + 0.1:
+        return f"{said}; they fit if they are {frame} (mean cosine {fit:.2f} instead of {now:.2f})"
     return f"{said}, and no exchange of axes explains it"

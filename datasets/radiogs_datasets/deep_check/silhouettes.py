@@ -5,7 +5,7 @@ tangency). The distance of an outline from the other's plane, in pixels, needs n
 is below a tenth of a pixel in rendered scenes. Outlines that reach the border of their image are left out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from skimage.measure import find_contours
 
-from ..findings import Finding
-from .cameras import Array, Cameras, Reading, best_reading
+from ..findings import Finding, warning
+from .cameras import Array, Cameras, best_reading
 from .evidence import Evidence, Look, evenly
 
 CORNERS = 24
@@ -70,25 +70,11 @@ class Outlines:
         return residuals(cameras, self.corners, cameras, self.corners, cameras.looked_at)
 
 
-def outline(alpha: NDArray[np.uint8]) -> tuple[Array, bool] | None:
-    """Corners of the convex hull of what is covered, and whether it is cut off; None if nothing is covered."""
-    height, width = alpha.shape
-    found = [line for line in find_contours(np.pad(alpha, 1).astype(float), 127.5) if len(line) >= 8]
-    if not found:
-        return None
-    points = np.concatenate(found)[:, ::-1] - 0.5
-    try:
-        hull = points[ConvexHull(points).vertices]
-    except QhullError:
-        return None
-    cut = bool(((hull < BORDER) | (hull > np.array([width, height]) - BORDER)).any())
-    if len(hull) > CORNERS:
-        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
-    return np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)]), cut
-
-
 def outlined(look: Look, inverted: bool = False) -> Array | None:
-    """Corners of a view's outline in pixels of its reduced image; None without one, or where it is cut off."""
+    """Corners of the convex hull of what a view covers (``inverted``: of its background), pixels of the reduced image.
+
+    None without an outline, or where it is cut off.
+    """
     if look.alpha is None:
         return None
     alpha = 255 - look.alpha if inverted else look.alpha
@@ -97,19 +83,30 @@ def outlined(look: Look, inverted: bool = False) -> Array | None:
     if factor < 1:
         size = (round(width * factor), round(height * factor))
         alpha = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    found = outline(alpha)
-    if found is None or found[1]:
+    found = [line for line in find_contours(np.pad(alpha, 1).astype(float), 127.5) if len(line) >= 8]
+    if not found:
         return None
-    return found[0] * np.array([width / alpha.shape[1], height / alpha.shape[0]])
+    points = np.concatenate(found)[:, ::-1] - 0.5
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except QhullError:
+        return None
+    if ((hull < BORDER) | (hull > np.array(alpha.shape[::-1]) - BORDER)).any():
+        return None
+    if len(hull) > CORNERS:
+        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
+    corners = np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)])
+    return corners * np.array([width / alpha.shape[1], height / alpha.shape[0]])
 
 
-def outlines(evidence: Evidence) -> Outlines | None:
-    """The complete outlines of a scene's views; None if there are too few to compare."""
-    found = [(place, corners) for place, look in enumerate(evidence.looks) if (corners := outlined(look)) is not None]
-    if len(found) < FEWEST:
+def outlines(evidence: Evidence, places: Iterable[int], inverted: bool = False) -> Outlines | None:
+    """The complete outlines of some views (``inverted``: of their backgrounds); None if too few to compare."""
+    found = {place: outlined(evidence.looks[place], inverted) for place in places}
+    whole = {place: corners for place, corners in found.items() if corners is not None}
+    if len(whole) < FEWEST:
         return None
-    places = np.array([place for place, _ in found])
-    return Outlines(places, evidence.cameras.take(places), np.stack([corners for _, corners in found]))
+    kept = np.array(list(whole))
+    return Outlines(kept, evidence.cameras.take(kept), np.stack(list(whole.values())))
 
 
 def _ranges(cameras: Cameras, corners: Array, others: Cameras, middle: Array) -> tuple[Array, Array, Array]:
@@ -147,27 +144,26 @@ def median(values: Array) -> float:
 
 def silhouettes(evidence: Evidence) -> Iterator[Finding]:
     """Cameras and masks that the outlines of the other views contradict, all of them together and each by itself."""
-    known = outlines(evidence)
+    known = outlines(evidence, range(len(evidence.looks)))
     if known is None:
         yield from _all_inverted(evidence)
         return
     unit = max(1.0, float(known.cameras.size.max()) / SIDE)
     whole = known.residual(known.cameras)
     level = median(whole)
-    better = _whole(known)
+    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
+    better = best_reading(some.cameras, lambda cameras: median(some.residual(cameras)))
     if level > WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit):
-        yield Finding(
+        yield warning(
             "all views",
             f"the outlines contradict the cameras: with {better.says} they meet within {better.cost:.2g} pixels"
             f" instead of {_pixels(level)}",
-            "warning",
         )
     elif level > UNEXPLAINED * known.cameras.size.max():
-        yield Finding(
+        yield warning(
             "all views",
             f"the outlines contradict the cameras: they miss one another by {_pixels(level)} in the median, and no"
             " usual mistake explains it",
-            "warning",
         )
     else:
         yield from _single(evidence, known, whole, max(level, FLOOR * unit))
@@ -178,12 +174,6 @@ def _pixels(residual: float) -> str:
     return f"{residual:.2g}" if np.isfinite(residual) else "more than the image"
 
 
-def _whole(known: Outlines) -> Reading:
-    """The other reading of all cameras that fits best."""
-    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
-    return best_reading(some.cameras, lambda cameras: median(some.residual(cameras)), True)
-
-
 def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:
     """Views whose outline contradicts the others, and which reading of its camera fits."""
     each = np.array([median(row) for row in whole])
@@ -192,18 +182,13 @@ def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> 
     if len(rest.places) < FEWEST - 1:
         return
     for place in wrong:
-        own = known.take(np.array([place]))
-        others = [
-            (evidence.looks[known.places[other]].name, known.cameras.take([other]))
-            for other in range(len(known.places))
-            if other != place
-        ]
-        found = best_reading(own.cameras, partial(_misfit, own.corners, rest), False, others)
-        name = evidence.looks[known.places[place]].name
-        if found.cost < EXPLAINED * each[place]:
-            yield Finding(name, f"its outline contradicts the other views: {found.says} fits far better", "warning")
+        view, corners = int(known.places[place]), known.corners[[place]]
+        better = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
+        name = evidence.looks[view].name
+        if better.cost < EXPLAINED * each[place]:
+            yield warning(name, f"its outline contradicts the other views: {better.says} fits far better")
         elif each[place] > UNEXPLAINED * known.cameras.size.max():
-            yield Finding(name, "its outline contradicts the other views, and no usual mistake explains it", "warning")
+            yield warning(name, "its outline contradicts the other views, and no usual mistake explains it")
 
 
 def _misfit(corners: Array, rest: Outlines, camera: Cameras) -> float:
@@ -217,26 +202,18 @@ def _inverted(evidence: Evidence, known: Outlines, level: float) -> Iterator[Fin
         look = evidence.looks[place]
         corners = outlined(look, inverted=True)
         if corners is not None and _misfit(corners[None], known, evidence.cameras.take([place])) < VIEW_RATIO * level:
-            yield Finding(look.name, "its mask is inverted: the outline of its background fits the others", "warning")
+            yield warning(look.name, "its mask is inverted: the outline of its background fits the others")
 
 
 def _all_inverted(evidence: Evidence) -> Iterator[Finding]:
     """Masks that reach every border and leave out the middle, in nearly all views."""
     masked = [place for place, look in enumerate(evidence.looks) if look.alpha is not None]
-    inverted = [
-        (place, corners)
-        for place in masked
-        if outlined(evidence.looks[place]) is None
-        and (corners := outlined(evidence.looks[place], inverted=True)) is not None
-    ]
-    if len(inverted) >= FEWEST and len(inverted) > INVERTED_SHARE * len(masked):
-        places = np.array([place for place, _ in inverted])
-        rest = Outlines(places, evidence.cameras.take(places), np.stack([corners for _, corners in inverted]))
-        left = median(rest.residual(rest.cameras))
-        if left < UNEXPLAINED * float(rest.cameras.size.max()):
-            yield Finding(
+    grounds = outlines(evidence, (place for place in masked if outlined(evidence.looks[place]) is None), inverted=True)
+    if grounds is not None and len(grounds.places) > INVERTED_SHARE * len(masked):
+        left = median(grounds.residual(grounds.cameras))
+        if left < UNEXPLAINED * float(grounds.cameras.size.max()):
+            yield warning(
                 "all views",
-                f"the masks of {len(inverted)} of {len(masked)} views are inverted: they cover the border, and the"
-                f" outlines of the backgrounds meet within {left:.2g} pixels",
-                "warning",
+                f"the masks of {len(grounds.places)} of {len(masked)} views are inverted: they cover the border, and"
+                f" the outlines of the backgrounds meet within {left:.2g} pixels",
             )

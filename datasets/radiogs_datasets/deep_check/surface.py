@@ -8,33 +8,30 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .cameras import Array, Cameras, stacked
-from .evidence import Look, Truth
+from .cameras import Array, Cameras
+from .evidence import Look, Pixels, Truth, some_pixels
 
 POINTS_OF_A_VIEW = 700
+"""Most points of a view's map."""
+
 CELLS = 40
-"""Points of a view's map, and cells of a side of the image in which the nearest point hides others."""
+"""Cells of a side of the image in which the nearest point hides others."""
 
 SLACK = 0.02
 """Distance behind the nearest point of a cell, in depths, up to which a point is seen."""
-
-JUMP = 0.02
-"""Change of depth to the next pixels, in depths, from which on a pixel may lie at an edge."""
 
 FEWEST = 300
 """Points below which a surface says nothing."""
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Points of the true surface, [points, ...]."""
+class Points:
+    """Some pixels of the maps of several views, [points, ...]."""
 
-    position: Array
-    """World units."""
     view: NDArray[np.int64]
-    """Place of that view among the truths."""
-    pixel: tuple[NDArray[np.int64], NDArray[np.int64]]
-    """Row and column of the point in that view's maps."""
+    """Place of each point's view among the truths."""
+    pixel: Pixels
+    """Row and column of each point in that view's maps."""
 
     def values(self, truths: Sequence[Truth], name: str) -> Array:
         """A map's values at the points [points, channels]."""
@@ -43,57 +40,25 @@ class Surface:
         ])  # fmt: skip
 
 
-def inner(truth: Truth) -> NDArray[np.bool_]:
-    """Fully covered pixels with a depth, away from edges of the object and from jumps of its depth."""
-    depth = truth.maps["depth"][..., 0].astype(np.float32)
-    if not truth.solid.any():
-        return truth.solid
-    spread = cv2.dilate(depth, np.ones((3, 3))) - cv2.erode(depth, np.ones((3, 3)))
-    limit = JUMP * depth + 3 * np.median(spread[truth.solid])
-    return np.asarray(truth.solid & (depth > 0) & (spread < limit))
+@dataclass(frozen=True)
+class Surface(Points):
+    """Points of the true surface."""
+
+    position: Array
+    """World units."""
 
 
-def rays_of(truth: Truth) -> Array:
-    """World directions of z-depth 1 through the pixels of a view's maps [height, width, 3]."""
-    height, width = truth.maps["image"].shape[:2]
-    rows, columns = np.mgrid[:height, :width]
-    pixels = np.stack([columns, rows], -1).reshape(1, -1, 2) + 0.5
-    return stacked([truth.camera]).rays(pixels).reshape(height, width, 3)
-
-
-def place_of(truth: Truth) -> Array:
-    """The camera's centre in the world."""
-    return np.asarray(truth.camera.centre.double().numpy())
-
-
-def derived_normals(truth: Truth) -> Array:
-    """Unit normals of a depth map by central differences, towards the camera; zero at the border of the image."""
-    points = rays_of(truth) * truth.maps["depth"]
-    across, down = np.zeros_like(points), np.zeros_like(points)
-    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
-    down[1:-1] = points[2:] - points[:-2]
-    normal = np.cross(down, across)
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12))
-
-
-def surface_of(truths: Sequence[Truth], most: int = POINTS_OF_A_VIEW) -> Surface | None:
-    """Points of the views with a depth, at most so many of each; None if there are hardly any."""
-    parts = [_points(place, truth, most) for place, truth in enumerate(truths) if "depth" in truth.maps]
-    if sum(len(part.view) for part in parts) < FEWEST:
+def surface_of(truths: Sequence[Truth]) -> Surface | None:
+    """Points of the views with a depth; None if there are hardly any."""
+    parts = []
+    for place, truth in enumerate(truths):
+        if "depth" in truth.maps:
+            pixel = some_pixels(truth.inner, POINTS_OF_A_VIEW, place)
+            parts.append((np.full(len(pixel[0]), place), *pixel, truth.points[pixel]))
+    if sum(len(view) for view, *_ in parts) < FEWEST:
         return None
-    return Surface(
-        np.concatenate([part.position for part in parts]),
-        np.concatenate([part.view for part in parts]),
-        (np.concatenate([part.pixel[0] for part in parts]), np.concatenate([part.pixel[1] for part in parts])),
-    )
-
-
-def _points(place: int, truth: Truth, most: int) -> Surface:
-    chosen = np.argwhere(inner(truth))
-    chosen = chosen[np.random.default_rng(place).permutation(len(chosen))[:most]]
-    pixel = (chosen[:, 0], chosen[:, 1])
-    position = place_of(truth) + rays_of(truth)[pixel] * truth.maps["depth"][pixel]
-    return Surface(position, np.full(len(chosen), place), pixel)
+    view, row, column, position = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Surface(view, (row, column), position)
 
 
 def seen(surface: Surface, camera: Cameras) -> tuple[Array, NDArray[np.bool_]]:

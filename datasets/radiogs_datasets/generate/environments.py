@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radiogs_core.scene.light import texel_directions
 
 HEIGHT, WIDTH = 32, 64
+DIRECTIONS: NDArray[np.float64] = texel_directions(HEIGHT, WIDTH).numpy()
 
 Colour = tuple[float, float, float]
 
@@ -29,7 +30,7 @@ class Lobe:
         """The lobe on the map."""
         phi, theta = np.radians([self.azimuth, self.elevation])
         axis = np.array([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)])
-        cosine = _directions() @ axis
+        cosine = DIRECTIONS @ axis
         return np.exp(self.sharpness * (cosine - 1))[..., None] * np.array(self.colour)
 
 
@@ -47,7 +48,7 @@ class Sky:
 
     def radiance(self) -> NDArray[np.float32]:
         """The light on the map, [32, 64, 3]."""
-        height = _directions()[..., 2:]
+        height = DIRECTIONS[..., 2:]
         above = np.array(self.horizon) + np.sqrt(np.clip(height, 0, 1)) * np.subtract(self.zenith, self.horizon)
         gradient = np.where(height > 0, above, np.array(self.ground))
         return sum((lobe.radiance() for lobe in self.lobes), start=gradient).astype(np.float32)
@@ -118,7 +119,3 @@ LIGHTS = {
         ),
     ),
 }
-
-
-def _directions() -> NDArray[np.float64]:
-    return texel_directions(HEIGHT, WIDTH).numpy()

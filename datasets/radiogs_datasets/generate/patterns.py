@@ -181,13 +181,10 @@ def segments(text: str) -> tuple[Segment, ...]:
     unknown = sorted(set(text) - set(GLYPHS) - {" "})
     if unknown:
         raise ValueError(f"no strokes for {', '.join(unknown)} in the text '{text}'; there are {''.join(GLYPHS)}")
-    return tuple(stroke for place, letter in enumerate(text) if letter != " " for stroke in _letter(letter, place))
-
-
-def _letter(letter: str, place: int) -> list[Segment]:
-    left = place * (GLYPH_WIDTH + GLYPH_SPACING)
-    lines = [
-        [(left + int(point[0]) * GLYPH_WIDTH / 2, GLYPH_ROWS[point[1]]) for point in polyline.split()]
-        for polyline in GLYPHS[letter].split(", ")
-    ]
-    return [pair for line in lines for pair in itertools.pairwise(line)]
+    strokes: list[Segment] = []
+    for place, letter in enumerate(text):
+        left = place * (GLYPH_WIDTH + GLYPH_SPACING)
+        for polyline in GLYPHS[letter].split(", ") if letter != " " else ():
+            points = [(left + int(point[0]) * GLYPH_WIDTH / 2, GLYPH_ROWS[point[1]]) for point in polyline.split()]
+            strokes += itertools.pairwise(points)
+    return tuple(strokes)

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 
 from radiogs_core.errors import UsageError
 
@@ -30,8 +31,16 @@ def require_mitsuba() -> None:
 
 def mitsuba_failure() -> str | None:
     """The last words of a trial render that failed; None if it worked."""
-    run = subprocess.run([sys.executable, "-P", "-c", SCRIPT], capture_output=True, text=True, check=False)
+    return failure_of([sys.executable, "-P", "-c", SCRIPT])
+
+
+def failure_of(command: Sequence[str], environment: Mapping[str, str] | None = None) -> str | None:
+    """The last words of a command that failed; None if it worked."""
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    except OSError as error:
+        return error.strerror or str(error)
     if run.returncode == 0:
         return None
     lines = run.stderr.strip().splitlines()
-    return lines[-1] if lines else f"the process ended with code {run.returncode}"
+    return lines[-1] if lines else f"exit code {run.returncode}"

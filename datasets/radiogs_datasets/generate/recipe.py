@@ -51,8 +51,8 @@ class Recipe:
     purpose: str
     solids: tuple[Solid, ...]
     rig: Rig
-    training_light: str
-    relight: tuple[str, ...]
+    training_light: str = "sky"
+    relight: tuple[str, ...] = ("sunset", "overcast")
     kind: str = "single effects"
     choices: Literal["tuned on", "reported only"] = "tuned on"
     train: int = 48

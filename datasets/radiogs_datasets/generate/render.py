@@ -17,7 +17,6 @@ from . import rounds, trefoil
 from .cameras import Pinhole
 from .disney_bsdf import PLUGIN, register
 from .materials import Finish, Material, Patterned
-from .patterns import Array
 from .probe import VARIANT
 from .recipe import Recipe
 from .solids import Box, Knot, Relief, Solid, Sphere, Turned
@@ -117,15 +116,14 @@ def surface(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -> Sur
     share = np.where(coverage > 0, coverage, 1)
     normal = average(np.array(hit.n).T)
     norm = np.linalg.norm(normal, axis=-1, keepdims=True)
-    return Surface(
-        coverage=coverage.astype(np.float32),
-        albedo=(average(np.array(material.eval_attribute_3("albedo", hit, met)).T) / share).astype(np.float32),
-        normal=(normal / np.where(norm > 0, norm, 1)).astype(np.float32),
-        roughness=(average(np.array(material.eval_attribute_1("roughness", hit, met))[:, None]) / share).astype(
-            np.float32
-        ),
-        depth=(average(np.array(hit.t)[:, None] / length) / share).astype(np.float32),
-    )
+    maps = {
+        "coverage": coverage,
+        "albedo": average(np.array(material.eval_attribute_3("albedo", hit, met)).T) / share,
+        "normal": normal / np.where(norm > 0, norm, 1),
+        "roughness": average(np.array(material.eval_attribute_1("roughness", hit, met))[:, None]) / share,
+        "depth": average(np.array(hit.t)[:, None] / length) / share,
+    }
+    return Surface(**{name: values.astype(np.float32) for name, values in maps.items()})
 
 
 def any_coverage(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -> NDArray[np.bool_]:
@@ -163,7 +161,7 @@ def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
 
 
 def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
-    """Without normals at its vertices: it is shaded with those of its triangles, so that no light leaks."""
+    """A mesh without normals at its vertices: Mitsuba shades it with its triangles' normals, so that no light leaks."""
     vertices, triangles = trefoil.mesh(solid, *MESH_CELLS) if isinstance(solid, Knot) else rounds.mesh(solid)
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
@@ -177,8 +175,8 @@ def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
 
 def _bsdf(finish: Finish) -> dict[str, object]:
     if not isinstance(finish, Material):
-        albedo, roughness = textures(finish)
-        return {"type": PLUGIN, "albedo": albedo, "roughness": roughness, "specular": finish.first.specular}
+        made = texture(finish)
+        return {"type": PLUGIN, "albedo": made, "roughness": made, "specular": finish.first.specular}
     return {
         "type": PLUGIN,
         "albedo": {"type": "rgb", "value": list(finish.albedo)},
@@ -187,18 +185,18 @@ def _bsdf(finish: Finish) -> dict[str, object]:
     }
 
 
-# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
-
-
-def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:
-    """Albedo and roughness of a finish as textures, to be given to a BSDF; a variant must be set."""
+def texture(finish: Patterned) -> mi.Texture:
+    """A finish as a texture, to be given to a BSDF: its colour is the albedo, its value the roughness."""
 
     class Solid(mi.Texture):
         def __init__(self) -> None:
             mi.Texture.__init__(self, mi.Properties())
 
-        def values(self, si: mi.SurfaceInteraction3f) -> tuple[Array, Array, Array, Array]:
-            return finish.at(si.p.x, si.p.y, si.p.z, dr)
+        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Color3f:
+            return mi.Color3f(*finish.at(si.p.x, si.p.y, si.p.z, dr)[:3])
+
+        def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
+            return finish.at(si.p.x, si.p.y, si.p.z, dr)[3]
 
         def is_spatially_varying(self) -> bool:
             return True
@@ -206,13 +204,4 @@ def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:
         def to_string(self) -> str:
             return f"{type(self).__name__}[{finish}]"
 
-    class Albedo(Solid):
-        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Color3f:
-            red, green, blue, _ = self.values(si)
-            return mi.Color3f(red, green, blue)
-
-    class Roughness(Solid):
-        def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
-            return self.values(si)[3]
-
-    return Albedo(), Roughness()
+    return Solid()

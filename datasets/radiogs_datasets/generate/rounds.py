@@ -17,7 +17,7 @@ from torch import Tensor
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
 from .patterns import waves
-from .solids import Relief, Swell, Turned
+from .solids import Relief, Turned
 
 ROWS_PER_POINT, COLUMNS = 48, 192
 """Mesh of a solid of revolution: rows for each control point of its profile, and columns around it."""
@@ -125,7 +125,7 @@ def radii(solid: Relief, direction: Float[Tensor, "n 3"]) -> tuple[Float[Tensor,
     """Distance of the surface from the centre along unit directions, and its gradient on the sphere of directions."""
     value, gradient = torch.ones_like(direction[:, 0]), torch.zeros_like(direction)
     for swell in solid.swells:
-        axis = _axis(swell).to(direction)
+        axis = direction.new_tensor(swell.axis)
         part = swell.height * (swell.sharpness * (direction @ axis - 1)).exp()
         value += part
         gradient += (swell.sharpness * part)[:, None] * axis
@@ -136,12 +136,6 @@ def radii(solid: Relief, direction: Float[Tensor, "n 3"]) -> tuple[Float[Tensor,
         gradient += (solid.ripple * amplitude * angle.cos())[:, None] * wave
     along = (gradient * direction).sum(-1, keepdim=True)
     return solid.radius * value, solid.radius * (gradient - along * direction)
-
-
-def _axis(swell: Swell) -> Float[Tensor, " 3"]:
-    phi, theta = math.radians(swell.azimuth), math.radians(swell.elevation)
-    place = (math.cos(theta) * math.cos(phi), math.cos(theta) * math.sin(phi), math.sin(theta))
-    return torch.tensor(place, dtype=torch.float64)
 
 
 def _turned_cells(solid: Turned, spacing: float) -> Cells:

@@ -19,12 +19,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from radiogs_core.errors import UsageError
 from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..layouts.tensoir_lights import TRAINING_LIGHT
-from ..new_scene import made_beside, write_display
+from ..layouts.tensoir import TRAINING_LIGHT
+from ..writing import made_beside, write_display
 from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
@@ -45,13 +44,8 @@ def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
-    try:
-        with made_beside(folder) as made:
-            _write_all(recipe, made, seed, pictures, progress)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write {folder}", f"The system says: {error.strerror}.", "Choose another folder."
-        ) from error
+    with made_beside(folder) as made:
+        _write_all(recipe, made, seed, pictures, progress)
 
 
 def _write_all(
@@ -77,9 +71,7 @@ def _write_all(
         table = {"camera_angle_x": float(np.radians(recipe.rig.field_of_view)), "frames": frames}
         (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
     scored = pinhole(recipe.rig, test.first, pictures.size)
-    samples = {split.name: split.samples for split in (train, test)}
-    made = Making(pictures.depth, samples, seed, float(energy[0] / energy[1]))
-    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, made, folder)
+    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, pictures, seed, float(energy[0] / energy[1]), folder)
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
 
@@ -128,9 +120,6 @@ def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArra
     return render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)[..., :3]
 
 
-# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
-
-
 NOISE_SEEDS = (1_000_000, 1_000_001)
 """Seeds that no view uses."""
 
@@ -138,28 +127,15 @@ SHARE_SAMPLES, SHARE_SIZE = 256, 96
 """Samples a pixel, and the most pixels a side, for shares of energy, which are sums over a whole image."""
 
 
-@dataclass(frozen=True)
-class Making:
-    """How a scene was made: bounces, samples a pixel by split, seed; the indirect share of its test views' energy."""
-
-    depth: int
-    samples: Mapping[str, int]
-    seed: int
-    indirect_share: float
-
-
 def describe(
-    recipe: Recipe,
-    scene: mi.Scene,
-    camera: Pinhole,
-    made: Making,
-    folder: Path,
+    recipe: Recipe, scene: mi.Scene, camera: Pinhole, pictures: Pictures, seed: int, indirect_share: float, folder: Path
 ) -> dict[str, object]:
     """The metadata of a scene whose lights lie in ``folder``.
 
-    Noise, and the shares of specular and shadowed light, are measured on the view of ``camera``.
+    Noise, and the shares of specular and shadowed light, are measured on the view of ``camera``; ``indirect_share`` is
+    of the energy of all test views.
     """
-    depth, samples = made.depth, made.samples
+    depth, scored = pictures.depth, TEST_RATIO * pictures.samples
     light = read_hdr(folder / "envmaps" / "training.hdr")
     small = replace(camera, size=min(camera.size, SHARE_SIZE))
     return {
@@ -167,12 +143,12 @@ def describe(
         "purpose": recipe.purpose,
         "kind": recipe.kind,
         "choices": recipe.choices,
-        "seed": made.seed,
-        "samples": dict(samples),
+        "seed": seed,
+        "samples": {"train": pictures.samples, "test": scored},
         "sampler": "multijitter",
         "depth": depth,
-        "noise_floor_db": round(noise_floor(scene, camera, samples["test"], depth), 2),
-        "indirect_share": round(made.indirect_share, 4),
+        "noise_floor_db": round(noise_floor(scene, camera, scored, depth), 2),
+        "indirect_share": round(indirect_share, 4),
         **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, small, depth).items()},
         "lights": {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").iterdir())

@@ -1,5 +1,6 @@
 """The solids that scenes are made of, as data."""
 
+import math
 from dataclasses import dataclass
 
 from .materials import Finish
@@ -69,6 +70,12 @@ class Swell:
     elevation: float
     sharpness: float
     height: float
+
+    @property
+    def axis(self) -> Point:
+        """The direction as a unit vector."""
+        phi, theta = math.radians(self.azimuth), math.radians(self.elevation)
+        return math.cos(theta) * math.cos(phi), math.cos(theta) * math.sin(phi), math.sin(theta)
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,6 @@ from ..bounded_reading import read_json
 from . import rounds, trefoil
 from .cameras import pinhole
 from .catalogue import RECIPES
-from .materials import Finish
-from .recipe import Rig
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP
@@ -52,7 +50,12 @@ def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
     """
     name = metadata_of(folder).get("scene")
     recipe = RECIPES.get(name) if isinstance(name, str) else None
-    return partial(surfaces_of, recipe.solids) if recipe is not None and _seen_by(recipe.rig, scene) else None
+    if recipe is None:
+        return None
+    places = torch.from_numpy(np.stack([pinhole(recipe.rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
+    stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
+    at_places = bool((torch.cdist(stand, places).amin(-1) < NEAR * recipe.rig.radius).all())
+    return partial(surfaces_of, recipe.solids) if at_places else None
 
 
 def metadata_of(folder: Path) -> Mapping[str, Any]:
@@ -62,13 +65,6 @@ def metadata_of(folder: Path) -> Mapping[str, Any]:
     except DataError:
         return {}
     return about if isinstance(about, dict) else {}
-
-
-def _seen_by(rig: Rig, scene: Scene) -> bool:
-    """Whether every camera stands at a place of the rig."""
-    places = torch.from_numpy(np.stack([pinhole(rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
-    stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
-    return bool((torch.cdist(stand, places).amin(-1) < NEAR * rig.radius).all())
 
 
 def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
@@ -85,7 +81,7 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
                 covered |= _inside(other, patch.centre, TOUCHING)
             parts.append((solid.material, patch.where(~covered)))
     patches = [patch for _, patch in parts]
-    values = torch.cat([_at(finish, patch.centre) for finish, patch in parts])
+    values = torch.cat([torch.stack(finish.at(*patch.centre.unbind(-1), torch), -1) for finish, patch in parts])
     return SurfaceSamples(
         centre=torch.cat([patch.centre for patch in patches]),
         frame=torch.cat([patch.frame for patch in patches]),
@@ -115,12 +111,6 @@ class _Patch:
     def turned(self) -> "_Patch":
         first, second, normal = self.frame.unbind(-1)
         return _Patch(self.centre, torch.stack([second, first, -normal], -1), self.size.flip(-1))
-
-
-def _at(finish: Finish, centre: Float[Tensor, "cells 3"]) -> Float[Tensor, "cells 4"]:
-    """Albedo and roughness at the middles of cells."""
-    x, y, z = centre.unbind(-1)
-    return torch.stack(finish.at(x, y, z, torch), -1)
 
 
 def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Patch]:

@@ -26,19 +26,10 @@ from radiogs_core.scene.scene import Points, Scene
 
 from ..bounded_reading import read_bytes
 from ..cameras.colmap_model import LARGEST_COORDINATE
-from ..cameras.transforms import Frame, Transforms, read_transforms
-from ..image_structure import png_layout
+from ..cameras.transforms import Frame, Transforms, read_transforms, said_of_files
 from ..options import AS_STORED, SceneOptions
-from .inspection import (
-    WrittenPaths,
-    decode_if_small,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
-    shown,
-)
-from .photos import Photo, held_out, masks_of, said_of_lenses, said_of_masks, view_of
+from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files, require_same_size, shown
+from .photos import Photo, has_alpha, held_out, inspect_photos, masks_of, said_of_lenses, said_of_masks, view_of
 
 
 def looks_like(folder: Path) -> bool:
@@ -48,25 +39,25 @@ def looks_like(folder: Path) -> bool:
 
 def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     tables = tables_of(folder, options)
     files = {table: read_transforms(table) for table in tables}
     repairs: list[str] = []
     written = WrittenPaths(folder, ENDINGS)
     train, test = split_of(written, files, options, repairs)
-    photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), files)
+    clouds = [WrittenPaths(folder).find(table, each.points_path) for table, each in files.items() if each.points_path]
+    photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), tables, clouds)
     stated = {each.masks for each in files.values() if each.masks is not None}
     if options.masks is None and stated == {"ignore"}:
         options = replace(options, masks="ignore")
     photos, said_of_coverage = said_of_masks(photos, options)
     repairs += said_of_coverage
     repairs += [*written.said, *said_of_lenses(photos)]
-    repairs += [f"{table.name}: {said}" for table, each in files.items() for said in each.said]
+    repairs += said_of_files(files)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     return Scene(
         folder.name, "blender", tuple(views[: len(train)]), tuple(views[len(train) :]), {}, None, checksum,
-        tuple(repairs), points=_points(folder, files),
+        tuple(repairs), points=read_points(clouds[0]) if clouds else None,
     )  # fmt: skip
 
 
@@ -90,10 +81,6 @@ class Listed:
     mask: Path | None
     depth: Path | None
     depth_unit: float
-
-    def files(self) -> list[Path]:
-        """All of them that there are."""
-        return [path for path in (self.image, self.mask, self.depth) if path is not None]
 
 
 def tables_of(folder: Path, options: SceneOptions) -> list[Path]:
@@ -119,9 +106,9 @@ def listed_in(written: WrittenPaths, table: Path, transforms: Transforms) -> lis
     def place(path: str | None) -> Path | None:
         return None if path is None else written.find(table, path)
 
+    unit = transforms.depth_unit
     return [
         Listed(frame, _image(written, table, frame), place(frame.mask_path), place(frame.depth_path), unit)
-        for unit in [transforms.depth_unit]
         for frame in transforms.frames
     ]
 
@@ -207,32 +194,25 @@ def masked(folder: Path, listed: list[Listed], options: SceneOptions) -> list[Li
 
 
 def _photos(
-    folder: Path, listed: list[Listed], files: Mapping[Path, Transforms]
+    folder: Path, listed: list[Listed], tables: list[Path], clouds: list[Path]
 ) -> tuple[list[Photo], str, dict[Path, tuple[int, int]]]:
     """The photos, the checksum over all files of the scene, and the sizes of its images."""
     images = [each.image for each in listed]
     require_distinct(folder, images)
-    every = [path for each in listed for path in each.files()]
-    require_files(folder, every)
-    clouds = [path for table, each in files.items() if (path := _cloud(folder, table, each)) is not None]
-    require_files(folder, clouds)
-    # A mask may lie outside the scene's folder; in the checksum it goes by its image.
-    masks = {
-        f"masks/{each.image.relative_to(folder).as_posix()}": each.mask for each in listed if each.mask is not None
-    }
-    inner = {*files, *every, *clouds} - {*masks.values()}
-    sizes, checksum = inspect({path.relative_to(folder).as_posix(): path for path in inner} | masks)
+    every = [path for each in listed for path in (each.image, each.mask, each.depth) if path is not None]
+    require_files(folder, [*every, *clouds])
+    masks = {each.image: each.mask for each in listed if each.mask is not None}
+    sizes, checksum = inspect_photos(folder, {*tables, *every, *clouds} - {*masks.values()}, masks)
     for each in listed:
-        for extra in (each.mask, each.depth):
-            if extra in sizes:
-                require_same_size(extra, sizes[extra], sizes[each.image])
+        if each.depth in sizes:
+            require_same_size(each.depth, sizes[each.depth], sizes[each.image])
     transparent = _transparent(images)
     return [_photo(folder, each, transparent[each.image], sizes[each.image]) for each in listed], checksum, sizes
 
 
 def _transparent(images: list[Path]) -> dict[Path, bool]:
     """Which images have an alpha channel. Raises DataError where some have and others have not."""
-    found = {path: path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).transparent for path in images}
+    found = {path: has_alpha(path) for path in images}
     if any(found.values()) and not all(found.values()):
         plain = next(path for path, has in found.items() if not has)
         raise DataError(
@@ -255,20 +235,7 @@ def _photo(folder: Path, listed: Listed, has_alpha: bool, size: tuple[int, int])
     )  # fmt: skip
 
 
-def _points(folder: Path, files: Mapping[Path, Transforms]) -> Points | None:
-    """The sparse points that the first file with any names."""
-    clouds = (_cloud(folder, table, transforms) for table, transforms in files.items())
-    first = next((path for path in clouds if path is not None), None)
-    return None if first is None else read_points(first)
-
-
-def _cloud(folder: Path, table: Path, transforms: Transforms) -> Path | None:
-    written = transforms.points_path
-    return None if written is None else WrittenPaths(folder).find(table, written)
-
-
 POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
-
 
 LONGEST_HEADER = 1 << 16
 """Bytes of a PLY file's header: the library reads it character by character."""

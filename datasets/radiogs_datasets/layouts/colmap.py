@@ -10,7 +10,6 @@ their names every eighth image (or ``--hold-out N``) is a test view, from the fi
 pixel counts, unless there is a folder of masks. The sparse points come along.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -20,21 +19,22 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
 from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
-from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
+from ..cameras.colmap_model import StoredCamera, StoredImage
 from ..cameras.lens import Lens, lens_of
 from ..options import AS_STORED, SceneOptions
-from .inspection import (
-    WrittenPaths,
-    decode_if_small,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
+from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files
+from .photos import (
+    PHOTO_FOLDERS,
+    SIZE_TOLERANCE,
+    Photo,
+    held_out,
+    images_in,
+    inspect_photos,
+    masks_of,
+    said_of_lenses,
+    said_of_masks,
+    view_of,
 )
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_lenses, said_of_masks, view_of
-
-SMALLEST_DIFFERENCE = 1.0
-"""Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
 
 
 def looks_like(folder: Path) -> bool:
@@ -44,7 +44,6 @@ def looks_like(folder: Path) -> bool:
 
 def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     place, said_of_model = chosen_model(folder)
     if place is None:
         raise DataError(f"{folder} has no sparse model", "It lies in sparse/0 or sparse.", "Give a scene's folder.")
@@ -56,11 +55,7 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     require_distinct(folder, paths)
     require_files(folder, paths)
     masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
-    named = {path.relative_to(folder).as_posix(): path for path in paths}
-    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
-    sizes, checksum = inspect(named, files_of(place))
-    for path, mask in masks.items():
-        require_same_size(mask, sizes[mask], sizes[path])
+    sizes, checksum = inspect_photos(folder, paths, masks, files_of(place))
     photos = [
         Photo(
             Path(image.name.replace("\\", "/")).with_suffix("").as_posix(),
@@ -76,9 +71,9 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
     repairs = (*said_of_model, *said_of_images, said, *said_of_coverage, *said_of_lenses(photos))
-    return Scene(
-        folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=_points(model)
-    )  # fmt: skip
+    colours = torch.from_numpy(model.colours.astype(np.float32) / 255)
+    points = Points(torch.from_numpy(model.positions.astype(np.float32)), colours)
+    return Scene(folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=points)
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
@@ -126,15 +121,10 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int
         ) from error
     height, width = size
     across, along = width / stored.width, height / stored.height
-    if max(across, along) > 1 or abs(stored.height * across - height) > SMALLEST_DIFFERENCE:
+    if max(across, along) > 1 or abs(stored.height * across - height) > SIZE_TOLERANCE:
         raise DataError(
             f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}",
             "The image must be its camera's, or a reduction of it.",
             "Use the images that the model was made of.",
         )
     return lens.at_size(height, width)
-
-
-def _points(model: SparseModel) -> Points:
-    colours = model.colours.astype(np.float32) / 255
-    return Points(torch.from_numpy(model.positions.astype(np.float32)), torch.from_numpy(colours))

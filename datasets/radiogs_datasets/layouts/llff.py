@@ -10,7 +10,6 @@ principal point is the image's centre. Images are those of the first of images_2
 there are poses. In the order of their names every eighth (or ``--hold-out N``) is a test view, from the first on.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +21,26 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-from ..bounded_reading import read_bytes, read_numpy
+from ..bounded_reading import read_numpy
 from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import Lens
-from ..image_structure import png_layout
+from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, inspect, require_distinct, require_same_size
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, masks_of, said_of_masks, view_of
+from .inspection import decode_if_small, require_distinct
+from .photos import (
+    PHOTO_FOLDERS,
+    SIZE_TOLERANCE,
+    Photo,
+    has_alpha,
+    held_out,
+    images_in,
+    inspect_photos,
+    masks_of,
+    said_of_masks,
+    view_of,
+)
 
 TABLE = "poses_bounds.npy"
-
-SMALLEST_DIFFERENCE = 1.0
-"""Pixels by which a reduced image may be off the photo's shape: sizes are rounded."""
-
-RIGID_TOLERANCE = 1e-3
-"""Largest deviation of a pose's axes from orthonormal."""
 
 
 def looks_like(folder: Path) -> bool:
@@ -46,21 +50,15 @@ def looks_like(folder: Path) -> bool:
 
 def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     table = folder / TABLE
     poses = _poses(table)
     chosen, paths = _images(folder, len(poses))
     require_distinct(folder, paths)
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
-    named = {path.relative_to(folder).as_posix(): path for path in paths}
-    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
-    sizes, checksum = inspect(named, (table,))
-    for path, mask in masks.items():
-        require_same_size(mask, sizes[mask], sizes[path])
-    transparent = [path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).transparent for path in paths]
+    sizes, checksum = inspect_photos(folder, paths, masks, (table,))
     photos = [
-        Photo(path.stem, path, _camera_to_world(pose), _lens(path, pose, sizes[path]), has_alpha, masks.get(path))
-        for path, pose, has_alpha in zip(paths, poses, transparent, strict=True)
+        Photo(path.stem, path, camera_to_world, _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
+        for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True)
     ]
     photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
@@ -84,15 +82,12 @@ def _poses(table: Path) -> Float[ndarray, "views 3 5"]:
     wrong = ~((np.abs(poses) <= LARGEST_COORDINATE).all((1, 2)) & (off <= RIGID_TOLERANCE) & (np.linalg.det(axes) > 0))
     if wrong.any():
         raise DataError(
-            f"{table}: pose {int(np.argmax(wrong))} is no rigid motion" + _more(int(wrong.sum()) - 1),
+            f"{table}: pose {int(np.argmax(wrong))} is no rigid motion"
+            + (f", nor are {int(wrong.sum()) - 1} more" if wrong.sum() > 1 else ""),
             "Its first three columns are unit vectors at right angles: down, right and back.",
             "Write the file again:  python imgs2poses.py",
         )
     return poses
-
-
-def _more(count: int) -> str:
-    return f", nor are {count} more" if count else ""
 
 
 def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
@@ -109,18 +104,17 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
     return fitting, found[fitting]
 
 
-def _camera_to_world(pose: Float[ndarray, "3 5"]) -> Float[Tensor, "4 4"]:
+def _cameras_to_world(poses: Float[ndarray, "views 3 5"]) -> Float[Tensor, "views 4 4"]:
     """OpenCV axes from down, right and back."""
-    down, right, back, centre = pose[:, 0], pose[:, 1], pose[:, 2], pose[:, 3]
-    matrix = np.eye(4)
-    matrix[:3] = np.stack([right, down, -back, centre], -1)
-    return torch.from_numpy(matrix).float()
+    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
+    matrices[:, :3] = poses[:, :, [1, 0, 2, 3]] * (1, 1, -1, 1)
+    return torch.from_numpy(matrices).float()
 
 
 def _lens(path: Path, pose: Float[ndarray, "3 5"], size: tuple[int, int]) -> Lens:
     rows, columns, focal = (float(value) for value in pose[:, 4])
     height, width = size
-    if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SMALLEST_DIFFERENCE:
+    if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SIZE_TOLERANCE:
         raise DataError(
             f"{path} is {width} x {height} pixels, its pose is for {columns:g} x {rows:g} and f = {focal:g}",
             "The image must be the posed photo, or a reduction of it.",

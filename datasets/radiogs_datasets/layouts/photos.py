@@ -22,10 +22,13 @@ from ..image_structure import png_layout
 from ..options import TEST_EVERY, SceneOptions
 from ..reduction import WHOLLY
 from ..view_maps import read_alpha, read_colour
-from .inspection import shown
+from .inspection import inspect, require_same_size, shown
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
+
+SIZE_TOLERANCE = 1.0
+"""Pixels by which a reduced image may be off the shape of the posed photo: sizes are rounded."""
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
 """Endings of images, in small letters."""
@@ -58,13 +61,39 @@ class Photo:
     depth_unit: float = 1.0
     ignores: bool = False
 
+    @property
+    def covers(self) -> bool:
+        """Whether its alpha or mask is coverage."""
+        return self.has_alpha or (self.mask is not None and not self.ignores)
+
+
+def inspect_photos(
+    folder: Path, files: Iterable[Path], masks: Mapping[Path, Path], tables: Sequence[Path] = ()
+) -> tuple[dict[Path, tuple[int, int]], str]:
+    """Sizes of a scene's images and the checksum over its files, see ``inspect``; ``masks`` are those of images.
+
+    A mask may lie outside the scene's folder; in the checksum it goes by its image. Raises DataError for a mask of
+    another size than its image.
+    """
+    named = {path.relative_to(folder).as_posix(): path for path in files}
+    named |= {f"masks/{image.relative_to(folder).as_posix()}": mask for image, mask in masks.items()}
+    sizes, checksum = inspect(named, tables)
+    for image, mask in masks.items():
+        require_same_size(mask, sizes[mask], sizes[image])
+    return sizes, checksum
+
+
+def has_alpha(image: Path) -> bool:
+    """Whether an image is transparent in places. Raises DataError for a damaged file."""
+    return image.suffix.lower() == ".png" and png_layout(image, read_bytes(image)).transparent
+
 
 def view_of(photo: Photo) -> View:
     """The view: a pinhole camera and maps that are read when asked for. Raises DataError for an impossible lens."""
     sources: dict[str, Callable[[], Tensor]] = {"image": partial(_image, photo)}
-    if photo.has_alpha or (photo.mask is not None and not photo.ignores):
+    if photo.covers:
         sources["alpha"] = partial(_alpha, photo)
-    if photo.mask is not None and photo.ignores:
+    if photo.ignores:
         sources["valid"] = partial(_valid, photo)
     if photo.depth is not None:
         sources["depth"] = partial(_depth, photo)
@@ -126,16 +155,12 @@ def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
 
 def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
     """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
-    return (*require_possible_lenses(photos), *_kept(photos))
-
-
-def _kept(photos: Sequence[Photo]) -> tuple[str, ...]:
-    kept = [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
+    said, kept = require_possible_lenses(photos), [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
     if not kept:
-        return ()
+        return said
     least, most = round(100 * min(kept)), round(100 * max(kept))
     share = f"{least} %" if least == most else f"{least} to {most} %"
-    return (f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each",)
+    return (*said, f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each")
 
 
 def images_in(folder: Path) -> list[Path]:
@@ -163,23 +188,14 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     said: list[str] = []
     if options.masks == "ignore":
         said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
-    covered = [photo for photo in given if _covers(photo)]
-    if covered and all(_is_whole(photo) for photo in covered):
+    covered = [photo for photo in given if photo.covers]
+    if covered and all(bool((_stored_coverage(photo) == 1).all()) for photo in covered):
         kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
         said.append(f"{kind} 1 in all of its photos, which says nothing")
         given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
-    if not any(_covers(photo) for photo in given):
+    if not any(photo.covers for photo in given):
         said.append("no alpha: every pixel counts")
     return given, tuple(said)
-
-
-def _covers(photo: Photo) -> bool:
-    return photo.has_alpha or (photo.mask is not None and not photo.ignores)
-
-
-def _is_whole(photo: Photo) -> bool:
-    coverage = _stored_coverage(photo)
-    return coverage is not None and bool((coverage == 1).all())
 
 
 def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
@@ -237,8 +253,9 @@ def _image(photo: Photo) -> Tensor:
         if levels.dtype == np.uint8 and levels.shape[2] == 3:
             return torch.from_numpy(levels)
     image = read_colour(photo.image)
-    image = image if photo.lens.pinhole else undistorted(image, _stored_coverage(photo), photo.lens)
-    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores and photo.mask is not None else image
+    if not photo.lens.pinhole:
+        image = undistorted(image, _stored_coverage(photo) if photo.covers else None, photo.lens)
+    return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores else image
 
 
 def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -257,7 +274,6 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
     coverage = _stored_coverage(photo)
-    assert coverage is not None
     coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
     if not bool((coverage > 0).any()):
         raise DataError(
@@ -268,10 +284,11 @@ def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
     return coverage
 
 
-def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"] | None:
-    alpha = read_alpha(photo.image) if photo.has_alpha else None
-    mask = None if photo.mask is None or photo.ignores else read_mask(photo.mask)
-    return mask if alpha is None else alpha if mask is None else alpha * mask
+def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
+    """The coverage of a photo that has one, as stored."""
+    if photo.mask is None or photo.ignores:
+        return read_alpha(photo.image)
+    return read_alpha(photo.image) * read_mask(photo.mask) if photo.has_alpha else read_mask(photo.mask)
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
@@ -297,7 +314,7 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     assert photo.depth is not None
-    levels = read_numbers(photo.depth) if photo.depth.suffix == ".npy" else _levels(photo.depth)
+    levels = _stored_depth(photo.depth)
     wanted = (photo.lens.height, photo.lens.width)
     if levels.shape[:2] != wanted or float(levels.min()) < 0:
         raise DataError(
@@ -308,30 +325,27 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
         )
     depth = levels * photo.depth_unit
     depth = depth if photo.lens.pinhole else undistorted_depth(depth, photo.lens)
-    if _stored_coverage(photo) is not None:
+    if photo.covers:
         depth = torch.where(_alpha(photo) > 0, depth, 0.0)
     return depth
 
 
-def _levels(path: Path) -> Float[Tensor, "height width 1"]:
-    """The first channel; whole levels of a 16-bit PNG."""
+def _stored_depth(path: Path) -> Float[Tensor, "height width 1"]:
+    """Numbers of a NumPy array, whole levels of a 16-bit PNG, or the first channel of another image."""
+    if path.suffix == ".npy":
+        values = read_numpy(path)
+        values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
+        if values.ndim != 2 or not values.size or not np.issubdtype(values.dtype, np.number):
+            raise DataError(
+                f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
+                "Export the depth again, or take its path out of the file.",
+            )  # fmt: skip
+        return torch.from_numpy(as_float32(path, values))[..., None]
     if path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).bits != 16:
         raise DataError(
             f"{path} is a depth map of 8 bits",
             "A length in so few levels is a picture of the depth.",
             "Export the depth with 16 bits, or take its path out of the file.",
         )
-    values = torch.from_numpy(read_image(path))[..., :1].contiguous()
-    return (values * 65535).round() if path.suffix.lower() == ".png" else values
-
-
-def read_numbers(path: Path) -> Float[Tensor, "height width 1"]:
-    """A NumPy array [height, width] of finite numbers. Raises DataError."""
-    values = read_numpy(path)
-    values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
-    if values.ndim != 2 or not values.size or not np.issubdtype(values.dtype, np.number):
-        raise DataError(
-            f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
-            "Export the depth again, or take its path out of the file.",
-        )  # fmt: skip
-    return torch.from_numpy(as_float32(path, values))[..., None]
+    levels = torch.from_numpy(read_image(path))[..., :1].contiguous()
+    return (levels * 65535).round() if path.suffix.lower() == ".png" else levels

@@ -10,8 +10,7 @@ clipped. Normals and environment maps are stored in each view's camera, and are 
 ``transforms_novel.json`` shows the object in another capture, under a light of its own: ``Scene.relight``.
 """
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -27,7 +26,7 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from ..bounded_reading import as_float32, read_json, read_numpy
-from ..cameras.transforms import Transforms, read_transforms
+from ..cameras.transforms import Transforms, read_splits, read_transforms, said_of_files
 from ..image_files import read_image
 from ..lights import read_light
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
@@ -35,6 +34,13 @@ from .photos import read_mask
 
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
+
+TRUE_MAPS = {
+    "albedo": ("pseudo_gt_albedo", ".png"),
+    "normal": ("surface_normal", ".npy"),
+    "depth": ("z_depth", ".npy"),
+}
+"""Folder and ending of the ground truth by map."""
 
 NOVEL_PARTS = ("image", "mask", "light")
 """Parts of a view from another capture."""
@@ -47,31 +53,30 @@ def looks_like(folder: Path) -> bool:
 
 def load_stanford_orb(folder: Path) -> Scene:
     """Read a capture; its maps are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
     truth = ground_truth_folder(folder)
-    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
-    splits = {split: read_transforms(table) for split, table in tables.items()}
+    tables = read_splits(folder)
     images = {
-        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
+        table: [_image(folder, table, frame.file_path) for frame in each.frames] for table, each in tables.items()
     }
-    every = [path for paths in images.values() for path in paths]
+    train_images, test_images = images.values()
+    every = [*train_images, *test_images]
     require_distinct(folder, every)
     masks = [_mask(path) for path in every]
     require_files(folder, [*every, *masks])
     relight, lights, novel_files = _novel(folder)
-    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every, *masks)}
-    files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in _truth_files(truth, images["test"])}
+    files = {path.relative_to(folder).as_posix(): path for path in (*tables, *every, *masks)}
+    true_files = [path for image in test_images for path in _truth_of(truth, image).values()]
+    files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in true_files}
     sizes, checksum = inspect(files | novel_files)
     train, test = (
         tuple(
-            _view(folder, splits[split], place, path, truth if split == "test" else None, sizes[path])
-            for place, path in enumerate(images[split])
+            _view(folder, transforms, place, path, truth if paths is test_images else None, sizes[path])
+            for place, path in enumerate(paths)
         )
-        for split in ("train", "test")
+        for transforms, paths in zip(tables.values(), images.values(), strict=True)
     )
     decode_if_small([*train, *test, *relight], sizes)
-    repairs = tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said)
-    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, repairs, relight)
+    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, said_of_files(tables), relight)
 
 
 def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4 4"]) -> EnvironmentMap:
@@ -108,26 +113,18 @@ def true_mesh_file(folder: Path) -> Path | None:
     return path if path is not None and path.is_file() else None
 
 
-def _truth_files(truth: Path | None, images: Sequence[Path]) -> list[Path]:
-    """The ground truth of test images, as far as it is there."""
+def _truth_of(truth: Path | None, image: Path) -> dict[str, Path]:
+    """The files of a test image's ground truth by map, as far as they are there."""
     if truth is None:
-        return []
-    places = {"pseudo_gt_albedo": ".png", "surface_normal": ".npy", "z_depth": ".npy"}
-    wanted = [truth / place / f"{image.stem}{end}" for place, end in places.items() for image in images]
-    return [path for path in wanted if path.is_file()]
+        return {}
+    files = {name: truth / place / f"{image.stem}{end}" for name, (place, end) in TRUE_MAPS.items()}
+    return {name: path for name, path in files.items() if path.is_file()}
 
 
 def _image(folder: Path, table: Path, file_path: str) -> Path:
     stem = inside(folder, table, file_path)
-    return next((stem.with_name(stem.name + end) for end in (".exr", ".png") if _has(stem, end)), _png(stem))
-
-
-def _has(stem: Path, ending: str) -> bool:
-    return stem.with_name(stem.name + ending).is_file()
-
-
-def _png(stem: Path) -> Path:
-    return stem.with_name(f"{stem.name}.png")
+    linear, display = (stem.with_name(stem.name + end) for end in (".exr", ".png"))
+    return linear if linear.is_file() else display
 
 
 def _mask(image: Path) -> Path:
@@ -139,20 +136,17 @@ def _view(
 ) -> View:
     height, width = reduced(torch.empty(*size, 1)).shape[:2]
     camera = transforms.camera(transforms.frames[place], height, width)
-    files = {"image": image, "alpha": _mask(image)}
-    sources: dict[str, Callable[[], Tensor]] = {
-        "image": partial(_shown, image),
-        "alpha": partial(_coverage, _mask(image)),
+    readers: dict[str, Callable[[Path], Tensor]] = {
+        "image": _shown,
+        "alpha": _coverage,
+        "albedo": _albedo,
+        "normal": partial(_normal, camera, _mask(image)),
+        "depth": partial(_depth, _mask(image)),
     }
-    if truth is not None:
-        found: dict[str, tuple[Path, Callable[[Path], Tensor]]] = {
-            "albedo": (truth / "pseudo_gt_albedo" / f"{image.stem}.png", _albedo),
-            "normal": (truth / "surface_normal" / f"{image.stem}.npy", partial(_normal, camera, _mask(image))),
-            "depth": (truth / "z_depth" / f"{image.stem}.npy", partial(_depth, _mask(image))),
-        }
-        sources |= {name: partial(read, path) for name, (path, read) in found.items() if path.is_file()}
-        files |= {name: path for name, (path, _) in found.items()}
-    sized = {name: partial(_of_size, read, files[name], (height, width)) for name, read in sources.items()}
+    files = {"image": image, "alpha": _mask(image), **_truth_of(truth, image)}
+    sized = {
+        name: partial(_of_size, partial(readers[name], path), path, (height, width)) for name, path in files.items()
+    }
     return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sized)
 
 
@@ -171,7 +165,11 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
     if not table.is_file():
         return (), {}, {}
     views, lights, files = [], {}, {"transforms_novel.json": table}
-    for place, frame in enumerate(_frames(table)):
+    content = read_json(table)
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
+    for place, frame in enumerate(frames):
         capture, angle = frame.get("scene_name"), frame.get("camera_angle_x")
         if not isinstance(capture, str) or "/" in capture or capture in ("", ".", ".."):
             raise DataError(f"{table}: frame {place} has no 'scene_name'", "It says which capture shows it.")
@@ -195,14 +193,6 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         views.append(View(name, camera, shown))
         files |= {f"novel/{name}/{part}": path for part, path in zip(NOVEL_PARTS, (image, mask, light), strict=True)}
     return tuple(views), lights, files
-
-
-def _frames(table: Path) -> list[dict[str, object]]:
-    content = read_json(table)
-    frames = content.get("frames") if isinstance(content, dict) else None
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
-        raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
-    return frames
 
 
 def _colours(path: Path) -> Float[Tensor, "height width channels"]:

@@ -11,7 +11,6 @@ display sRGB, clipped. Test images, relit images and albedo are sRGB with straig
 lights have Z up; negative radiance is set to zero, and said.
 """
 
-import os
 import re
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +24,7 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..cameras.transforms import Transforms, read_transforms
+from ..cameras.transforms import Frame, read_splits, said_of_files
 from ..lights import read_light
 from ..view_maps import read_alpha, read_colour, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
@@ -38,6 +37,9 @@ TEST_MAPS: dict[str, tuple[str, Callable[[Path], Tensor]]] = {
 }
 """Map: ending of its file, and how it is read."""
 
+Sources = dict[str, Callable[[], Tensor]]
+"""How to read each map of a view."""
+
 
 def looks_like(folder: Path) -> bool:
     """Whether there are linear training images."""
@@ -46,42 +48,41 @@ def looks_like(folder: Path) -> bool:
 
 def load_synthetic4relight(folder: Path) -> Scene:
     """Read a scene; its maps are read when asked for. Raises DataError that names what is wrong."""
-    folder = Path(os.path.normpath(folder.absolute()))
-    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
-    splits = {split: read_transforms(table) for split, table in tables.items()}
-    stems = {
-        split: [inside(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
-    }
-    require_distinct(folder, [stem for found in stems.values() for stem in found])
-    lights, light_files = _lights(folder, stems["test"])
-    train_files = [[_with(stem, "_rgb.exr"), _with(stem, "_mask.png")] for stem in stems["train"]]
+    files = read_splits(folder)
+    stems = {table: [inside(folder, table, frame.file_path) for frame in each.frames] for table, each in files.items()}
+    train_stems, test_stems = stems.values()
+    train_split, test_split = files.values()
+    require_distinct(folder, [*train_stems, *test_stems])
+    lights, light_files = _lights(folder, test_stems)
+    endings = [end for end, _ in TEST_MAPS.values() if any(_with(stem, end).is_file() for stem in test_stems)]
+    train_files = [[_with(stem, "_rgb.exr"), _with(stem, "_mask.png")] for stem in train_stems]
     test_files = [
-        [
-            _with(stem, "_rgba.png"),
-            *_maps_beside(stems["test"], stem),
-            *(_relit(folder, light, stem) for light in lights),
-        ]
-        for stem in stems["test"]
+        [*(_with(stem, end) for end in ("_rgba.png", *endings)), *(_relit(folder, light, stem) for light in lights)]
+        for stem in test_stems
     ]
     every = [path for paths in (*train_files, *test_files) for path in paths]
     require_files(folder, every)
     require_distinct(folder, [image for image, *_ in (*train_files, *test_files)])
-    named = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every)}
+    named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
     sizes, checksum = inspect(named | {f"{light}.exr": path for light, path in light_files.items()})
     for image, *maps in (*train_files, *test_files):
         for path in maps:
             require_same_size(path, sizes[path], sizes[image])
     train = tuple(
-        _training_view(splits["train"], place, image, mask, sizes[image])
-        for place, (image, mask) in enumerate(train_files)
+        View(_name(frame), train_split.camera(frame, *sizes[image]), _training_maps(image, mask))
+        for frame, (image, mask) in zip(train_split.frames, train_files, strict=True)
     )
     test = tuple(
-        _test_view(folder, splits["test"], place, stem, lights, sizes[_with(stem, "_rgba.png")])
-        for place, stem in enumerate(stems["test"])
+        View(
+            _name(frame),
+            test_split.camera(frame, *sizes[image]),
+            _test_maps(folder, stem, lights),
+        )
+        for frame, stem, (image, *_) in zip(test_split.frames, test_stems, test_files, strict=True)
     )
     decode_if_small([*train, *test], sizes)
     radiance: dict[str, EnvironmentMap] = {}
-    repairs = [f"{tables[split].name}: {said}" for split in splits for said in splits[split].said]
+    repairs = [*said_of_files(files)]
     for light, path in light_files.items():
         radiance[light], said = read_light(path)
         repairs += said
@@ -114,36 +115,21 @@ def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]
     return sorted(found), files
 
 
-def _maps_beside(stems: list[Path], stem: Path) -> list[Path]:
-    """Files of the maps that any view has: what one has, all must have."""
-    return [
-        _with(stem, ending)
-        for ending, _ in TEST_MAPS.values()
-        if any(_with(other, ending).is_file() for other in stems)
-    ]
+def _name(frame: Frame) -> str:
+    return frame.file_path.removeprefix("./")
 
 
-def _training_view(transforms: Transforms, place: int, image: Path, mask: Path, size: tuple[int, int]) -> View:
-    name = transforms.frames[place].file_path
-    sources = {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)}
-    return View(name.removeprefix("./"), transforms.camera(transforms.frames[place], *size), sources)
+def _training_maps(image: Path, mask: Path) -> Sources:
+    return {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)}
 
 
-def _test_view(
-    folder: Path, transforms: Transforms, place: int, stem: Path, lights: list[str], size: tuple[int, int]
-) -> View:
+def _test_maps(folder: Path, stem: Path, lights: list[str]) -> Sources:
     image = _with(stem, "_rgba.png")
-    sources: dict[str, Callable[[], Tensor]] = {
-        "image": partial(read_colour, image),
-        "alpha": partial(read_alpha, image),
-    }
+    sources: Sources = {"image": partial(read_colour, image), "alpha": partial(read_alpha, image)}
     for name, (ending, read) in TEST_MAPS.items():
         if _with(stem, ending).is_file():
             sources[name] = partial(read, _with(stem, ending))
-    for light in lights:
-        sources[f"relit/{light}"] = partial(read_colour, _relit(folder, light, stem))
-    frame = transforms.frames[place]
-    return View(frame.file_path.removeprefix("./"), transforms.camera(frame, *size), sources)
+    return sources | {f"relit/{light}": partial(read_colour, _relit(folder, light, stem)) for light in lights}
 
 
 def _display(image: Path, mask: Path) -> Float[Tensor, "height width 3"]:

@@ -6,25 +6,30 @@
     <scene>/envmaps/<light>.hdr
 
 Images are display sRGB with straight alpha; albedo is linear; normals are world-space, n / 2 + 1 / 2; cameras are
-camera-to-world in OpenGL axes; lights are found as ``tensoir_lights`` says. TensoIR_Ind has ``indirect.png``:
-straight sRGB, taken here for outgoing radiance, which nothing public confirms; an ``indirect.exr`` goes before it.
+camera-to-world in OpenGL axes. TensoIR_Ind has ``indirect.png``: straight sRGB, taken here for outgoing radiance, which
+nothing public confirms; an ``indirect.exr`` goes before it. ``training.hdr`` is the training light where it is known.
+TensoIR's archive has a folder ``Environment_Maps`` beside the scenes or one level up; ground truth was rendered under
+its 2k maps, training images under ``sunset``.
 """
 
-import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..cameras.transforms import Transforms, read_transforms
+from ..cameras.transforms import Transforms, read_splits, said_of_files
+from ..image_files import read_hdr
+from ..lights import latitude_longitude
 from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
-from .tensoir_lights import find_lights, read_light
 
 MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
     "normal.png": ("normal", read_normal),
@@ -39,6 +44,11 @@ MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
     "direct.exr": ("direct", read_colour),
     "indirect.exr": ("indirect", read_colour),
 }
+
+TRAINING_LIGHT = "training"
+ARCHIVE_TRAINING_LIGHT = "sunset"
+ARCHIVE_FOLDERS = ("Environment_Maps/high_res_envmaps_2k", "Environment_Maps/high_res_envmaps_1k")
+
 RELIT_IMAGE = re.compile(r"rgba_(.+)\.png")
 RELIT_INDIRECT = re.compile(r"indirect_(.+)\.exr")
 
@@ -54,24 +64,16 @@ def load_tensoir(folder: Path) -> Scene:
     The header, size and layout of every file are checked here, and in a small scene all pixels too. Raises DataError
     that names the file, or all files that are missing.
     """
-    folder = Path(os.path.normpath(folder.absolute()))
-    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
-    splits = {split: read_transforms(table) for split, table in tables.items()}
-    images = {
-        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
-    }
+    files = read_splits(folder)
+    images = {table: [_image(folder, table, frame.file_path) for frame in each.frames] for table, each in files.items()}
     require_distinct(folder, [image.parent for paths in images.values() for image in paths])
-    maps = {split: _common_maps(folder, images[split]) for split in splits}
-    lights = find_lights(folder, {found[1] for name in maps["test"] if (found := RELIT_IMAGE.fullmatch(name))})
-    maps_of_views = [
-        path
-        for split in splits
-        for image in images[split]
-        for path in (image, *(image.parent / name for name in maps[split]))
-    ]
-    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *maps_of_views)}
-    sizes, checksum = inspect({**files, **lights.files()})
-    train, test = (_views(folder, splits[split], images[split], maps[split], sizes) for split in ("train", "test"))
+    maps = {table: _common_maps(folder, paths) for table, paths in images.items()}
+    _, maps_of_test = maps.values()
+    lights = find_lights(folder, {found[1] for name in maps_of_test if (found := RELIT_IMAGE.fullmatch(name))})
+    every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
+    named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
+    sizes, checksum = inspect(named | lights.files())
+    train, test = (_views(folder, each, images[table], maps[table], sizes) for table, each in files.items())
     decode_if_small([*train, *test], sizes)
     return Scene(
         name=folder.name,
@@ -81,7 +83,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights={light: read_light(path) for light, path in lights.relight.items()},
         training_light=None if lights.training is None else read_light(lights.training),
         checksum=checksum,
-        repairs=tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said),
+        repairs=said_of_files(files),
     )
 
 
@@ -99,18 +101,15 @@ def _image(folder: Path, table: Path, file_path: str) -> Path:
 
 def _common_maps(folder: Path, images: list[Path]) -> list[str]:
     """File names of the maps beside the images of a split: what one view has, all must have."""
-    found = {image: _maps_beside(image) for image in images}
-    names = sorted(set[str]().union(*found.values()))
-    wanted = [path for image in images for path in (image, *(image.parent / name for name in names))]
-    require_files(folder, wanted)
+    beside = {path.name for image in images if image.parent.is_dir() for path in image.parent.iterdir()}
+    relit = {name for name in beside if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
+    names = sorted(beside & (MAPS.keys() | MASKED_MAPS.keys()) | relit)
+    require_files(folder, [path for image in images for path in _with_maps(image, names)])
     return names
 
 
-def _maps_beside(image: Path) -> set[str]:
-    place = image.parent
-    names = {path.name for path in place.iterdir()} if place.is_dir() else set()
-    relit = {name for name in names if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
-    return names & (MAPS.keys() | MASKED_MAPS.keys()) | relit
+def _with_maps(image: Path, names: list[str]) -> list[Path]:
+    return [image, *(image.parent / name for name in names)]
 
 
 def _views(
@@ -143,3 +142,48 @@ def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
         elif relit := RELIT_INDIRECT.fullmatch(file):
             sources[f"relit/{relit[1]}/indirect"] = partial(read_colour, image.parent / file)
     return sources
+
+
+@dataclass(frozen=True)
+class LightFiles:
+    """Maps for relighting by the light's name, and the training light's, where there is one."""
+
+    relight: Mapping[str, Path]
+    training: Path | None
+
+    def files(self) -> dict[str, Path]:
+        """Every map by the name it has in the scene, wherever it lies."""
+        training = {TRAINING_LIGHT: self.training} if self.training is not None else {}
+        return {f"envmaps/{light}.hdr": path for light, path in {**self.relight, **training}.items()}
+
+
+def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
+    """The maps of a scene whose test views have images under the lights ``relit``.
+
+    Raises DataError if the scene has maps of its own, but not for each of these lights. With no map anywhere the
+    scene is still good for everything but relighting.
+    """
+    own = {path.stem: path for path in sorted((folder / "envmaps").glob("*.hdr"))}
+    if not own:  # TensoIR's archive has the finer maps first; its rotated lights (sunset_120) have images but no map
+        for archive in (parent / name for parent in (folder.parent, folder.parent.parent) for name in ARCHIVE_FOLDERS):
+            found = {path.stem: path for path in sorted(archive.glob("*.hdr"))}
+            if found:
+                wanted = {light: path for light, path in found.items() if light in relit}
+                return LightFiles(wanted, found.get(ARCHIVE_TRAINING_LIGHT))
+        return LightFiles({}, None)
+    if relit - own.keys():
+        raise DataError(
+            f"scene '{folder.name}' has no environment map for: {', '.join(sorted(relit - own.keys()))}",
+            "Its test views have images under these lights; without the maps they cannot be relit.",
+            f"Add {folder / 'envmaps'}/<light>.hdr, or remove the images rgba_<light>.png.",
+        )
+    training = own.pop(TRAINING_LIGHT, None)
+    return LightFiles(own, training)
+
+
+def read_light(path: Path) -> EnvironmentMap:
+    """The stored map, taken as Z up (``radiogs_core.scene.light``).
+
+    Raises DataError for a damaged file, and for one that is no latitude-longitude map.
+    """
+    return EnvironmentMap(latitude_longitude(path, torch.from_numpy(read_hdr(path)))[0])

@@ -11,7 +11,7 @@ from radiogs_core.errors import DataError
 from radiogs_datasets.blend.cameras import RADIUS, shots
 from radiogs_datasets.blend.request import Request
 from radiogs_datasets.cameras.transforms import read_transforms
-from radiogs_datasets.new_scene import write_transforms
+from radiogs_datasets.writing import write_transforms
 
 
 def asked(cameras: str = "published", **given: int) -> Request:

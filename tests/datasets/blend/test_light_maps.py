@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_datasets.blend.light_maps import ROWS, refined
+from radiogs_datasets.blend.studio import ROWS, refined
 
 
 def test_a_refined_map_is_looked_up_as_the_map_itself() -> None:

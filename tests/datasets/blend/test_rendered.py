@@ -9,8 +9,6 @@ import torch
 
 from radiogs_core.scene.light import texel_directions
 from radiogs_datasets import load_scene
-from radiogs_datasets.blend import agreement
-from radiogs_datasets.blend.agreement import Part
 from radiogs_datasets.blend.cameras import shots
 from radiogs_datasets.blend.passes import Maps
 from radiogs_datasets.blend.process import Blender
@@ -20,6 +18,11 @@ from radiogs_datasets.blend.studio import Studio
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.probe import mitsuba_failure
 from radiogs_datasets.generate.solids import Sphere
+
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
+with pytest.MonkeyPatch.context() as patched:
+    patched.syspath_prepend(str(EXAMPLES))
+    from cycles_against_mitsuba import FILES, Line, Part, compared, write_file
 
 RADIUS, CENTRE, ALBEDO = 0.8, (0.1, -0.2, 0.3), (0.7, 0.4, 0.2)
 
@@ -32,8 +35,7 @@ def taken(
     blender: Blender, parts: tuple[Part, ...], lights: Path, folder: Path, light: str = "training", **given: int
 ) -> tuple[Maps, Request]:
     """The maps of a view of these parts, written to a file and read again."""
-    path = folder / "scene.blend"
-    blender.ask("author", description=agreement.description(parts), out=str(path))
+    path = write_file(parts, folder / "scene.blend")
     request = Request(path, lights, **({"size": 48, "samples": 64, "bounces": 4} | given))  # type: ignore[arg-type]
     opened = blender.ask("open", file=str(path), device="cpu", threads=1)
     maps = folder / "envmaps"
@@ -105,7 +107,7 @@ def test_a_dielectric_is_said_by_its_principled_material(blender: Blender, light
 
 
 def test_bounces_are_cut_and_deeper_ones_add_light(blender: Blender, lights: Path, tmp_path: Path) -> None:
-    parts = agreement.FILES["solids"]
+    parts = FILES["solids"]
     sums = [
         float(taken(blender, parts, lights, tmp_path, bounces=bounces, size=16)[0].indirect.sum())
         for bounces in (0, 1, 6)
@@ -115,7 +117,7 @@ def test_bounces_are_cut_and_deeper_ones_add_light(blender: Blender, lights: Pat
 
 
 def test_a_scene_is_made_from_a_file_by_two_processes(blender: Blender, lights: Path, tmp_path: Path) -> None:
-    path = agreement.write_own_file("copies", tmp_path, blender)
+    path = write_file(FILES["copies"], tmp_path / "copies.blend")
     told: list[int] = []
     request = Request(path, lights, train=3, test=1, size=16, samples=4)
     found = write_scene(request, tmp_path / "made", 2, 1, lambda done, total: told.append(done))
@@ -131,8 +133,6 @@ def test_cycles_and_mitsuba_agree_within_their_noise(blender: Blender, name: str
     failure = mitsuba_failure()
     if failure is not None:
         pytest.skip(f"Mitsuba cannot render here: {failure}")
-    from radiogs_datasets.blend.agreement import Line, compared
-
     lines = [line for line in compared([name], 48, 256) if isinstance(line, Line)]
     assert len(lines) == 14
     for line in lines:

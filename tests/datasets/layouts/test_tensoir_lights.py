@@ -10,7 +10,7 @@ import torch
 
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_hdr
-from radiogs_datasets.layouts.tensoir_lights import find_lights, read_light
+from radiogs_datasets.layouts.tensoir import find_lights, read_light
 from radiogs_datasets.registry import TINY
 
 

@@ -29,11 +29,10 @@ from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_exr, write_png
 from radiogs_datasets.layouts.blender import read_points
 from radiogs_datasets.layouts.photos import read_mask
-from radiogs_datasets.new_scene import made_beside
 from radiogs_datasets.registry import TINY, scene_names
 from radiogs_datasets.soundness import require_names, require_shaped
 from radiogs_datasets.view_maps import read_depth
-from radiogs_datasets.writing import convert
+from radiogs_datasets.writing import convert, made_beside
 from scenes import sphere_scene
 
 

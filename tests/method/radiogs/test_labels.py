@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from radiogs.labels import labels_of
 from radiogs.method import RADIOGS
 from radiogs.recipes import PRINTED, recipe_values
 from radiogs.settings import PRESETS, Variant
+from radiogs.showing import labels_of
 from radiogs_core.plain_values import value_at, with_values
 
 WHOLE = PRESETS["paper"]

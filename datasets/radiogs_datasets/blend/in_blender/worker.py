@@ -18,7 +18,7 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Vector
 
-from . import authoring, materials
+from . import materials
 
 
 class Unusable(Exception):
@@ -50,8 +50,6 @@ def _answer(task: dict[str, Any]) -> Any:
         return found | materials.translate_all()
     if kind == "render":
         return take_picture(task)
-    if kind == "author":
-        return authoring.write(task["description"], task["out"])
     raise ValueError(kind)
 
 

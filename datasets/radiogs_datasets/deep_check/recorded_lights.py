@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 
-from ..findings import Finding
-from .cameras import Array
+from ..findings import Finding, warning
+from .cameras import Array, best
 from .colours import DISPLAY, LINEAR, decoded
-from .evidence import Evidence, Truth
-from .surface import inner, place_of, rays_of
+from .evidence import Evidence, Truth, some_pixels
+from .surface import Points
 
 ROWS, COLUMNS = 16, 32
 """Texels of the reduced maps of light."""
@@ -27,34 +27,35 @@ POINTS_OF_A_VIEW = 90
 """Points of a view that are shaded; fewer where there are many views."""
 
 MOST_POINTS = 480
-CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
-"""Cells of the longer side of the grid that hides light, cells of a step along a ray, and of the first one."""
+"""Points of all views that are shaded."""
+
+CELLS = 40
+"""Cells of the longer side of the grid that hides light."""
+
+STRIDE, LEAVING = 1.25, 2.0
+"""Length of a step along a ray, and distance at which a ray starts above its surface, in cells."""
 
 NORMAL_INCIDENCE = 0.04
+"""Reflectance of the specular lobe at normal incidence."""
+
 SMOOTHEST = 0.2
-"""Reflectance of the specular lobe, and the roughness below which a lobe is narrower than a texel of the light."""
+"""Roughness below which a lobe is narrower than a texel of the light."""
 
 
 @dataclass(frozen=True)
-class Lit:
-    """Points [points, ...] and what they receive from each texel [points, texels]."""
+class Lit(Points):
+    """Points and the light that they receive from each texel."""
 
-    view: NDArray[np.int64]
-    pixel: tuple[NDArray[np.int64], NDArray[np.int64]]
     normal: Array
+    """Unit normals [points, 3]."""
     towards: Array
+    """Unit directions to the camera [points, 3]."""
     open: Array
-    """Solid angle of each texel if nothing hides it, else zero."""
+    """Solid angle of each texel if nothing hides it, else zero [points, texels]."""
 
-    def values(self, truths: Sequence[Truth], name: str) -> Array:
-        """A map's values at the points."""
-        return np.stack([
-            truths[view].maps[name][row, column] for view, row, column in zip(self.view, *self.pixel, strict=True)
-        ])  # fmt: skip
-
-    def diffuse(self, normal: Array | None = None) -> Array:
+    def diffuse(self) -> Array:
         """Share of each texel's radiance in the irradiance by pi."""
-        return np.asarray(((self.normal if normal is None else normal) @ DIRECTIONS.T).clip(0) * self.open / np.pi)
+        return np.asarray((self.normal @ DIRECTIONS.T).clip(0) * self.open / np.pi)
 
     def specular(self, roughness: Array) -> Array:
         """Share of each texel's radiance that the specular lobe (GGX, reflectance 0.04) sends to the camera."""
@@ -85,27 +86,22 @@ def reduced_light(light: EnvironmentMap) -> Array:
 
 
 def lit_points(truths: Sequence[Truth]) -> Lit | None:
-    """Points of views that have normals; None if there are hardly any."""
-    some = [(place, truth) for place, truth in enumerate(truths) if "normal" in truth.maps]
-    most = min(POINTS_OF_A_VIEW, MOST_POINTS // max(len(some), 1))
+    """Points of views with normals; None if there are hardly any."""
+    most = min(POINTS_OF_A_VIEW, MOST_POINTS // max(len(truths), 1))
     parts, shown = [], []
-    for place, truth in some:
-        deep = "depth" in truth.maps
-        kept = (inner(truth) if deep else truth.solid) & (np.linalg.norm(truth.maps["normal"], axis=-1) > 0.5)
-        chosen = np.argwhere(kept)
-        chosen = chosen[np.random.default_rng(place).permutation(len(chosen))[:most]]
-        at = (chosen[:, 0], chosen[:, 1])
-        rays = rays_of(truth)
-        position = place_of(truth) + rays * truth.maps["depth"] if deep else np.zeros_like(rays)
-        if deep:
+    for place, truth in enumerate(truths):
+        at = some_pixels(truth.with_normal, most, place)
+        position = np.zeros_like(truth.rays)
+        if "depth" in truth.maps:
+            position = truth.points
             shown.append(position[truth.solid & (truth.maps["depth"][..., 0] > 0)])
-        towards = -rays[at] / np.linalg.norm(rays[at], axis=-1, keepdims=True)
-        parts.append((np.full(len(chosen), place), *at, truth.maps["normal"][at], towards, position[at]))
+        towards = -truth.rays[at] / np.linalg.norm(truth.rays[at], axis=-1, keepdims=True)
+        parts.append((np.full(len(at[0]), place), *at, truth.maps["normal"][at], towards, position[at]))
     if sum(len(part[0]) for part in parts) < POINTS_OF_A_VIEW:
         return None
     view, row, column, normal, towards, position = (np.concatenate(each) for each in zip(*parts, strict=True))
     facing = normal @ DIRECTIONS.T > 0
-    free = facing & ~_hidden(position, normal, facing, np.concatenate(shown)) if len(shown) == len(some) else facing
+    free = facing & ~_hidden(position, normal, facing, np.concatenate(shown)) if len(shown) == len(truths) else facing
     return Lit(view, (row, column), normal, towards, SOLID_ANGLES * free)
 
 
@@ -150,6 +146,9 @@ WORST = 0.4
 LEAST = 0.03
 """Difference that coarse light explains."""
 
+ROUGHNESS_FITS = 0.62
+"""As FITS, for roughness, which decides less of an image."""
+
 
 @dataclass(frozen=True)
 class Shaded:
@@ -182,10 +181,10 @@ class Materials:
         return np.asarray(self.albedo * (self.diffuse @ texels) + self.specular @ texels)
 
 
-def shading(evidence: Evidence) -> Iterator[Finding]:
+def recorded_lights(evidence: Evidence) -> Iterator[Finding]:
     """Lights, albedo, roughness and images that contradict one another by how the true surfaces are shaded."""
     truths = [truth for truth in evidence.truths if {"albedo", "normal"} <= truth.maps.keys()]
-    lit = lit_points(truths) if truths else None
+    lit = lit_points(truths)
     if lit is None:
         return
     shaded = _shaded(evidence, truths, lit)
@@ -223,13 +222,12 @@ def _shaded(evidence: Evidence, truths: Sequence[Truth], lit: Lit) -> list[Shade
     return found
 
 
-def difference(shaded: Array, direct: Array, scaled: bool = True) -> float:
-    """Mean ratio of two radiances at the points, as a natural logarithm; ``scaled``: apart from a common factor."""
+def difference(shaded: Array, direct: Array) -> float:
+    """Mean ratio of two radiances at the points but for a common factor, as a natural logarithm."""
     floor = DARK * max(float(direct.mean()), 1e-6)
-    factor = float(direct.clip(0).mean() / max(float(shaded.mean()), 1e-9)) if scaled else 1.0
+    factor = float(direct.clip(0).mean() / max(float(shaded.mean()), 1e-9))
     ratio = np.log(factor * shaded.clip(0) + floor) - np.log(direct.clip(0) + floor)
-    ratio = ratio - np.median(ratio) if scaled else ratio
-    return float(np.abs(ratio).clip(max=MOST).mean())
+    return float(np.abs(ratio - np.median(ratio)).clip(max=MOST).mean())
 
 
 def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughness: Array) -> Finding | None:
@@ -251,47 +249,38 @@ def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughne
             ("roughness is stored as its square root", roughness**2),
         ):
             tried.append((says, cost(replace(materials, specular=lit.specular(other)))))
-    says, least = min(tried, key=lambda each: each[1])
-    limit = FITS if "albedo" in says else ROUGHNESS_FITS
-    if least < limit * own and least < WORST and own > LEAST:
-        return Finding(
-            "albedo" if "albedo" in says else "roughness",
-            f"shading by the recorded lights contradicts the images: it fits if {says} (difference {least:.2f} instead"
-            f" of {own:.2f})",
-            "warning",
-        )
-    return None
-
-
-ROUGHNESS_FITS = 0.62
-"""The same for roughness, which decides less of an image."""
+    says, least = best(tried)
+    name, limit = ("albedo", FITS) if "albedo" in says else ("roughness", ROUGHNESS_FITS)
+    if not (least < limit * own and least < WORST and own > LEAST):
+        return None
+    return warning(
+        name,
+        f"shading by the recorded lights contradicts the images: it fits if {says} (difference {least:.2f} instead"
+        f" of {own:.2f})",
+    )
 
 
 def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[Finding]:
-    own = difference(materials.shade(each.radiance), each.direct)
-    tried = [(f"the light {says}", difference(materials.shade(radiance), each.direct))
-             for says, radiance in _turned(each.radiance)]  # fmt: skip
+    def cost(light: Array, direct: Array = each.direct) -> float:
+        return difference(materials.shade(light), direct)
+
+    own = cost(each.radiance)
     others = {name: light for name, light in evidence.scene.lights.items() if f"relit/{name}" != each.name}
     if evidence.scene.training_light is not None and each.name != "image":
         others["training"] = evidence.scene.training_light
-    tried += [(f"the light '{name}'", difference(materials.shade(reduced_light(light)), each.direct))
-              for name, light in others.items()]  # fmt: skip
+    tried = [(f"the light {says}", cost(radiance)) for says, radiance in _turned(each.radiance)]
+    tried += [(f"the light '{name}'", cost(reduced_light(light))) for name, light in others.items()]
     if len(each.display):
-        tried += [
-            (f"the image with {says}",
-             difference(materials.shade(each.radiance), decoded(read(each.display)) - each.indirect))
-            for says, read in DISPLAY
-        ]  # fmt: skip
+        read_as = [(says, decoded(read(each.display)) - each.indirect) for says, read in DISPLAY]
+        tried += [(f"the image with {says}", cost(each.radiance, direct)) for says, direct in read_as]
     elif each.indirect.any():
-        tried.append(("direct and indirect light exchanged",
-                      difference(materials.shade(each.radiance), each.indirect)))  # fmt: skip
-    says, least = min(tried, key=lambda one: one[1])
+        tried.append(("direct and indirect light exchanged", cost(each.radiance, each.indirect)))
+    says, least = best(tried)
     if least < FITS * own and least < WORST and own > LEAST:
-        yield Finding(
+        yield warning(
             each.name,
             f"shading by {each.light} contradicts it: {says} fits far better (difference {least:.2f} instead of"
             f" {own:.2f})",
-            "warning",
         )
 
 

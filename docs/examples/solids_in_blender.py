@@ -1,6 +1,13 @@
-"""Writes a .blend file of plain solids: boxes and spheres, copied by modifiers and as instances of a collection."""
+"""Writes a .blend file of plain solids: boxes and spheres, copied by modifiers and as instances of a collection.
 
+    PYTHON docs/examples/solids_in_blender.py FILE < PARTS
+
+PYTHON has ``bpy``; PARTS is a JSON list of what ``cycles_against_mitsuba.Part.description`` returns.
+"""
+
+import json
 import math
+import sys
 from typing import Any
 
 import bpy
@@ -9,10 +16,10 @@ AROUND, UPWARDS = 256, 128
 """Faces of a sphere along and across; flat, so that its normals are its faces'."""
 
 
-def write(description: dict[str, Any], out: str) -> None:
-    """Write the file. ``description``: see ``radiogs_datasets.blend.agreement.description``."""
+def write(parts: list[dict[str, Any]], out: str) -> None:
+    """Write the file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    for part in description["parts"]:
+    for part in parts:
         _place(part)
     bpy.ops.wm.save_as_mainfile(filepath=out, compress=True)
 
@@ -106,3 +113,7 @@ def _ball(radius: float) -> tuple[list[Any], list[Any], list[Any]]:
         ]
     faces += [(1, at(UPWARDS - 1, turn + 1), at(UPWARDS - 1, turn)) for turn in range(AROUND)]
     return points, [], faces
+
+
+if __name__ == "__main__":
+    write(json.load(sys.stdin), sys.argv[1])

@@ -1,6 +1,7 @@
-"""Blender Cycles against Mitsuba: the project's own .blend files rendered by both, pass by pass.
+"""Blender Cycles against Mitsuba: .blend files of this script rendered by both, pass by pass.
 
-    python -m radiogs_datasets.blend.agreement [--size N] [--samples N] [FILE ...]
+    pip install "radiogs-bench[generate,blend]"
+    python docs/examples/cycles_against_mitsuba.py [--size N] [--samples N] [FILE ...]
 
 Prints a Markdown table: for each pass PSNR between the renderers in dB, in brackets the PSNR that two renderers without
 a difference would have at the noise of both (two seeds of each tell it), and the relative difference of sums. The files
@@ -10,7 +11,9 @@ are made from one description, as .blend files and as recipes.
 from __future__ import annotations
 
 import argparse
+import json
 import math
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,21 +25,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..generate.cameras import Pinhole
-from ..generate.environments import LIGHTS
-from ..generate.materials import Material, Patterned
-from ..generate.miniatures import CORNER
-from ..generate.patterns import Checker, Point
-from ..generate.probe import require_mitsuba
-from ..generate.recipe import Recipe
-from ..generate.solids import Box, Solid, Sphere
-from ..image_files import read_hdr, write_exr, write_hdr
-from .cameras import shots
-from .light_maps import refined
-from .passes import Maps
-from .process import Blender, require_blender
-from .request import Request
-from .studio import Studio
+from radiogs_datasets.blend.cameras import shots
+from radiogs_datasets.blend.passes import Maps
+from radiogs_datasets.blend.process import Blender, blender_python, require_blender
+from radiogs_datasets.blend.request import Request
+from radiogs_datasets.blend.studio import Studio, refined
+from radiogs_datasets.generate.cameras import Pinhole
+from radiogs_datasets.generate.catalogue import CORNER
+from radiogs_datasets.generate.environments import LIGHTS
+from radiogs_datasets.generate.materials import Material, Patterned
+from radiogs_datasets.generate.patterns import Checker, Point
+from radiogs_datasets.generate.probe import require_mitsuba
+from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.solids import Box, Solid, Sphere
+from radiogs_datasets.image_files import read_hdr, write_exr, write_hdr
 
 BOUNCES = 6
 """Seven surfaces before the light: what Mitsuba calls a depth of 8."""
@@ -72,7 +74,7 @@ def texel() -> NDArray[np.float32]:
 
 def compared(names: list[str], size: int, samples: int, view: int = 3) -> Iterator[Line | str]:
     """Lines of the table, and a sentence for the seconds of each file."""
-    from ..generate import render
+    from radiogs_datasets.generate import render
 
     render.start()
     with tempfile.TemporaryDirectory() as made:
@@ -82,9 +84,9 @@ def compared(names: list[str], size: int, samples: int, view: int = 3) -> Iterat
                 lights = folder / f"{name}-{light}"
                 lights.mkdir()
                 write_hdr(lights / "training.hdr", values)
+                file = write_file(FILES[name], folder / f"{name}.blend")
+                request = Request(file, lights, size=size, samples=samples, bounces=BOUNCES)
                 with Blender(folder / "blender.log") as blender:
-                    file = write_own_file(name, folder, blender)
-                    request = Request(file, lights, size=size, samples=samples, bounces=BOUNCES)
                     cycles, camera, seconds = _cycles(blender, request, view)
                 scene = render.build(own_recipe(name), read_hdr(lights / "training.hdr"))
                 mitsuba = [_mitsuba(scene, camera, samples, seed) for seed in (1, 2)]
@@ -114,7 +116,7 @@ def _pictures(maps: Maps) -> Pictures:
 
 
 def _mitsuba(scene: object, camera: Pinhole, samples: int, seed: int) -> Pictures:
-    from ..generate import render
+    from radiogs_datasets.generate import render
 
     full, direct = (
         render.radiance(scene, camera, samples, depth, seed) for depth in (BOUNCES + 2, render.DIRECT_DEPTH)
@@ -171,7 +173,7 @@ class Part:
         return (self.solid,)
 
     def description(self) -> dict[str, Any]:
-        """The part as ``in_blender.authoring`` takes it."""
+        """The part as ``solids_in_blender`` takes it."""
         solid = self.solid
         said: dict[str, Any] = {"name": self.name, "material": _material(solid.material)}
         if isinstance(solid, Box):
@@ -266,16 +268,12 @@ FILES: dict[str, tuple[Part, ...]] = {
 materials, which Blender's Principled BSDF does not equal: what it shows is the difference of the two BRDFs."""
 
 
-def write_own_file(name: str, folder: Path, blender: Blender) -> Path:
-    """Write one of FILES; returns the .blend file."""
-    path = folder.absolute() / f"{name}.blend"
-    blender.ask("author", description=description(FILES[name]), out=str(path))
+def write_file(parts: Sequence[Part], path: Path) -> Path:
+    """Write parts as a .blend file, in a process that has Blender; returns the file."""
+    command = [blender_python(), str(Path(__file__).with_name("solids_in_blender.py")), str(path.absolute())]
+    described = json.dumps([part.description() for part in parts])
+    subprocess.run(command, input=described, text=True, capture_output=True, check=True)
     return path
-
-
-def description(parts: Sequence[Part]) -> dict[str, Any]:
-    """The parts as plain values, for ``in_blender.authoring``."""
-    return {"parts": [part.description() for part in parts]}
 
 
 def own_recipe(name: str) -> Recipe:
@@ -285,7 +283,7 @@ def own_recipe(name: str) -> Recipe:
 
 def run() -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m radiogs_datasets.blend.agreement")
+    parser = argparse.ArgumentParser(description="Render solids by Blender Cycles and by Mitsuba, and compare.")
     parser.add_argument("files", nargs="*", default=list(FILES), metavar="FILE")
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--samples", type=int, default=1024)
