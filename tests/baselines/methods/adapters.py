@@ -2,21 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from types import ModuleType
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from baselines.methods.gi_gs import training as gi_gs_training
 from baselines.methods.gi_gs import world as gi_gs
-from baselines.methods.gs_ir import training as gs_ir_training
 from baselines.methods.gs_ir import world as gs_ir
-from baselines.methods.irgs import training as irgs_training
 from baselines.methods.irgs import world as irgs
-from baselines.methods.r3dg import training as r3dg_training
 from baselines.methods.r3dg import world as r3dg
-from baselines.methods.svg_ir import training as svg_ir_training
+from baselines.methods.stage_two import GI_GS, GS_IR, IRGS, R3DG, SVG_IR, StageTwo
 from baselines.methods.svg_ir import world as svg_ir
 from known_ball import BALL
 from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
@@ -38,8 +33,8 @@ RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95
 class MethodAdapter:
     """Adapter of a surfel method for the shared tests."""
 
-    training: ModuleType
-    """Test module of the method with ``run_of``, ``product_of``, ``stage_of``, ``variant`` and ``tensors_of``."""
+    training: StageTwo
+    """Stage 2 on a known ball."""
     shown: Callable[[Surfels, Camera, float], list[Maps]]
     """Renders maps under a recovered light of random texels and, for some methods, relit by a grey light. The last
     argument is a factor on all lengths of the method."""
@@ -109,13 +104,12 @@ def by_gs_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 def images_alone() -> Any:
     """SVG-IR with only the losses of images and light: consistency and offsets change unseen surfels."""
-    learning = svg_ir_training.variant().materials
-    return replace(learning, weights=replace(learning.weights, consistency=0.0, offset=0.0))
+    return SVG_IR.learning(weights=replace(SVG_IR.constant.weights, consistency=0.0, offset=0.0))
 
 
 ADAPTERS: Mapping[str, MethodAdapter] = {
     "gs-ir": MethodAdapter(
-        gs_ir_training,
+        GS_IR,
         by_gs_ir,
         lights_itself=True,
         tolerance=(2e-3, 0.02),
@@ -123,11 +117,11 @@ ADAPTERS: Mapping[str, MethodAdapter] = {
         silent=("smoothness", "prior"),
     ),
     "gi-gs": MethodAdapter(
-        gi_gs_training, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
+        GI_GS, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
     ),
     "irgs": MethodAdapter(
-        irgs_training, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
+        IRGS, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
     ),
-    "r3dg": MethodAdapter(r3dg_training, by_r3dg, lights_itself=True),
-    "svg-ir": MethodAdapter(svg_ir_training, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
+    "r3dg": MethodAdapter(R3DG, by_r3dg, lights_itself=True),
+    "svg-ir": MethodAdapter(SVG_IR, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
 }

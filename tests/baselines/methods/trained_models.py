@@ -5,19 +5,15 @@ from dataclasses import replace
 
 import torch
 
-from baselines.methods.gi_gs import training as gi_gs_training
-from baselines.methods.gs_ir import training as gs_ir_training
 from baselines.methods.gs_ir.world import lit
-from baselines.methods.irgs import training as irgs_training
 from baselines.methods.irgs.world import DOWN, grey, sheet, together
-from baselines.methods.r3dg import training as r3dg_training
 from baselines.methods.r3dg.world import around
-from baselines.methods.svg_ir import training as svg_ir_training
+from baselines.methods.stage_two import GI_GS, GS_IR, IRGS, R3DG, STANDING, SVG_IR
+from baselines.methods.stage_two import UNSEEN as HIGH_ROOF
 from baselines.methods.svg_ir.world import model_of as svg_ir_model
 from baselines.methods.tensoir import world as tensoir_world
 from known_ball import BALL
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
-from radiogs_baselines.methods.gi_gs.model import Model as GIGSModel
 from radiogs_baselines.methods.gi_gs.settings import Variant as GIGSVariant
 from radiogs_baselines.methods.gi_gs.showing import TrainedGIGS
 from radiogs_baselines.methods.gs_ir.lattice import Lattice
@@ -29,6 +25,7 @@ from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.settings import Variant as IRGSVariant
 from radiogs_baselines.methods.irgs.showing import TrainedIRGS
+from radiogs_baselines.methods.metallic import MetallicSurfels
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model as R3DGModel
 from radiogs_baselines.methods.r3dg.settings import Variant as R3DGVariant
@@ -45,9 +42,7 @@ from radiogs_core.on_surfels.model import LitSurfels as IRGSModel
 WHITE = torch.zeros(8, 16, 3)
 """Log-radiance of a constant light of 1."""
 
-HIGH_ROOF = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
 LOW_ROOF = together(BALL, sheet(1.5, DOWN, scale=0.5, radiance=0.4))
-STANDING = gi_gs_training.STANDING
 LATTICE = Lattice.over(LOW_ROOF, 16)
 VOLUMES = {"occlusion": bake(LOW_ROOF, LATTICE, Reach(), 64), "irradiance": lit(0.4, LATTICE)}
 FLOOR = tensoir_world.made_of(tensoir_world.floor_field(top=-0.5), radiance=0.3, albedo=0.4, upward=True)
@@ -55,18 +50,18 @@ FLOOR = tensoir_world.made_of(tensoir_world.floor_field(top=-0.5), radiance=0.3,
 
 def irgs(turned: IRGSVariant | None = None) -> TrainedIRGS:
     """IRGS with a high roof."""
-    return IRGS_METHOD.restore(irgs_training.run_of(turned), IRGSModel(HIGH_ROOF, WHITE).tensors())
+    return IRGS_METHOD.restore(IRGS.run_of(turned), IRGSModel(HIGH_ROOF, WHITE).tensors())
 
 
 def r3dg(turned: R3DGVariant | None = None) -> TrainedR3DG:
     """R3DG with local light of 0.2."""
     model = R3DGModel(HIGH_ROOF, around(HIGH_ROOF, 0.2), WHITE)
-    return R3DG_METHOD.restore(r3dg_training.run_of(turned), model.tensors())
+    return R3DG_METHOD.restore(R3DG.run_of(turned), model.tensors())
 
 
 def svg_ir(turned: SVGIRVariant | None = None) -> TrainedSVGIR:
     """SVG-IR with a low roof."""
-    return SVG_IR_METHOD.restore(svg_ir_training.run_of(turned), svg_ir_model(LOW_ROOF, grey()).tensors())
+    return SVG_IR_METHOD.restore(SVG_IR.run_of(turned), svg_ir_model(LOW_ROOF, grey()).tensors())
 
 
 def gs_ir_model(**changes: object) -> GSIRModel:
@@ -76,12 +71,12 @@ def gs_ir_model(**changes: object) -> GSIRModel:
 
 def gs_ir(turned: GSIRVariant | None = None, **changes: object) -> TrainedGSIR:
     """``gs_ir_model`` as a trained model."""
-    return GS_IR_METHOD.restore(gs_ir_training.run_of(turned), gs_ir_model(**changes).tensors())
+    return GS_IR_METHOD.restore(GS_IR.run_of(turned), gs_ir_model(**changes).tensors())
 
 
 def gi_gs(turned: GIGSVariant | None = None, metallic: torch.Tensor | None = None) -> TrainedGIGS:
     """GI-GS with a ball on a floor."""
-    return GI_GS_METHOD.restore(gi_gs_training.run_of(turned), GIGSModel(STANDING, WHITE, metallic).tensors())
+    return GI_GS_METHOD.restore(GI_GS.run_of(turned), MetallicSurfels(STANDING, WHITE, metallic).tensors())
 
 
 def tensoir(turned: TensoIRVariant | None = None) -> TrainedTensoIR:

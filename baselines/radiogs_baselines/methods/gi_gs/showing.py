@@ -23,10 +23,10 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..metallic import MetallicSurfels
 from .gbuffer import gbuffer, seen_materials
 from .grid import Grid
 from .marching import March
-from .model import Model
 from .settings import PRESETS, Budget, Variant
 from .shading import Shader
 
@@ -36,10 +36,10 @@ SHOWN = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
 """Maps under the recovered light; what is incident comes from other pixels alone."""
 
 
-class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
+class TrainedGIGS(TrainedOnSurfels[MetallicSurfels, Variant, Budget]):
     """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
+    def __init__(self, model: MetallicSurfels, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def as_trained(self) -> Prepared:
@@ -66,7 +66,9 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
 class Renderer:
     """Renders a model under one light. ``albedo`` (linear) may differ from the model's: relighting scales it."""
 
-    def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, shader: Shader) -> None:
+    def __init__(
+        self, model: MetallicSurfels, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, shader: Shader
+    ) -> None:
         self.model, self.albedo, self.light, self.shader = model, albedo, light, shader
 
     @torch.no_grad()
@@ -76,7 +78,7 @@ class Renderer:
         image: display sRGB, clipped to [0, 1]. direct, indirect, incident: see ``Shader.shade``. albedo: linear.
         roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
         """
-        seen = seen_materials(camera, self.model.surfels, self.albedo, self.model.metallic)
+        seen = seen_materials(camera, self.model, self.albedo)
         shaded = self.shader.shade(gbuffer(camera, seen), seen.alpha, self.light)
         return {
             **shaded,

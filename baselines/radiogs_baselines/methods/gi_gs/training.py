@@ -21,10 +21,10 @@ from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..metallic import MetallicSurfels
 from .gbuffer import GBuffer, gbuffer, seen_materials
 from .grid import Grid
 from .marching import March
-from .model import Model
 from .settings import Budget, Variant
 from .shading import Shader
 
@@ -47,11 +47,11 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         self.shader = Shader(march, variant.occlusion, variant.indirect, variant.sum, variant.straight)
 
     @property
-    def model(self) -> Model:
+    def model(self) -> MetallicSurfels:
         """The model at the current iteration."""
         tensors = self.optimiser.tensors
         surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
-        return Model(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
+        return MetallicSurfels(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
 
     def begin_step(self) -> None:
         """Set the learning rate of albedo, which decays geometrically over the stage."""
@@ -61,7 +61,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """Weighted losses of a step on ``view``, by name."""
         model, weights = self.model, self.variant.materials.weights
-        seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
+        seen = seen_materials(view.camera, model, model.surfels.albedo)
         buffer, target = gbuffer(view.camera, seen), view.over(0.0)
         light = SplitSumLight(PrefilteredLight(model.environment, self.variant.masking))
         image = self.shader.shade(buffer, seen.alpha, light)["image"]
@@ -79,7 +79,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
 
     def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
+        """The model as plain tensors (see ``MetallicSurfels.tensors``)."""
         return self.model.tensors()
 
 

@@ -4,11 +4,18 @@ Unless a field says otherwise, defaults are those of the published scripts for T
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    GEOMETRY_PRESETS,
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    by_name,
+)
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -80,7 +87,7 @@ PRESETS = by_name(
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out. The last three act only on geometry (``Variant.lr_scale`` > 0)."""
 
     shaded: float = 1.0
@@ -105,12 +112,9 @@ class MaterialWeights:
     normal_smoothness: float = 0.01
     """Weight of the gradients of the normal map, down-weighted at image edges."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.0075
@@ -124,30 +128,11 @@ class MaterialRates:
     radiance_rest: float = 0.0075 / 20
     """Rate of the harmonics of higher degrees."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light."""
-
-    albedo: float = 0.3
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.6
-    """Initial perceptual roughness r."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
+class Learning(MaterialLearning[MaterialWeights, MaterialRates, StartValues]):
     """How stage 2 learns materials and light."""
 
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
     normal_from: float = 1_000 / 20_000
     """Share of the stage after which the normal loss is active, if geometry is learnt."""
 
@@ -180,7 +165,7 @@ class Variant(SurfelVariant):
     TensoIR's). None: one standard deviation of the pixel's surfels, blended like their albedo."""
     two_sided: bool = True
     """Whether rays also hit surfels from behind, beyond four standard deviations from the point."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: Learning = Learning(MaterialWeights(), MaterialRates(), StartValues(albedo=0.3, roughness=0.6))
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

@@ -4,11 +4,18 @@ Unless a field says otherwise, defaults are those of the published script for Te
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    GEOMETRY_PRESETS,
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    by_name,
+)
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -68,7 +75,7 @@ PRESETS = by_name(
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
@@ -93,12 +100,9 @@ class MaterialWeights:
     light_smoothness: float = 0.02
     """Weight of the squared differences of log-radiance between neighbouring texels."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.01
@@ -118,30 +122,11 @@ class MaterialRates:
     radiance_rest: float = 0.00025 / 20
     """Rate of the harmonics of higher degrees."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light."""
-
-    albedo: float = 0.5
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.5
-    """Initial perceptual roughness r."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
+class Learning(MaterialLearning[MaterialWeights, MaterialRates, StartValues]):
     """How stage 2 learns materials and light."""
 
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
     ratio_until: float = 1_000 / 20_000
     """Share of the stage after which the ratio is frozen."""
 
@@ -183,7 +168,7 @@ class Variant(SurfelVariant):
     """Whether relit images have indirect light."""
     relight_rows: int | None = 32
     """Rows that a new light is downsampled to; None: full resolution."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: Learning = Learning(MaterialWeights(), MaterialRates(), StartValues(albedo=0.5, roughness=0.5))
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

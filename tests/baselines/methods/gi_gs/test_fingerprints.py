@@ -5,7 +5,6 @@ import math
 import pytest
 import torch
 
-from baselines.methods.gi_gs.training import stage_of, variant
 from baselines.methods.gi_gs.world import (
     DISTANCE,
     EDGE,
@@ -27,6 +26,7 @@ from baselines.methods.gi_gs.world import (
     shown,
 )
 from baselines.methods.irgs.world import sheet, together
+from baselines.methods.stage_two import GI_GS
 from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
 from radiogs_baselines.methods.gi_gs.marching import NO_HIT, March
 from radiogs_baselines.methods.gi_gs.settings import Variant
@@ -230,12 +230,13 @@ def test_the_specular_lobe_is_not_occluded() -> None:
 def test_the_readme_variant_trains_without_occlusion_but_renders_with_it() -> None:
     """Marches from step 64 of 16 find nothing: training equals training without occlusion and indirect light."""
     bug, without, full = (
-        stage_of(variant(**turned)) for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
+        GI_GS.stage_of(GI_GS.variant(**turned))
+        for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
     )
     for _ in range(3):
         assert bug.step() == without.step() != full.step()
-    beyond = stage_of(variant(start=16))
-    assert beyond.step() == stage_of(variant(readme_bug=True)).step()
+    beyond = GI_GS.stage_of(GI_GS.variant(start=16))
+    assert beyond.step() == GI_GS.stage_of(GI_GS.variant(readme_bug=True)).step()
 
 
 def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:

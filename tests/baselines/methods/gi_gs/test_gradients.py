@@ -58,7 +58,7 @@ def surfels_of(values: Values) -> Surfels:
 
 
 def found_image(values: Values) -> Tensor:
-    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
+    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
     how = Shader(MARCHES, True, True, "display", True)
     return how.shade(buffer, alpha, SplitSumLight(PrefilteredLight(values["environment"])))["image"]
 
@@ -111,7 +111,7 @@ def test_a_frame_and_its_gradients_equal_the_formulas() -> None:
 
 def test_the_bounce_has_gradient_only_to_the_albedo() -> None:
     values = {name: value.clone().requires_grad_() for name, value in start().items()}
-    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
+    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
     light = SplitSumLight(PrefilteredLight(values["environment"]))
     maps = Shader(MARCHES, True, True, "display", True).shade(buffer, alpha.detach(), light)
     assert float(maps["indirect"].detach().max()) > 0
@@ -131,7 +131,7 @@ def test_the_bounce_has_gradient_only_to_the_albedo() -> None:
 @cache
 def fixed() -> tuple[Tensor, Tensor]:
     """Openness of each point of the start, and the factor of its albedo in its bounce; both have no gradient."""
-    buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"].sigmoid())
+    buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"])
     hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
     open_share = openness(hits, grid)
     direct = reflect(buffer, SplitSumLight(PrefilteredLight(start()["environment"]))).occluded(open_share)
@@ -142,7 +142,7 @@ def fixed() -> tuple[Tensor, Tensor]:
 def image_with_fixed_parts(values: Values) -> Tensor:
     """The image with all parts without gradient fixed to their values at the start."""
     open_share, of_albedo = fixed()
-    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
+    buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
     direct = reflect(buffer, SplitSumLight(PrefilteredLight(values["environment"]))).occluded(open_share)
     indirect = median(buffer.image(of_albedo * buffer.albedo))
     return summed(buffer.image(direct) * alpha[..., None], indirect * alpha[..., None], alpha, "display", True)
@@ -150,7 +150,7 @@ def image_with_fixed_parts(values: Values) -> Tensor:
 
 def branches(values: Values) -> list[bool]:
     """The branch of every kink of the image loss: signs of errors, cells of tables, and indices of medians."""
-    buffer, _ = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
+    buffer, _ = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
     bounced = buffer.image(fixed()[1] * buffer.albedo)
     flags = torch.cat([
         (image_with_fixed_parts(values) > target()).flatten(),
@@ -173,14 +173,14 @@ def test_gradients_of_the_image_loss_equal_central_differences() -> None:
 
 
 def stacked(values: Values) -> Tensor:
-    buffer, _ = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
+    buffer, _ = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
     maps = torch.cat([buffer.albedo, buffer.roughness[:, None], buffer.metallic[:, None]], -1)
     solid = torch.isfinite(buffer.depth)
     return variation(buffer.image(maps), target(), solid)
 
 
 def plain(values: Values) -> Tensor:
-    return plainness(buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())[0], True)
+    return plainness(buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])[0], True)
 
 
 @pytest.mark.parametrize(

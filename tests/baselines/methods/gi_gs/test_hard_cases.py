@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.methods.gi_gs.training import stage_of
 from baselines.methods.gi_gs.world import block, light_of, march, shader, shown
 from baselines.methods.irgs.world import grey, looking_down, sheet, together
+from baselines.methods.stage_two import GI_GS
 from hard_cases.constructions import looking_along_z, two_balls
 from radiogs_core.learning.views import Whole
 from radiogs_core.on_surfels.split_sum import SplitSumLight
@@ -30,7 +30,7 @@ def assert_finite(maps: Maps) -> None:
 
 def test_case_22_a_step_on_images_of_one_row() -> None:
     """Such images have neighbours along only one axis."""
-    stage = stage_of()
+    stage = GI_GS.stage_of()
     view = stage.views[0]
     row = Camera(view.camera.camera_to_world, view.camera.fx, view.camera.fy, view.camera.cx, 0.5, 24, 1)
     losses = stage.losses(replace(view, camera=row, pixels=Whole(view.image[12:13]), covered=Whole(view.mask[12:13])))

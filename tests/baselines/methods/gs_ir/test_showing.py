@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.methods.gs_ir.training import BUDGET, run_of, variant
 from baselines.methods.irgs.world import grey
+from baselines.methods.stage_two import GS_IR
 from baselines.methods.trained_models import LATTICE, VOLUMES
 from baselines.methods.trained_models import LOW_ROOF as ROOFED
 from baselines.methods.trained_models import gs_ir as trained
@@ -57,7 +57,7 @@ def test_a_damaged_model_is_refused(change: dict[str, Any], says: str) -> None:
     for name, value in change.items():
         stored[name] = stored[name] | value if isinstance(value, dict) else value
     with pytest.raises(DataError, match=says):
-        GS_IR_METHOD.restore(run_of(), stored)
+        GS_IR_METHOD.restore(GS_IR.run_of(), stored)
 
 
 def test_images_under_the_recovered_light_have_occlusion_and_indirect_light() -> None:
@@ -87,7 +87,7 @@ def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
 
 def test_new_lights_are_filtered_with_the_texel_areas_of_the_variant() -> None:
     exact, rough = (
-        trained(variant(texel_areas=areas)).prepare(grey()).render(CAMERA) for areas in ("exact", "approximate")
+        trained(GS_IR.variant(texel_areas=areas)).prepare(grey()).render(CAMERA) for areas in ("exact", "approximate")
     )
     seen = exact["alpha"][..., 0] > 0.9
     ratio = (rough["direct"] - exact["direct"])[seen] / exact["albedo"][seen]
@@ -97,7 +97,7 @@ def test_new_lights_are_filtered_with_the_texel_areas_of_the_variant() -> None:
 @pytest.mark.parametrize("light", [None, grey(0.5)], ids=["recovered", "new"])
 def test_lobes_have_the_masking_of_the_variant_which_is_the_exact_one_by_default(light: EnvironmentMap | None) -> None:
     default, exact, approximate = (
-        trained(variant(**chosen)).prepare(light).render(CAMERA)["direct"]
+        trained(GS_IR.variant(**chosen)).prepare(light).render(CAMERA)["direct"]
         for chosen in ({}, {"masking": "height-correlated"}, {"masking": "schlick"})
     )
     assert torch.equal(default, exact)
@@ -125,7 +125,7 @@ def test_facts_list_reduced_settings_and_replacements() -> None:
     assert facts["surfels"] == len(ROOFED)
     assert facts["probes"] == len(VOLUMES["occlusion"].coefficients)  # type: ignore[union-attr]
     assert facts["labels"]["stage1"].startswith("shared")
-    assert f"occlusion_samples {BUDGET.occlusion_samples} (published: 256)" in facts["labels"]["reduced"]
+    assert f"occlusion_samples {GS_IR.budget.occlusion_samples} (published: 256)" in facts["labels"]["reduced"]
     assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
     whole = labels_of(Variant(), PRESETS["paper"], 4.545)
     assert "reduced" not in whole

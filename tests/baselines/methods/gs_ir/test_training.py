@@ -6,16 +6,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.methods.gs_ir.training import (
-    BUDGET,
-    CONSTANT,
-    GEOMETRY,
-    only,
-    stage_of,
-    tensors_of,
-    variant,
-)
 from baselines.methods.irgs.world import DOWN, sheet, together
+from baselines.methods.stage_two import GEOMETRY, GS_IR, tensors_of
 from known_ball import BALL, COLOUR, LOBE, SCENE, noise
 from radiogs_baselines.methods.gs_ir.settings import Variant
 from radiogs_baselines.methods.gs_ir.shading import View
@@ -32,7 +24,7 @@ WIDE = 0.8 / SCENE.extent
 
 
 def metals(**changes: object) -> Variant:
-    return variant(metallic=True, **changes)
+    return GS_IR.variant(metallic=True, **changes)
 
 
 def moved_by(stage: InverseRendering, steps: int = 1) -> set[str]:
@@ -63,13 +55,13 @@ def uneven(stage: InverseRendering, *names: str) -> InverseRendering:
 )
 def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
     """No loss depends on the surfels' own radiance."""
-    stage = uneven(stage_of(metals(materials=only(**{weight: 1.0})), CAPPED), *MATERIALS, "log_environment")
+    stage = uneven(GS_IR.stage_of(metals(materials=GS_IR.only(**{weight: 1.0})), CAPPED), *MATERIALS, "log_environment")
     assert moved_by(stage) == moved
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.5])
 def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
-    moved = moved_by(stage_of(variant(lr_scale=scale), CAPPED), 3)
+    moved = moved_by(GS_IR.stage_of(GS_IR.variant(lr_scale=scale), CAPPED), 3)
     assert (moved >= set(GEOMETRY)) == (scale > 0)
     assert not moved & {"sh", "sh_rest"}
     assert moved >= {"albedo_logit", "roughness_logit", "log_environment", "irradiance"}
@@ -78,14 +70,14 @@ def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
 
 
 def test_geometry_moves_at_its_share_of_the_final_rates_of_stage_one() -> None:
-    stage = stage_of(variant(lr_scale=0.25))
+    stage = GS_IR.stage_of(GS_IR.variant(lr_scale=0.25))
     before, rates = tensors_of(stage), Variant().geometry.rates
     stage.step()
     after = tensors_of(stage)
     # Adam's first step is the rate itself; rotations and centres take longer ones in short runs.
     expected = {
-        "centre": BUDGET.geometry.rate * rates.position_end * SCENE.extent,
-        "rotation": math.sqrt(BUDGET.geometry.rate) * rates.rotation * rates.end_share,
+        "centre": GS_IR.budget.geometry.rate * rates.position_end * SCENE.extent,
+        "rotation": math.sqrt(GS_IR.budget.geometry.rate) * rates.rotation * rates.end_share,
         "log_scale": rates.scale * rates.end_share,
         "opacity_logit": rates.opacity * rates.end_share,
     }
@@ -99,7 +91,7 @@ def test_geometry_moves_at_its_share_of_the_final_rates_of_stage_one() -> None:
     [({"occlusion": False}, {"irradiance"}), ({"indirect": False}, {"irradiance"}), ({}, set())],
 )
 def test_parameters_that_the_variant_lacks_are_not_learnt(turned: dict[str, bool], lacks: set[str]) -> None:
-    stage = stage_of(variant(**turned))
+    stage = GS_IR.stage_of(GS_IR.variant(**turned))
     assert "metallic_logit" not in stage.optimiser.tensors
     assert {"irradiance"} - set(stage.optimiser.tensors) == lacks
     assert (stage.model.occlusion is None) == ("occlusion" in turned)
@@ -109,8 +101,8 @@ def test_parameters_that_the_variant_lacks_are_not_learnt(turned: dict[str, bool
 
 def test_occlusion_is_baked_from_stage_one_and_does_not_change() -> None:
     """Under the lid the ball's top is occluded; beside it, and without the lid, it is open."""
-    stage = stage_of(variant(tau=WIDE), CAPPED, replace(BUDGET, occlusion_corners=24))
-    open_ball = stage_of(variant(tau=WIDE), budget=replace(BUDGET, occlusion_corners=24))
+    stage = GS_IR.stage_of(GS_IR.variant(tau=WIDE), CAPPED, replace(GS_IR.budget, occlusion_corners=24))
+    open_ball = GS_IR.stage_of(GS_IR.variant(tau=WIDE), budget=replace(GS_IR.budget, occlusion_corners=24))
     position = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     found, free = (
         each.model.occlusion.openness(position, torch.nn.functional.normalize(position, dim=-1), 256)  # type: ignore[union-attr]
@@ -125,7 +117,7 @@ def test_occlusion_is_baked_from_stage_one_and_does_not_change() -> None:
 
 
 def test_the_prior_lowers_metalness_and_raises_roughness() -> None:
-    stage = stage_of(metals(materials=only(prior=1.0)))
+    stage = GS_IR.stage_of(metals(materials=GS_IR.only(prior=1.0)))
     before = tensors_of(stage)
     for _ in range(3):
         stage.step()
@@ -139,15 +131,15 @@ def test_the_prior_lowers_metalness_and_raises_roughness() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["albedo", "roughness", "metallic"])
 def test_the_smoothness_loss_evens_out_materials(name: str) -> None:
-    stage = uneven(stage_of(metals(lr_scale=0.0, materials=only(smoothness=1.0))), f"{name}_logit")
+    stage = uneven(GS_IR.stage_of(metals(lr_scale=0.0, materials=GS_IR.only(smoothness=1.0))), f"{name}_logit")
     losses = [stage.step()["smoothness"] for _ in range(30)]
     assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
 
 
 def test_materials_are_recovered_under_known_light_and_shape() -> None:
     """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
-    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.2, roughness=0.0))
-    stage = stage_of(variant(occlusion=False, lr_scale=0.0, materials=still))
+    still = replace(GS_IR.constant, rates=replace(GS_IR.constant.rates, light=0.0, albedo=0.2, roughness=0.0))
+    stage = GS_IR.stage_of(GS_IR.variant(occlusion=False, lr_scale=0.0, materials=still))
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
     stage.restore(state)
@@ -161,9 +153,9 @@ def test_materials_are_recovered_under_known_light_and_shape() -> None:
 
 def test_irradiance_is_learnt_where_the_light_is_occluded() -> None:
     """The images show the ball in a constant light of 1, also under the lid: there the volume has to add the light."""
-    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.0, roughness=0.0))
-    chosen = variant(tau=WIDE, lr_scale=0.0, materials=still)
-    stage = stage_of(chosen, CAPPED, replace(BUDGET, occlusion_corners=24, irradiance_corners=12))
+    still = replace(GS_IR.constant, rates=replace(GS_IR.constant.rates, light=0.0, albedo=0.0, roughness=0.0))
+    chosen = GS_IR.variant(tau=WIDE, lr_scale=0.0, materials=still)
+    stage = GS_IR.stage_of(chosen, CAPPED, replace(GS_IR.budget, occlusion_corners=24, irradiance_corners=12))
     state = stage.state()
     known = {"log_environment": torch.zeros(8, 16, 3), "albedo_logit": CAPPED.albedo_logit}
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | known
@@ -189,7 +181,7 @@ def test_irradiance_is_learnt_where_the_light_is_occluded() -> None:
 def test_training_filters_and_reflects_the_light_as_the_variant_says(changed: dict[str, str]) -> None:
     """With approximate areas the same light makes the image brighter; with another masking, the lobe."""
     same = {name: getattr(Variant(), name) for name in changed}
-    default, unchanged, other = (stage_of(variant(**each)).step()["shaded"] for each in ({}, same, changed))
+    default, unchanged, other = (GS_IR.stage_of(GS_IR.variant(**each)).step()["shaded"] for each in ({}, same, changed))
     assert default == unchanged != other
 
 
@@ -198,8 +190,8 @@ def test_the_lengths_of_a_variant_are_multiplied_by_the_extent() -> None:
     position = torch.tensor([[0.0, 0.0, 1.0]])
 
     def top(surfels: Surfels, tau: float) -> float:
-        budget = replace(BUDGET, occlusion_corners=24)
-        stage = stage_of(variant(tau=tau / SCENE.extent), surfels, budget)
+        budget = replace(GS_IR.budget, occlusion_corners=24)
+        stage = GS_IR.stage_of(GS_IR.variant(tau=tau / SCENE.extent), surfels, budget)
         assert stage.model.occlusion is not None
         return float(stage.model.occlusion.openness(position, position, 256))
 

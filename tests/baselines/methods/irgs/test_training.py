@@ -5,16 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.methods.irgs.training import (
-    BUDGET,
-    CONSTANT,
-    GEOMETRY,
-    only,
-    stage_of,
-    tensors_of,
-    variant,
-)
 from baselines.methods.irgs.world import DOWN, sheet, together
+from baselines.methods.stage_two import GEOMETRY, IRGS, tensors_of
 from known_ball import BALL, COLOUR, SCENE, noise
 from radiogs_baselines.methods.irgs.settings import Indirect, Variant
 from radiogs_core.learning.views import load
@@ -31,7 +23,7 @@ def test_no_camera_sees_the_sheet() -> None:
 
 @pytest.mark.parametrize(("indirect", "changes"), [("traced", True), ("detached", False), ("none", False)])
 def test_the_image_loss_changes_harmonics_of_unseen_surfels(indirect: Indirect, changes: bool) -> None:
-    stage = stage_of(variant(indirect=indirect, materials=only(shaded=1.0)), UNSEEN)
+    stage = IRGS.stage_of(IRGS.variant(indirect=indirect, materials=IRGS.only(shaded=1.0)), UNSEEN)
     before = tensors_of(stage)
     for _ in range(4):
         stage.step()
@@ -45,7 +37,7 @@ def test_the_image_loss_changes_harmonics_of_unseen_surfels(indirect: Indirect, 
 def test_training_dims_a_sheet_whose_radiance_is_too_bright() -> None:
     """The images are of a ball in a light of 1; the sheet's excess light acts through L_ind only."""
     bright = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=20.0))
-    stage = stage_of(variant(materials=only(shaded=1.0)), bright)
+    stage = IRGS.stage_of(IRGS.variant(materials=IRGS.only(shaded=1.0)), bright)
     for _ in range(10):
         stage.step()
     assert (tensors_of(stage)["sh"][-1] < bright.sh[-1, 0]).all()
@@ -53,7 +45,7 @@ def test_training_dims_a_sheet_whose_radiance_is_too_bright() -> None:
 
 @pytest.mark.parametrize("scale", [0.0, 0.5])
 def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
-    stage = stage_of(variant(lr_scale=scale))
+    stage = IRGS.stage_of(IRGS.variant(lr_scale=scale))
     before = tensors_of(stage)
     losses = [stage.step() for _ in range(6)][-1]
     after = tensors_of(stage)
@@ -66,7 +58,7 @@ def test_geometry_is_frozen_without_a_rate(scale: float) -> None:
 
 def test_learnt_geometry_includes_surfels_that_no_camera_sees() -> None:
     """The sheet over the ball acts through visibility and L_ind, traced with its current geometry."""
-    stage = stage_of(variant(lr_scale=1.0, materials=only(shaded=1.0)), UNSEEN)
+    stage = IRGS.stage_of(IRGS.variant(lr_scale=1.0, materials=IRGS.only(shaded=1.0)), UNSEEN)
     before = tensors_of(stage)
     for _ in range(3):
         stage.step()
@@ -76,7 +68,7 @@ def test_learnt_geometry_includes_surfels_that_no_camera_sees() -> None:
 
 
 def test_geometry_moves_at_its_share_of_the_rates_of_stage_one() -> None:
-    stage = stage_of(variant(lr_scale=0.25))
+    stage = IRGS.stage_of(IRGS.variant(lr_scale=0.25))
     before, first = tensors_of(stage), Variant().geometry.rates
     stage.step()
     moved = (tensors_of(stage)["centre"] - before["centre"]).abs().max()
@@ -96,7 +88,7 @@ def test_geometry_moves_at_its_share_of_the_rates_of_stage_one() -> None:
 )
 def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
     """The smoothness losses have their own test below, because the ball's materials are smooth."""
-    stage = stage_of(variant(materials=only(**{weight: 1.0})), UNSEEN)
+    stage = IRGS.stage_of(IRGS.variant(materials=IRGS.only(**{weight: 1.0})), UNSEEN)
     light = {"log_environment": 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))}
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | light
@@ -112,8 +104,10 @@ def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[
 def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     raw = f"{name}_logit"
     uneven = getattr(BALL, raw) + noise(getattr(BALL, raw), 1.0)
-    smooth = only(**{f"{name}_smoothness": 1.0})
-    stage = stage_of(variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05))))
+    smooth = IRGS.only(**{f"{name}_smoothness": 1.0})
+    stage = IRGS.stage_of(
+        IRGS.variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05)))
+    )
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {raw: uneven}
     stage.restore(state)
@@ -121,12 +115,12 @@ def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), "all three views, at the end and at the beginning"
     after = tensors_of(stage)
     other = "roughness_logit" if name == "albedo" else "albedo_logit"
-    assert torch.equal(after[other], getattr(stage_of().model.surfels, other))
+    assert torch.equal(after[other], getattr(IRGS.stage_of().model.surfels, other))
 
 
 def test_pixels_are_drawn_from_the_whole_image() -> None:
     """Eight pixels a step: within twelve steps the ball's top and bottom are both shaded."""
-    stage = stage_of(variant(materials=only(shaded=1.0)), budget=replace(BUDGET, pixels=8))
+    stage = IRGS.stage_of(IRGS.variant(materials=IRGS.only(shaded=1.0)), budget=replace(IRGS.budget, pixels=8))
     before = tensors_of(stage)["albedo_logit"]
     for _ in range(12):
         stage.step()
@@ -139,8 +133,8 @@ def test_pixels_are_drawn_from_the_whole_image() -> None:
 @pytest.mark.slow
 def test_materials_are_recovered_under_known_light_and_shape() -> None:
     """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
-    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.05, roughness=0.0))
-    stage = stage_of(variant(materials=still), budget=replace(BUDGET, pixels=256, incident_samples=64))
+    still = replace(IRGS.constant, rates=replace(IRGS.constant.rates, light=0.0, albedo=0.05, roughness=0.0))
+    stage = IRGS.stage_of(IRGS.variant(materials=still), budget=replace(IRGS.budget, pixels=256, incident_samples=64))
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
     stage.restore(state)

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 from baselines.methods.irgs.world import grey
-from baselines.methods.r3dg.training import BUDGET, run_of, variant
 from baselines.methods.r3dg.world import around
+from baselines.methods.stage_two import R3DG
 from baselines.methods.trained_models import HIGH_ROOF as ROOFED
 from baselines.methods.trained_models import r3dg as trained
 from known_ball import SCENE
@@ -23,7 +23,7 @@ CAMERA = SCENE.test[0].camera
 
 def test_the_recovered_light_and_the_model_are_restored_unchanged() -> None:
     light, local = torch.randn(8, 16, 3), torch.randn(len(ROOFED), 16, 3)
-    found = R3DG_METHOD.restore(run_of(), Model(ROOFED, local, light).tensors())
+    found = R3DG_METHOD.restore(R3DG.run_of(), Model(ROOFED, local, light).tensors())
     assert torch.equal(found.light.radiance, torch.nn.functional.softplus(light))
     assert torch.equal(found.model.local, local)
     assert all(torch.equal(getattr(ROOFED, name), value) for name, value in found.model.surfels.parameters().items())
@@ -40,8 +40,8 @@ def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
 
 
 def test_images_under_the_recovered_light_have_the_local_light_of_training() -> None:
-    assert trained(variant(relight_local_light=False)).prepare().render(CAMERA)["indirect"].any()
-    assert not trained(variant(local_light="none")).prepare().render(CAMERA)["indirect"].any()
+    assert trained(R3DG.variant(relight_local_light=False)).prepare().render(CAMERA)["indirect"].any()
+    assert not trained(R3DG.variant(local_light="none")).prepare().render(CAMERA)["indirect"].any()
 
 
 def test_export_writes_the_surfels_and_the_local_light(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_facts_list_reduced_settings_and_replacements() -> None:
     facts = trained().facts()
     assert facts["surfels"] == len(ROOFED)
     assert facts["labels"]["stage1"].startswith("shared")
-    assert f"incident_samples {BUDGET.incident_samples} (published: 64)" in facts["labels"]["reduced"]
+    assert f"incident_samples {R3DG.budget.incident_samples} (published: 64)" in facts["labels"]["reduced"]
     assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
     whole = labels_of(Variant(), PRESETS["paper"], 1.0)
     assert "reduced" not in whole

@@ -6,15 +6,7 @@ import pytest
 import torch
 
 from baselines.methods.irgs.world import DOWN, sheet, together
-from baselines.methods.r3dg.training import (
-    BUDGET,
-    CONSTANT,
-    only,
-    stage_of,
-    tensors_of,
-    variant,
-    with_values,
-)
+from baselines.methods.stage_two import R3DG, tensors_of, with_values
 from known_ball import BALL, COLOUR, noise
 from radiogs_baselines.methods.r3dg.model import before_softplus
 from radiogs_baselines.methods.r3dg.training import InverseRendering
@@ -52,7 +44,7 @@ def uneven(stage: InverseRendering) -> InverseRendering:
     ],
 )
 def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
-    stage = uneven(stage_of(variant(materials=only(**{weight: 1.0}))))
+    stage = uneven(R3DG.stage_of(R3DG.variant(materials=R3DG.only(**{weight: 1.0}))))
     before = tensors_of(stage)
     for _ in range(2):
         stage.step()
@@ -60,7 +52,7 @@ def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[
 
 
 def test_geometry_radiance_and_visibility_do_not_change() -> None:
-    stage = stage_of(surfels=ROOFED)
+    stage = R3DG.stage_of(surfels=ROOFED)
     before, table = tensors_of(stage), stage.table.state()
     for _ in range(6):
         stage.step()
@@ -70,7 +62,7 @@ def test_geometry_radiance_and_visibility_do_not_change() -> None:
 
 
 def test_each_step_retraces_the_number_of_surfels_of_the_budget() -> None:
-    stage = stage_of(variant(visibility="retraced"), ROOFED, replace(BUDGET, retraced_surfels=20))
+    stage = R3DG.stage_of(R3DG.variant(visibility="retraced"), ROOFED, replace(R3DG.budget, retraced_surfels=20))
     before = stage.table.state()["direction"]
     stage.step()
     turned = (stage.table.direction != before).any(-1).any(-1)
@@ -82,16 +74,16 @@ def test_each_step_retraces_the_number_of_surfels_of_the_budget() -> None:
 @pytest.mark.parametrize(("mode", "moves"), [("free", True), ("gated", True), ("none", False)])
 def test_local_light_is_learnt_from_zero(mode: str, moves: bool) -> None:
     """Gated local light is learnt as well, because the roof hides part of the sky."""
-    stage = stage_of(variant(local_light=mode, materials=only(absolute=1.0)), ROOFED)
+    stage = R3DG.stage_of(R3DG.variant(local_light=mode, materials=R3DG.only(absolute=1.0)), ROOFED)
     assert not tensors_of(stage)["local"].any()
     for _ in range(4):
         stage.step()
-    assert {"local", "local_rest"} <= changed(tensors_of(stage_of(surfels=ROOFED)), tensors_of(stage)) or not moves
+    assert {"local", "local_rest"} <= changed(tensors_of(R3DG.stage_of(surfels=ROOFED)), tensors_of(stage)) or not moves
     assert bool(tensors_of(stage)["local"].any()) == moves
 
 
 def test_gated_local_light_of_an_unshadowed_surfel_is_not_learnt() -> None:
-    stage = stage_of(variant(local_light="gated", materials=only(absolute=1.0)), ROOFED)
+    stage = R3DG.stage_of(R3DG.variant(local_light="gated", materials=R3DG.only(absolute=1.0)), ROOFED)
     for _ in range(6):
         stage.step()
     free = (stage.table.visibility == 1).all(-1)
@@ -104,9 +96,9 @@ def test_the_priors_reduce_coloured_and_uneven_local_light() -> None:
     colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
     for weight in ("light_prior", "irradiance_smoothness"):
         local = colour if weight == "light_prior" else colour * (1 + noise(colour, 1.0)[..., :1].clamp(-1, 1))
-        learning = only(**{weight: 1.0})
+        learning = R3DG.only(**{weight: 1.0})
         learning = replace(learning, rates=replace(learning.rates, light=0.0, local=0.005))
-        stage = with_values(stage_of(variant(materials=learning)), local=local)
+        stage = with_values(R3DG.stage_of(R3DG.variant(materials=learning)), local=local)
         name = weight.replace("_", " ")
         losses = [stage.step()[name] for _ in range(24)]
         assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), weight
@@ -114,9 +106,9 @@ def test_the_priors_reduce_coloured_and_uneven_local_light() -> None:
 
 def test_the_neutrality_loss_includes_surfels_that_face_away() -> None:
     """The loss averages over all surfels for every view."""
-    learning = only(light_prior=1.0)
+    learning = R3DG.only(light_prior=1.0)
     colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
-    stage = with_values(stage_of(variant(materials=learning)), local=colour)
+    stage = with_values(R3DG.stage_of(R3DG.variant(materials=learning)), local=colour)
     before = tensors_of(stage)["local"]
     stage.step()
     assert bool((tensors_of(stage)["local"] != before).any(-1).all())
@@ -124,7 +116,7 @@ def test_the_neutrality_loss_includes_surfels_that_face_away() -> None:
 
 def test_the_rates_of_local_light_have_the_factor_of_the_budget() -> None:
     """Adam's first step equals the learning rate."""
-    stage = stage_of(budget=replace(BUDGET, local_rate=3.0))
+    stage = R3DG.stage_of(budget=replace(R3DG.budget, local_rate=3.0))
     stage.step()
     after = tensors_of(stage)
     assert float(after["local"].abs().max()) == pytest.approx(3 * 0.001, rel=0.01)
@@ -133,8 +125,10 @@ def test_the_rates_of_local_light_have_the_factor_of_the_budget() -> None:
 
 def test_materials_are_recovered_under_known_light_and_shape() -> None:
     """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
-    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.1, roughness=0.0))
-    stage = stage_of(variant(materials=still, local_light="none"), budget=replace(BUDGET, incident_samples=64))
+    still = replace(R3DG.constant, rates=replace(R3DG.constant.rates, light=0.0, albedo=0.1, roughness=0.0))
+    stage = R3DG.stage_of(
+        R3DG.variant(materials=still, local_light="none"), budget=replace(R3DG.budget, incident_samples=64)
+    )
     stage = with_values(stage, raw_environment=before_softplus(torch.ones(8, 16, 3)))
     for _ in range(60):
         stage.step()

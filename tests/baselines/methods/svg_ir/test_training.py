@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.methods.svg_ir.training import BUDGET, UNSEEN, only, stage_of, tensors_of, variant
+from baselines.methods.stage_two import SVG_IR, UNSEEN, tensors_of
 from known_ball import COLOUR, SCENE
 from radiogs_baselines.methods.svg_ir.training import FROZEN
 from radiogs_core.learning.views import load
@@ -21,7 +21,7 @@ def test_no_camera_sees_the_sheet() -> None:
 
 
 def test_consistency_changes_unseen_materials_but_no_harmonics() -> None:
-    stage = stage_of(variant(materials=only(consistency=1.0)))
+    stage = SVG_IR.stage_of(SVG_IR.variant(materials=SVG_IR.only(consistency=1.0)))
     before = tensors_of(stage)
     for _ in range(4):
         stage.step()
@@ -32,7 +32,7 @@ def test_consistency_changes_unseen_materials_but_no_harmonics() -> None:
 
 
 def test_image_losses_do_not_change_unseen_materials() -> None:
-    stage = stage_of(variant(materials=only(shaded=1.0)))
+    stage = SVG_IR.stage_of(SVG_IR.variant(materials=SVG_IR.only(shaded=1.0)))
     before = tensors_of(stage)
     for _ in range(3):
         stage.step()
@@ -44,9 +44,9 @@ def test_image_losses_do_not_change_unseen_materials() -> None:
 
 def test_consistency_fits_the_albedo_to_the_radiance_of_the_table() -> None:
     """A sheet whose radiance in the table is 0.4, under a light of 1 whose rays reach it only from below."""
-    learning = only(consistency=1.0)
+    learning = SVG_IR.only(consistency=1.0)
     still = replace(learning, rates=replace(learning.rates, light=0.0, ratio=0.0, roughness=0.0, albedo=0.1))
-    stage = stage_of(variant(materials=still))
+    stage = SVG_IR.stage_of(SVG_IR.variant(materials=still))
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
     stage.restore(state)
@@ -69,7 +69,7 @@ def test_consistency_fits_the_albedo_to_the_radiance_of_the_table() -> None:
 )
 def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
     """The smoothness losses have their own test below, because the ball's materials are smooth."""
-    stage = stage_of(variant(materials=only(**{weight: 1.0})))
+    stage = SVG_IR.stage_of(SVG_IR.variant(materials=SVG_IR.only(**{weight: 1.0})))
     state = stage.state()
     generator = torch.Generator().manual_seed(0)
     uneven = {
@@ -86,8 +86,10 @@ def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[
 
 @pytest.mark.parametrize("name", ["albedo", "roughness"])
 def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
-    raw, smooth = f"vertex_{name}_logit", only(**{f"{name}_smoothness": 1.0})
-    stage = stage_of(variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05))))
+    raw, smooth = f"vertex_{name}_logit", SVG_IR.only(**{f"{name}_smoothness": 1.0})
+    stage = SVG_IR.stage_of(
+        SVG_IR.variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05)))
+    )
     state = stage.state()
     uneven = torch.randn(state["optimiser"]["tensors"][raw].shape, generator=torch.Generator().manual_seed(1))
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {raw: uneven}
@@ -95,11 +97,11 @@ def test_the_smoothness_loss_evens_out_a_material(name: str) -> None:
     losses = [stage.step()[f"{name} smoothness"] for _ in range(24)]
     assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), "all three views, at the end and at the beginning"
     other = "vertex_roughness_logit" if name == "albedo" else "vertex_albedo_logit"
-    assert torch.equal(tensors_of(stage)[other], tensors_of(stage_of())[other])
+    assert torch.equal(tensors_of(stage)[other], tensors_of(SVG_IR.stage_of())[other])
 
 
 def test_geometry_is_frozen_and_the_ratio_is_frozen_after_its_share() -> None:
-    stage = stage_of(variant(), budget=replace(BUDGET, inverse_iterations=60))
+    stage = SVG_IR.stage_of(SVG_IR.variant(), budget=replace(SVG_IR.budget, inverse_iterations=60))
     start = tensors_of(stage)
     for _ in range(3):
         stage.step()
@@ -116,21 +118,21 @@ def test_geometry_is_frozen_and_the_ratio_is_frozen_after_its_share() -> None:
 
 
 def test_without_indirect_light_only_consistency_changes_the_ratio() -> None:
-    stage = stage_of(variant(indirect=False, materials=only(shaded=1.0)))
+    stage = SVG_IR.stage_of(SVG_IR.variant(indirect=False, materials=SVG_IR.only(shaded=1.0)))
     stage.step()
     assert float(tensors_of(stage)["ratio"]) == 1
 
 
 def test_constant_attributes_have_one_vertex_per_surfel() -> None:
-    stage = stage_of(variant(attributes="constant"))
+    stage = SVG_IR.stage_of(SVG_IR.variant(attributes="constant"))
     for _ in range(2):
         stage.step()
     assert stage.model.albedo.shape == (len(UNSEEN), 1, 3)
-    assert stage_of().model.albedo.shape == (len(UNSEEN), 4, 3)
+    assert SVG_IR.stage_of().model.albedo.shape == (len(UNSEEN), 4, 3)
 
 
 def test_training_makes_the_vertices_of_a_surfel_differ() -> None:
-    stage = stage_of(variant(materials=only(shaded=1.0)))
+    stage = SVG_IR.stage_of(SVG_IR.variant(materials=SVG_IR.only(shaded=1.0)))
     for _ in range(6):
         stage.step()
     albedo = stage.model.albedo.detach()
@@ -139,9 +141,11 @@ def test_training_makes_the_vertices_of_a_surfel_differ() -> None:
 
 def test_materials_are_recovered_under_known_light_and_shape() -> None:
     """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe for every initial value."""
-    learning = only(shaded=1.0)
+    learning = SVG_IR.only(shaded=1.0)
     still = replace(learning, rates=replace(learning.rates, light=0.0, albedo=0.1, roughness=0.0, ratio=0.0))
-    stage = stage_of(variant(materials=still, hop=1e-3), budget=replace(BUDGET, incident_samples=32))
+    stage = SVG_IR.stage_of(
+        SVG_IR.variant(materials=still, hop=1e-3), budget=replace(SVG_IR.budget, incident_samples=32)
+    )
     state = stage.state()
     state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
     stage.restore(state)
