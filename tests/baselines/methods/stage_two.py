@@ -28,7 +28,7 @@ class StageTwo:
 
     method: SurfelMethod[Any, Any]
     """The method."""
-    surfels: Surfels = BALL
+    surfels: Surfels = field(default_factory=lambda: BALL)
     """Surfels that it starts from, unless a test gives others."""
     numbers: Mapping[str, int] = field(default_factory=dict)
     """Numbers of the budget that differ from the preset smoke."""

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import STANDARD_MAPS, MapKind, Prepared, Run
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.on_surfels.trained import (
     INCIDENT,
@@ -29,8 +29,6 @@ from .grid import Grid
 from .marching import March
 from .settings import PRESETS, Budget, Variant
 from .shading import Shader
-
-Maps = dict[str, Float[Tensor, "height width _"]]
 
 SHOWN = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
 """Maps under the recovered light; what is incident comes from other pixels alone."""
@@ -73,18 +71,10 @@ class Renderer:
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect, incident: see ``Shader.shade``. albedo: linear.
-        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
-        """
+        """Maps of one view (see ``on_surfels.trained.Renderer``); the lit ones are from ``Shader.shade``."""
         seen = seen_materials(camera, self.model, self.albedo)
         shaded = self.shader.shade(gbuffer(camera, seen), seen.alpha, self.light)
-        return {
-            **shaded,
-            "image": shaded["image"].clamp(0, 1),
-            **blended_maps(seen),
-        }
+        return {**shaded, "image": shaded["image"].clamp(0, 1), **blended_maps(seen)}
 
 
 PAPER = PRESETS["paper"]

@@ -4,13 +4,12 @@ Rays are traced from every covered pixel. Labels state how a run differs from th
 """
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
@@ -35,11 +34,10 @@ from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
+from ..labels import length
 from .rays import RaySettings
 from .settings import PRESETS, Budget, Indirect, Variant
 from .shading import shade_points
-
-Maps = dict[str, Float[Tensor, "height width _"]]
 
 
 class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
@@ -71,19 +69,6 @@ class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
             variant.relight_indirect,
         )
         return Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight))
-
-
-@runtime_checkable
-class Light(Protocol):
-    """The light that the renderer shades points with."""
-
-    environment: Float[Tensor, "rows columns 3"]
-    """Radiance of the distant light, linear."""
-    samples: int
-    """Rays from each point."""
-
-    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """Incident light of ``points``: directions, visibility and indirect radiance."""
 
 
 class RecoveredLight:
@@ -146,18 +131,18 @@ class Renderer:
     """
 
     def __init__(
-        self, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], light: Light, seed: int, straight: bool = True
+        self,
+        surfels: Surfels,
+        albedo: Float[Tensor, "surfels 3"],
+        light: RecoveredLight | NewLight,
+        seed: int,
+        straight: bool = True,
     ) -> None:
         self.surfels, self.albedo, self.light, self.seed, self.straight = surfels, albedo, light, seed, straight
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
-        hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo: linear.
-        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
-        """
+        """Maps of one view; see ``on_surfels.trained.Renderer``."""
         seen = seen_surfels(camera, self.surfels, self.albedo, {})
         radiance = self._radiance(camera, seen, () if set(ARRIVING).isdisjoint(further) else ARRIVING)
         return {
@@ -192,7 +177,9 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "geometry": "surfels of this project, traced and rasterised by its kernels",
         "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",
         "light_start": light_start(variant.materials.start.light, "a constant 1.5"),
-        "ray_start": _ray_start(variant, extent),
+        "ray_start": length(
+            variant.ray_start, extent, "0.05", "one standard deviation of the surfels that a pixel sees"
+        ),
         "fresnel": "F0 0.04 also at the hits of relit rays (published: 0.02)",
         "masking": "Schlick's in the split sum at the hits of relit rays (published table: height-correlated)",
     }
@@ -203,9 +190,3 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     if variant.lr_scale > 0:
         labels["lr_scale"] = f"{variant.lr_scale:g} (published scripts: 0)"
     return labels
-
-
-def _ray_start(variant: Variant, extent: float) -> str:
-    if variant.ray_start is None:
-        return "one standard deviation of the surfels that a pixel sees (published: 0.05)"
-    return f"{variant.ray_start * extent:.3g} world units (published: 0.05)"

@@ -117,7 +117,7 @@ def limited(environment: Float[Tensor, "rows columns 3"], limit: float) -> Float
     return environment.clamp(0, limit)
 
 
-def reduced(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
+def downsampled(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
     """Downsample a light to ``rows`` rows by averaging; a light with no more rows is returned unchanged."""
     if rows is None or rows >= len(light.radiance):
         return light

@@ -11,22 +11,28 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
+from radiogs_core.on_surfels.trained import (
+    ARRIVING,
+    SHOWN_WITH_INCIDENT,
+    Shown,
+    TrainedOnSurfels,
+    reduced,
+    unit_or_zero,
+)
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import mean_incident
 from radiogs_core.transport.splatting import splat, towards
 
+from ..labels import length
 from .model import Model
 from .settings import PRESETS, Budget, Variant
-from .shading import Materials, bounced, limited, materials_of, reduced, shade_vertices
+from .shading import Materials, bounced, downsampled, limited, materials_of, shade_vertices
 from .table import Table, Walk, table_of
 from .vertices import blend_vertices
-
-Maps = dict[str, Float[Tensor, "height width _"]]
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
         """Rendering under ``light`` with a new table, whose radiance is one bounce at the first hits."""
         variant, model = self.run.variant, self.model
         albedo = model.albedo * albedo_scale
-        environment = limited(reduced(light, variant.relight_rows).radiance, variant.light_limit)
+        environment = limited(downsampled(light, variant.relight_rows).radiance, variant.light_limit)
         table = table_of(model.surfels, self.walk, self.run.budget.relight_samples, self.run.seed)
         if variant.relight_indirect:
             materials = materials_of(model, albedo)
@@ -100,13 +106,7 @@ class Renderer:
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
-        surfel's hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo:
-        linear. roughness, alpha, depth (world z-depth): one channel. normal: blended vertex normals, unit in the world,
-        zero where empty.
-        """
+        """Maps of one view (see ``on_surfels.trained.Renderer``); ``normal`` has the blended vertex normals."""
         surfels = self.model.surfels
         camera = camera.to(surfels.centre.device, surfels.centre.dtype)
         seen = splat(camera, surfels, {}, depth_unit=1.0)
@@ -146,39 +146,22 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": "surfels of this project in place of flattened 3D Gaussians; no monocular normals",
         "stage1": "shared: novel-view synthesis in place of SVG-IR's own",
-        "light_start": _light_start(variant),
-        "hop": _hop(variant, extent),
-        "ray_start": _ray_start(variant, extent),
+        "light_start": "shared: the light of least albedo variation (published: constant)"
+        if variant.materials.start.light == "least-variation"
+        else "constant, by the images' exposure",
+        "hop": length(
+            variant.hop, extent, "0.2 from hit to hit" if variant.hop is None else "0.2", "rays of full length"
+        ),
+        "ray_start": length(
+            variant.ray_start, extent, "0.042", "one standard deviation of the surfel that a ray leaves"
+        ),
         "attributes": f"vertices {variant.vertex_distance:g} standard deviations from the axes (published: by the size "
         "of the splat in the image)",
     }
     if variant.attributes == "constant":
         labels["attributes"] = "constant-attribute: one material a surfel in place of four vertices"
-    lowered = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "incident_samples", "relight_samples")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }
+    fewer = reduced(budget, PAPER, "inverse_iterations", "incident_samples", "relight_samples")
     if budget.consistency_surfels < budget.geometry.maximum_surfels:
-        lowered.add(f"consistency_surfels {budget.consistency_surfels} (published: all)")
-    if lowered:
-        labels["reduced"] = ", ".join(sorted(lowered))
-    return labels
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: constant)"
-    return "constant, by the images' exposure"
-
-
-def _hop(variant: Variant, extent: float) -> str:
-    if variant.hop is None:
-        return "rays of full length (published: 0.2 from hit to hit)"
-    return f"{variant.hop * extent:.3g} world units (published: 0.2)"
-
-
-def _ray_start(variant: Variant, extent: float) -> str:
-    if variant.ray_start is None:
-        return "one standard deviation of the surfel that a ray leaves (published: 0.042)"
-    return f"{variant.ray_start * extent:.3g} world units (published: 0.042)"
+        surfels = f"consistency_surfels {budget.consistency_surfels} (published: all)"
+        fewer = {"reduced": ", ".join([surfels, *fewer.values()])}
+    return labels | fewer

@@ -242,7 +242,7 @@ def test_the_readme_variant_trains_without_occlusion_but_renders_with_it() -> No
 def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:
     """F0 = 0.04 (1 - m) + m albedo, as published; the diffuse light does not change."""
     surfels = together(sheet(0.0, albedo=0.6, roughness=0.5))
-    maps = [buffer_of(above(), surfels, torch.full((1,), metal)) for metal in (0.0, 1.0)]
+    maps = [buffer_of(above(), surfels, torch.full((1,), logit)) for logit in (-100.0, 100.0)]
     dielectric, metal = (shader(indirect=False).shade(*each, light_of(1.0))["direct"][15, 15] for each in maps)
     low, high = (
         shader(indirect=False).shade(*buffer_of(above(), sheet(0.0, albedo=albedo, roughness=0.5)), light_of(1.0))

@@ -13,7 +13,7 @@ from baselines.methods.trained_models import svg_ir as trained
 from known_ball import SCENE
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
 from radiogs_baselines.methods.svg_ir.settings import PRESETS, Variant
-from radiogs_baselines.methods.svg_ir.shading import reduced
+from radiogs_baselines.methods.svg_ir.shading import downsampled
 from radiogs_baselines.methods.svg_ir.showing import labels_of
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -60,11 +60,11 @@ def test_the_ratio_is_not_used_in_relighting() -> None:
 def test_a_new_light_is_downsampled_and_limited() -> None:
     sun = EnvironmentMap(torch.zeros(64, 128, 3))
     sun.radiance[3, 5] = 40.0
-    small = reduced(sun, 32)
+    small = downsampled(sun, 32)
     assert small.radiance.shape == (32, 64, 3)
     assert float(small.radiance[1, 2, 0]) == 10.0
     assert float(small.radiance.sum()) == 30.0
-    assert reduced(sun, None) is sun
+    assert downsampled(sun, None) is sun
     sharp = trained(SVG_IR.variant(relight_rows=None, light_limit=4.0)).prepare(sun)
     assert float(sharp.renderer.lit.environment.max()) == 4.0  # type: ignore[attr-defined]
 
