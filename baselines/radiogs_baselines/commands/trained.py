@@ -58,8 +58,10 @@ class PreparedCommand:
     """Name of the method in messages."""
     offers: Mapping[str, MapKind]
     """Kinds of the maps, by name."""
-    views: Sequence[tuple[View, Callable[[], Maps]]]
-    """Rendered views, and functions that read their maps."""
+    views: Sequence[tuple[View, Predictions]]
+    """Rendered views, each with the predictions that have its files."""
+    light: str = ""
+    """Name of the light of the views; empty: the light of the training views."""
     timed: bool = False
     """Whether ``render`` may be timed: no, because it reads files."""
 
@@ -70,9 +72,12 @@ class PreparedCommand:
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of the view with that camera. Raises DataError if no view has it, or if a file is damaged."""
-        for view, read in self.views:
+        for view, found in self.views:
             if same_camera(view.camera, camera):
-                return read()
+                coverage = view.read("alpha") if view.has("alpha") else torch.ones(camera.height, camera.width, 1)
+                if self.light:
+                    return {"image": found.read_relit(self.light, view, coverage)}
+                return found.read(view, coverage)
         raise DataError(
             f"{self.title} was not rendered from this camera",
             f"Its commands render the views of the scene; {len(self.views)} of them are available.",
@@ -204,17 +209,13 @@ class TrainedCommand:
     def _prepared(self) -> PreparedCommand:
         found = self._read()
         offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
-        views = [(view, partial(_maps_of, found, view)) for view in self.workspace.run.scene.test]
+        views = [(view, found) for view in self.workspace.run.scene.test]
         return PreparedCommand(self.workspace.file.title, offered, views)
 
     def _prepared_under(self, light: str) -> PreparedCommand:
-        readings = [
-            (view, partial(_relit_of, self._read(scene), light, view))
-            for scene in self._lit_views()[light]
-            for view in scene.test
-            if view.has(f"relit/{light}")
-        ]
-        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, readings)
+        read = [(scene, self._read(scene)) for scene in self._lit_views()[light]]
+        views = [(view, found) for scene, found in read for view in scene.test if view.has(f"relit/{light}")]
+        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, views, light)
 
     def _views_written(self) -> Listing:
         """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""
@@ -223,7 +224,7 @@ class TrainedCommand:
         there = {name for maps in found.maps.values() for name in maps}
         missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
         _require_none(missing, found.ignored)
-        return self._listed(found for maps in found.maps.values() for found in maps.values())
+        return listing_of(self.workspace.root, (each.path for maps in found.maps.values() for each in maps.values()))
 
     def _relit_written(self, lights: Sequence[str]) -> Listing:
         """The files of the views under some lights. Raises CommandFailed if a view has none."""
@@ -236,7 +237,7 @@ class TrainedCommand:
             wanted = [view.name for view in views if view.has(f"relit/{light}")]
             missing += [f"{name} under {light}" for name in wanted if name not in relit]
         _require_none(missing)
-        return self._listed(files.values())
+        return listing_of(self.workspace.root, (found.path for found in files.values()))
 
     def _relit(self, light: str) -> dict[str, Found]:
         found: dict[str, Found] = {}
@@ -273,9 +274,6 @@ class TrainedCommand:
         except DataError:
             return None
 
-    def _listed(self, files: Any) -> Listing:
-        return listing_of(self.workspace.root, (found.path for found in files))
-
     def _name_of(self, light: EnvironmentMap) -> str:
         lights = self.workspace.run.scene.lights
         for name, each in lights.items():
@@ -295,20 +293,6 @@ def same_camera(one: Camera, other: Camera) -> bool:
     """Whether two cameras have the same lens, image size and pose."""
     lens = [(each.fx, each.fy, each.cx, each.cy, each.width, each.height) for each in (one, other)]
     return lens[0] == lens[1] and torch.equal(one.camera_to_world.cpu(), other.camera_to_world.cpu())
-
-
-def _coverage(view: View) -> Float[Tensor, "height width 1"]:
-    if view.has("alpha"):
-        return view.read("alpha")
-    return torch.ones(view.camera.height, view.camera.width, 1)
-
-
-def _maps_of(found: Predictions, view: View) -> Maps:
-    return found.read(view, _coverage(view))
-
-
-def _relit_of(found: Predictions, light: str, view: View) -> Maps:
-    return {"image": found.read_relit(light, view, _coverage(view))}
 
 
 def _inspect(files: Any) -> None:

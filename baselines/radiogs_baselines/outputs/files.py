@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError
 
-from .rules import Rule
+from .layout import Rule
 
 SUFFIXES = (".exr", ".npy", ".png")
 """Suffixes that are tried, in this order, for a rule without a suffix: the most precise format first."""

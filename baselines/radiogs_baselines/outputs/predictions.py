@@ -22,7 +22,7 @@ from radiogs_datasets.image_files import read_image
 from radiogs_datasets.lights import latitude_longitude
 
 from .files import Found
-from .rules import Ground
+from .layout import Ground
 
 
 @dataclass(frozen=True)

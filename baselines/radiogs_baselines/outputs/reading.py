@@ -11,8 +11,8 @@ from radiogs_datasets.image_structure import image_size
 
 from .codes import CODES, PLAIN
 from .files import Found, find, last_index, resolved, spellings
+from .layout import Rule
 from .predictions import Predictions, relightable
-from .rules import Rule
 from .unread import unread_files
 
 KINDS_SHOWN = 3

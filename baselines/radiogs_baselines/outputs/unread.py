@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Set
 from pathlib import Path
 
-from .rules import Unread
+from .layout import Unread
 
 IMAGES = (".png", ".exr", ".npy", ".hdr", ".jpg", ".jpeg")
 """Suffixes of images."""

@@ -15,7 +15,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.image_files import write_png
 
 from .codes import CODES
-from .rules import Rule
+from .layout import Rule
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 """Maps of a view by name."""

@@ -99,6 +99,15 @@ def by_name(*budgets: BudgetT) -> dict[str, BudgetT]:
     return {budget.name: budget for budget in budgets}
 
 
+def presets(budget: type[BudgetT], **numbers: tuple[float, float, float, float]) -> dict[str, BudgetT]:
+    """Budgets by the names of the presets, smoke, tiny, small and paper; each field has its values in this order."""
+    found = {}
+    for index, (name, geometry) in enumerate(GEOMETRY_PRESETS.items()):
+        given: Any = {field: values[index] for field, values in numbers.items()}
+        found[name] = budget(name=name, geometry=geometry, **given)
+    return found
+
+
 @dataclass(frozen=True)
 class SurfelVariant:
     """The settings that an ablation of a method on surfels may change; the defaults are the full method.

@@ -9,12 +9,11 @@ from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.settings import (
-    GEOMETRY_PRESETS,
     MaterialLearning,
     NotNegative,
     SurfelBudget,
     SurfelVariant,
-    by_name,
+    presets,
 )
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.plain_values import require
@@ -49,51 +48,15 @@ class Budget(SurfelBudget):
                 )
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        azimuths=8,
-        heights=5,
-        march_steps=8,
-        light_height=8,
-        render_azimuths=8,
-        render_heights=5,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        azimuths=8,
-        heights=5,
-        march_steps=16,
-        light_height=16,
-        render_azimuths=16,
-        render_heights=9,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        azimuths=16,
-        heights=9,
-        march_steps=16,
-        light_height=32,
-        render_azimuths=32,
-        render_heights=17,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=5000,
-        azimuths=32,
-        heights=17,
-        march_steps=16,
-        light_height=64,
-        render_azimuths=32,
-        render_heights=17,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 5000),
+    azimuths=(8, 8, 16, 32),
+    heights=(5, 5, 9, 17),
+    march_steps=(8, 16, 16, 16),
+    light_height=(8, 16, 32, 64),
+    render_azimuths=(8, 16, 32, 32),
+    render_heights=(5, 9, 17, 17),
 )
 
 

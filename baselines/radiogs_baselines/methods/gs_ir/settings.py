@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.on_surfels.settings import (
-    GEOMETRY_PRESETS,
     MaterialLearning,
     NotNegative,
     SurfelBudget,
     SurfelVariant,
-    by_name,
+    presets,
 )
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.plain_values import require
@@ -35,47 +34,14 @@ class Budget(SurfelBudget):
     """Corners along an edge of the volume of indirect irradiance."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        occlusion_corners=8,
-        occlusion_directions=64,
-        occlusion_samples=16,
-        irradiance_corners=6,
-        light_height=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        occlusion_corners=32,
-        occlusion_directions=256,
-        occlusion_samples=32,
-        irradiance_corners=32,
-        light_height=16,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=2500,
-        occlusion_corners=64,
-        occlusion_directions=1024,
-        occlusion_samples=128,
-        irradiance_corners=32,
-        light_height=32,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=5000,
-        occlusion_corners=128,
-        occlusion_directions=4096,
-        occlusion_samples=256,
-        irradiance_corners=64,
-        light_height=32,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 2500, 5000),
+    occlusion_corners=(8, 32, 64, 128),
+    occlusion_directions=(64, 256, 1024, 4096),
+    occlusion_samples=(16, 32, 128, 256),
+    irradiance_corners=(6, 32, 32, 64),
+    light_height=(8, 16, 32, 32),
 )
 
 

@@ -9,12 +9,11 @@ from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.settings import (
-    GEOMETRY_PRESETS,
     MaterialLearning,
     NotNegative,
     SurfelBudget,
     SurfelVariant,
-    by_name,
+    presets,
 )
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
@@ -38,51 +37,15 @@ class Budget(SurfelBudget):
     """Rays of each pixel of a relit image whose directions are sampled in proportion to the light's radiance."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        pixels=64,
-        incident_samples=8,
-        light_height=8,
-        render_samples=8,
-        relight_hemisphere_samples=8,
-        relight_light_samples=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        pixels=256,
-        incident_samples=32,
-        light_height=16,
-        render_samples=64,
-        relight_hemisphere_samples=64,
-        relight_light_samples=64,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        pixels=512,
-        incident_samples=64,
-        light_height=32,
-        render_samples=128,
-        relight_hemisphere_samples=128,
-        relight_light_samples=64,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        pixels=1024,
-        incident_samples=256,
-        light_height=64,
-        render_samples=512,
-        relight_hemisphere_samples=512,
-        relight_light_samples=256,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    pixels=(64, 256, 512, 1024),
+    incident_samples=(8, 32, 64, 256),
+    light_height=(8, 16, 32, 64),
+    render_samples=(8, 64, 128, 512),
+    relight_hemisphere_samples=(8, 64, 128, 512),
+    relight_light_samples=(8, 64, 64, 256),
 )
 
 

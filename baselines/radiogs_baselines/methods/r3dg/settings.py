@@ -9,12 +9,11 @@ from typing import Literal
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.settings import (
-    GEOMETRY_PRESETS,
     MaterialLearning,
     NotNegative,
     SurfelBudget,
     SurfelVariant,
-    by_name,
+    presets,
 )
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
@@ -36,47 +35,14 @@ class Budget(SurfelBudget):
     """Directions from which each surfel is lit in relit images."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        incident_samples=8,
-        retraced_surfels=64,
-        local_rate=4.0,
-        light_height=8,
-        relight_samples=16,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        incident_samples=32,
-        retraced_surfels=256,
-        local_rate=4.0,
-        light_height=16,
-        relight_samples=128,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        incident_samples=64,
-        retraced_surfels=1024,
-        local_rate=2.0,
-        light_height=16,
-        relight_samples=192,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        incident_samples=64,
-        retraced_surfels=4096,
-        local_rate=1.0,
-        light_height=16,
-        relight_samples=384,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    incident_samples=(8, 32, 64, 64),
+    retraced_surfels=(64, 256, 1024, 4096),
+    local_rate=(4.0, 4.0, 2.0, 1.0),
+    light_height=(8, 16, 16, 16),
+    relight_samples=(16, 128, 192, 384),
 )
 
 

@@ -9,12 +9,11 @@ from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.settings import (
-    GEOMETRY_PRESETS,
     MaterialLearning,
     NotNegative,
     SurfelBudget,
     SurfelVariant,
-    by_name,
+    presets,
 )
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
@@ -34,43 +33,13 @@ class Budget(SurfelBudget):
     """Rays of each surfel in the table of a relit model."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        incident_samples=8,
-        consistency_surfels=64,
-        light_height=8,
-        relight_samples=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        incident_samples=16,
-        consistency_surfels=1024,
-        light_height=16,
-        relight_samples=64,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        incident_samples=32,
-        consistency_surfels=8192,
-        light_height=32,
-        relight_samples=128,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        incident_samples=64,
-        consistency_surfels=2_000_000,
-        light_height=64,
-        relight_samples=384,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    incident_samples=(8, 16, 32, 64),
+    consistency_surfels=(64, 1024, 8192, 2_000_000),
+    light_height=(8, 16, 32, 64),
+    relight_samples=(8, 64, 128, 384),
 )
 
 
