@@ -10,10 +10,9 @@ from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
 from .codes import CODES, PLAIN
-from .files import Found, find, last_index, resolved, spellings
+from .files import Found, find, last_index, resolved, spellings, unread_files
 from .layout import Rule
 from .predictions import Predictions, relightable
-from .unread import unread_files
 
 KINDS_SHOWN = 3
 """Kinds of files that an error lists of a folder that is not recognised."""

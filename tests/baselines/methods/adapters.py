@@ -14,9 +14,8 @@ from baselines.methods.r3dg import world as r3dg
 from baselines.methods.stage_two import GI_GS, GS_IR, IRGS, R3DG, SVG_IR, StageTwo
 from baselines.methods.svg_ir import world as svg_ir
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice
 from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.scene.camera import Camera

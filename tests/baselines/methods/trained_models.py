@@ -16,12 +16,12 @@ from known_ball import BALL
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.settings import Variant as GIGSVariant
 from radiogs_baselines.methods.gi_gs.showing import TrainedGIGS
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
 from radiogs_baselines.methods.gs_ir.model import Model as GSIRModel
 from radiogs_baselines.methods.gs_ir.settings import Variant as GSIRVariant
 from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
+from radiogs_baselines.methods.gs_ir.volumes import Lattice
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.settings import Variant as IRGSVariant
 from radiogs_baselines.methods.irgs.showing import TrainedIRGS

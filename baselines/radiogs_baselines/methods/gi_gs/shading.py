@@ -15,8 +15,7 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.split_sum import Reflected, SplitSumLight, normal_reflectance
 
 from .gbuffer import GBuffer
-from .grid import GATHERED, Grid
-from .marching import LOOKUPS_AT_ONCE, NO_HIT, March
+from .marching import GATHERED, LOOKUPS_AT_ONCE, NO_HIT, Grid, March
 from .settings import Sum
 
 
@@ -74,7 +73,7 @@ def openness(hits: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor
 def gathered(
     hits: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
 ) -> Float[Tensor, "points 3"]:
-    """Irradiance over pi from the hit pixels, which send linear ``radiance``; scaled by ``grid.GATHERED``."""
+    """Irradiance over pi from the hit pixels, which send linear ``radiance``; scaled by ``marching.GATHERED``."""
     return GATHERED * _weighted(hits, radiance, grid.cosine_weight)
 
 

@@ -25,8 +25,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..metallic import MetallicSurfels
 from .gbuffer import gbuffer, seen_materials
-from .grid import Grid
-from .marching import March
+from .marching import Grid, March
 from .settings import PRESETS, Budget, Variant
 from .shading import Shader
 

@@ -18,13 +18,12 @@ from radiogs_core.on_surfels.light_start import starting_model
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
+from radiogs_core.surfels.surfels import GEOMETRY, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..metallic import MetallicSurfels
 from .gbuffer import GBuffer, gbuffer, seen_materials
-from .grid import Grid
-from .marching import March
+from .marching import Grid, March
 from .settings import Budget, Variant
 from .shading import Shader
 
@@ -50,7 +49,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def model(self) -> MetallicSurfels:
         """The model at the current iteration."""
         tensors = self.optimiser.tensors
-        surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
+        still = () if self.variant.lr_scale > 0 else GEOMETRY
+        surfels = self.optimiser.surfels.detached("sh", *still)
         return MetallicSurfels(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
 
     def begin_step(self) -> None:
@@ -134,8 +134,3 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
         "metallic_logit": rates.metallic,
         "log_environment": rates.light,
     }
-
-
-def frozen(surfels: Surfels, moves: bool) -> Surfels:
-    """The surfels without gradient to their radiance and, unless geometry ``moves``, to their geometry."""
-    return surfels.detached("sh") if moves else surfels.detached("sh", *GEOMETRY)

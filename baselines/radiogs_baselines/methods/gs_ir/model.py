@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..metallic import MetallicSurfels
-from .irradiance import IrradianceVolume
-from .occlusion import OcclusionVolume
+from .volumes import IrradianceVolume, OcclusionVolume
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,8 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
 from ..labels import length
-from .rays import RaySettings
+from .rays import RaySettings, shade_points
 from .settings import PRESETS, Budget, Indirect, Variant
-from .shading import shade_points
 
 
 class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):

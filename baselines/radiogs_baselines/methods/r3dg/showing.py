@@ -27,10 +27,9 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_maps, shaded_maps
 
 from ..labels import length
-from .local_light import arriving
+from .incident import RaySettings, VisibilityTable, arriving
 from .model import Model
 from .settings import PRESETS, Budget, LocalLight, Variant
-from .visibility import RaySettings, VisibilityTable
 
 
 class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):

@@ -112,11 +112,6 @@ def mirrored(
     return index[found], sample[found]
 
 
-def limited(environment: Float[Tensor, "rows columns 3"], limit: float) -> Float[Tensor, "rows columns 3"]:
-    """Radiance of a light, clamped to [0, limit]."""
-    return environment.clamp(0, limit)
-
-
 def downsampled(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
     """Downsample a light to ``rows`` rows by averaging; a light with no more rows is returned unchanged."""
     if rows is None or rows >= len(light.radiance):

@@ -30,7 +30,7 @@ from radiogs_core.transport.splatting import splat, towards
 from ..labels import length
 from .model import Model
 from .settings import PRESETS, Budget, Variant
-from .shading import Materials, bounced, downsampled, limited, materials_of, shade_vertices
+from .shading import Materials, bounced, downsampled, materials_of, shade_vertices
 from .table import Table, Walk, table_of
 from .vertices import blend_vertices
 
@@ -68,7 +68,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
         variant, model = self.run.variant, self.model
         table = table_of(model.cached, self.walk, self.run.budget.incident_samples, self.run.seed)
         factor = model.ratio if variant.indirect else 0.0
-        own = Lit(limited(model.environment, variant.light_limit), table, factor)
+        own = Lit(model.environment.clamp(0, variant.light_limit), table, factor)
         return Shown(self._renderer(model.albedo, own), SHOWN_WITH_INCIDENT)
 
     def relit(
@@ -77,7 +77,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
         """Rendering under ``light`` with a new table, whose radiance is one bounce at the first hits."""
         variant, model = self.run.variant, self.model
         albedo = model.albedo * albedo_scale
-        environment = limited(downsampled(light, variant.relight_rows).radiance, variant.light_limit)
+        environment = downsampled(light, variant.relight_rows).radiance.clamp(0, variant.light_limit)
         table = table_of(model.surfels, self.walk, self.run.budget.relight_samples, self.run.seed)
         if variant.relight_indirect:
             materials = materials_of(model, albedo)

@@ -24,10 +24,9 @@ from .lighting import NewLight, RecoveredLight
 from .losses import on_background
 from .marching import Marched, Rays, march
 from .model import Model
-from .sample_values import sample_values
 from .secondary import NEAR, NEAREST_SPACINGS
 from .settings import PRESETS, Budget, Variant
-from .shading import Materials, surface_points, unit
+from .shading import Materials, sample_values, surface_points, unit
 
 RAYS_AT_ONCE = 2048
 """Camera rays marched and shaded in one batch."""

@@ -25,9 +25,8 @@ from .lighting import RecoveredLight
 from .losses import facing_away, mean_along_rays, on_background, relative_difference, sparsity, squared_error, variation
 from .marching import Rays, march
 from .model import LIGHT, Model
-from .sample_values import SampleValues, sample_values
 from .settings import Budget, Rates, Variant
-from .shading import surface_points
+from .shading import SampleValues, sample_values, surface_points
 
 
 class _Learning(ABC):

@@ -27,8 +27,7 @@ from baselines.methods.gi_gs.world import (
 )
 from baselines.methods.irgs.world import sheet, together
 from baselines.methods.stage_two import GI_GS
-from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
-from radiogs_baselines.methods.gi_gs.marching import NO_HIT, March
+from radiogs_baselines.methods.gi_gs.marching import GATHERED, NO_HIT, Grid, March
 from radiogs_baselines.methods.gi_gs.settings import Variant
 from radiogs_baselines.methods.gi_gs.shading import bounce, gathered, mean_radiance, median, openness, summed
 from radiogs_core.scene.colour import srgb_encode

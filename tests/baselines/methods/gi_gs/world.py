@@ -9,8 +9,7 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import UP, looking_down, sheet
 from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_materials
-from radiogs_baselines.methods.gi_gs.grid import Grid
-from radiogs_baselines.methods.gi_gs.marching import March
+from radiogs_baselines.methods.gi_gs.marching import Grid, March
 from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
 from radiogs_baselines.methods.gi_gs.showing import Renderer

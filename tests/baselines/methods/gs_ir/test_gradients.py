@@ -9,14 +9,12 @@ import torch
 from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.model import Model
-from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
 from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.settings import TexelAreas
 from radiogs_baselines.methods.gs_ir.shading import View
 from radiogs_baselines.methods.gs_ir.training import Reach, bake, image_loss, material_prior, material_smoothness
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice, OcclusionVolume
 from radiogs_bench.lab.kernels import plain
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.on_surfels.split_sum import SplitSumLight

@@ -7,9 +7,8 @@ from torch import Tensor
 from baselines.methods.gs_ir.world import baked, lit, middle, model_of, trained
 from baselines.methods.irgs.world import DOWN, OPAQUE, UP, grey, looking_down, sheet, together
 from hard_cases.constructions import looking_along_z, two_balls
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels

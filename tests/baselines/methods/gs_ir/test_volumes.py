@@ -8,16 +8,16 @@ import torch
 from baselines.methods.gs_ir.world import LATTICE, UPWARDS, baked, closed_form, lit
 from baselines.methods.irgs.world import UP, sheet, together
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
-from radiogs_baselines.methods.gs_ir.occlusion import (
+from radiogs_baselines.methods.gs_ir.training import Reach, bake, corners_near, inherited
+from radiogs_baselines.methods.gs_ir.volumes import (
+    IrradianceVolume,
+    Lattice,
     OcclusionVolume,
     cosine_directions,
     mean_openness,
     projection,
     sphere_directions,
 )
-from radiogs_baselines.methods.gs_ir.training import Reach, bake, corners_near, inherited
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
 

@@ -9,13 +9,11 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, grey, looking_down, sheet
 from known_ball import CPU, SCENE
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.model import Model
-from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
 from radiogs_baselines.methods.gs_ir.settings import PRESETS, Variant
 from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice, OcclusionVolume
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS

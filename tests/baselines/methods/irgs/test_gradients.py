@@ -8,9 +8,8 @@ import torch
 from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.irgs.rays import RaySettings
+from radiogs_baselines.methods.irgs.rays import RaySettings, shade_points
 from radiogs_baselines.methods.irgs.settings import Indirect
-from radiogs_baselines.methods.irgs.shading import shade_points
 from radiogs_baselines.methods.irgs.training import neutrality, pixel_loss
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from radiogs_core.surfels.surfels import Surfels

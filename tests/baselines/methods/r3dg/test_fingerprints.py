@@ -9,8 +9,8 @@ from torch import Tensor
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, sheet, together
 from baselines.methods.r3dg.world import NEAR, around, middle, trained
 from known_ball import BALL, SCENE
+from radiogs_baselines.methods.r3dg.incident import RaySettings, VisibilityTable
 from radiogs_baselines.methods.r3dg.training import bounded, learnt_from
-from radiogs_baselines.methods.r3dg.visibility import RaySettings, VisibilityTable
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels

@@ -7,11 +7,10 @@ import torch
 from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.r3dg.local_light import arriving, local_radiance
+from radiogs_baselines.methods.r3dg.incident import RaySettings, VisibilityTable, arriving, local_radiance
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
 from radiogs_baselines.methods.r3dg.settings import LocalLight, MaterialWeights
 from radiogs_baselines.methods.r3dg.training import Lit, blended, bounded, image_losses, light_losses, light_surfels
-from radiogs_baselines.methods.r3dg.visibility import RaySettings, VisibilityTable
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.colour import srgb_encode
