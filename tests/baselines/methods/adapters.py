@@ -28,6 +28,22 @@ RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95
 """The ball under a lid 0.4 above its top with radiance towards it."""
 
 
+def assert_finite(maps: Maps) -> None:
+    """Every value of every map is finite."""
+    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two states are equal, bit for bit."""
+    if isinstance(one, torch.Tensor):
+        return isinstance(other, torch.Tensor) and torch.equal(one, other)
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
+
+
 @dataclass(frozen=True)
 class MethodAdapter:
     """Adapter of a surfel method for the shared tests."""

@@ -52,14 +52,18 @@ class StageTwo:
         """The full method with a constant initial light and some fields changed."""
         return self.method.variant(**{"materials": self.constant, **self.turned, **changes})
 
-    def only(self, **weights: float) -> Any:
-        """Loss weights with these values; all other weights are zero."""
+    def only(self, rates: Mapping[str, float] | None = None, **weights: float) -> Any:
+        """Loss weights with these values; all other weights are zero. ``rates``: some rates, changed."""
         none = {each.name: 0.0 for each in fields(self.constant.weights)}
-        return self.learning(weights=replace(self.constant.weights, **(none | dict(self.kept) | weights)))
+        return self.learning(rates, weights=replace(self.constant.weights, **(none | dict(self.kept) | weights)))
 
     def learning(self, rates: Mapping[str, float] | None = None, **changes: Any) -> Any:
         """``constant`` with some rates and other fields changed."""
         return replace(self.constant, rates=replace(self.constant.rates, **(rates or {})), **changes)
+
+    def numbered(self, **numbers: Any) -> Any:
+        """The budget with other numbers."""
+        return replace(self.budget, **numbers)
 
     def run_of(self, turned: Any = None, budget: Any = None, scene: Any = SCENE) -> Run:
         """A run of a variant on the ball's images."""
@@ -89,12 +93,18 @@ def with_values(stage: Any, **tensors: torch.Tensor) -> Any:
     return stage
 
 
-def changed_by(stage: Any, steps: int = 1) -> set[str]:
-    """Names of the tensors that the next steps change."""
+def stepped(stage: Any, steps: int = 1) -> tuple[Tensors, Tensors]:
+    """The learnt tensors before and after some steps."""
     before = tensors_of(stage)
     for _ in range(steps):
         stage.step()
-    return {name for name, value in tensors_of(stage).items() if not torch.equal(value, before[name])}
+    return before, tensors_of(stage)
+
+
+def changed_by(stage: Any, steps: int = 1) -> set[str]:
+    """Names of the tensors that the next steps change."""
+    before, after = stepped(stage, steps)
+    return {name for name, value in after.items() if not torch.equal(value, before[name])}
 
 
 def on_a_floor() -> Surfels:
@@ -108,6 +118,8 @@ def on_a_floor() -> Surfels:
 STANDING = on_a_floor()
 UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
 """The ball, and above it a sheet with radiance towards it that no camera sees; the sheet is the last surfel."""
+CAPPED = together(BALL, sheet(1.4, DOWN, scale=0.8, opacity=0.95))
+"""The ball under a lid 0.4 above its top; the lid is the last surfel."""
 
 GS_IR = StageTwo(GS_IR_METHOD)
 GI_GS = StageTwo(GI_GS_METHOD, STANDING, turned={"thick": 0.1})
@@ -122,3 +134,6 @@ SVG_IR = StageTwo(
     kept={"absolute": 0.9, "similarity": 0.1},
 )
 """Its rays are long enough to reach the sheet."""
+
+STAGES: Mapping[str, StageTwo] = {"gs-ir": GS_IR, "gi-gs": GI_GS, "irgs": IRGS, "r3dg": R3DG, "svg-ir": SVG_IR}
+"""Stage 2 of every method on surfels."""

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from baselines.methods.adapters import ADAPTERS, RESUMED, Maps
+from baselines.methods.adapters import ADAPTERS, RESUMED, Maps, assert_finite, same
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
 from baselines.methods.stage_two import R3DG, STANDING, product_of, tensors_of
 from baselines.methods.tensoir.world import looking_down as down_upon_a_field
@@ -24,21 +24,6 @@ from short_training import through_a_file
 
 METHODS = pytest.mark.parametrize("name", ADAPTERS)
 FAR = torch.tensor([0.0, 0.0, 500.0])
-
-
-def assert_finite(maps: Maps) -> None:
-    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
-
-
-def same(one: Any, other: Any) -> bool:
-    """Whether two states are equal, bit for bit."""
-    if isinstance(one, torch.Tensor):
-        return isinstance(other, torch.Tensor) and torch.equal(one, other)
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    return bool(one == other)
 
 
 @METHODS
