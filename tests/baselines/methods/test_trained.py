@@ -117,6 +117,19 @@ def test_lobes_have_the_masking_of_the_variant_which_is_the_exact_one_by_default
     assert float(exact.mean()) > 1.005 * float(approximate.mean())
 
 
+@pytest.mark.parametrize("name", ["gs-ir", "gi-gs"])
+def test_the_as_shipped_frame_turns_new_lights_alone(name: str) -> None:
+    """A sky that is bright above lights what faces up, or another side; the recovered light has its own frame."""
+    sky = grey(0.0)
+    sky.radiance[:2] = 1.0
+    plain, turned = MODELS[name](), MODELS[name](STAGES[name].variant(frame="as_shipped"))
+    oriented, shipped = (each.prepare(sky).render(camera(name)) for each in (plain, turned))
+    up = oriented["normal"][..., 2] > 0.95
+    assert float(oriented["direct"][up].mean()) > 2 * float(shipped["direct"][up].mean())
+    own, other = (each.prepare().render(camera(name))["image"] for each in (plain, turned))
+    assert torch.equal(own, other)
+
+
 EXPORTED = {
     "gs-ir": ["surfels.ply", "volumes.npz"],
     "r3dg": ["surfels.ply", "local_light.npy"],

@@ -50,17 +50,6 @@ def test_the_albedo_scale_applies_to_gathered_surfaces() -> None:
     assert bool((twice["indirect"][lit] > 2.5 * plain["indirect"][lit]).all()), "twice the albedo, and what it meets"
 
 
-def test_the_as_shipped_frame_lights_another_side() -> None:
-    light = grey(0.0)
-    light.radiance[:2] = 1.0
-    oriented = trained().prepare(light).render(CAMERA)
-    shipped = trained(GI_GS.variant(frame="as_shipped")).prepare(light).render(CAMERA)
-    up = oriented["normal"][..., 2] > 0.95
-    assert float(oriented["direct"][up].mean()) > 2 * float(shipped["direct"][up].mean())
-    own = trained(GI_GS.variant(frame="as_shipped")).prepare().render(CAMERA)
-    assert torch.equal(own["image"], trained().prepare().render(CAMERA)["image"]), "the recovered light has its frame"
-
-
 def test_rendered_frames_use_the_render_grid() -> None:
     fine = replace(GI_GS.budget, render_azimuths=32, render_heights=17)
     model = MetallicSurfels(STANDING, torch.zeros(8, 16, 3)).tensors()

@@ -42,15 +42,6 @@ def test_a_damaged_model_is_refused(change: dict[str, Any], says: str) -> None:
         GS_IR_METHOD.restore(GS_IR.run_of(), stored)
 
 
-def test_images_under_the_recovered_light_have_occlusion_and_indirect_light() -> None:
-    own, bare = (each.prepare().render(CAMERA) for each in (trained(), trained(occlusion=None, irradiance=None)))
-    assert own["indirect"].any()
-    assert not bare["indirect"].any()
-    assert float((bare["direct"] - own["direct"]).max()) > 0.01
-    relit = trained().prepare(grey()).render(CAMERA)
-    torch.testing.assert_close(relit["direct"], bare["direct"])
-
-
 def test_metalness_changes_images_under_both_lights() -> None:
     """Under a white light a metal's lobe contains more of its albedo; metalness 0 gives the plain model's image."""
     plain = trained(occlusion=None, irradiance=None)

@@ -3,24 +3,16 @@
 import pytest
 import torch
 
-from baselines.methods.irgs.world import UP, grey, looking_down, own, sheet
+from baselines.methods.irgs.world import UP, grey, looking_down, own, sheet, tiles
 from hard_cases.constructions import looking_along_z, two_balls
 from radiogs_baselines.methods.irgs.rays import RaySettings
 from radiogs_baselines.methods.irgs.showing import RecoveredLight, Renderer
 from radiogs_core.on_surfels.model import LitSurfels as Model
-from radiogs_core.surfels.surfels import Surfels
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
     """A floor of overlapping coplanar surfels receives all of the light and no indirect light."""
-    coordinate = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
-    centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
-    tile = sheet(0.0, UP, scale=0.1, opacity=0.9, radiance=0.5)
-    floor = Surfels.of(
-        {name: value.expand(len(centre), *value.shape[1:]).contiguous() for name, value in tile.parameters().items()}
-        | {"centre": centre}
-    )
+    floor = tiles(radiance=0.5)
     model = Model(floor, torch.zeros(8, 16, 3))
     maps = Renderer(floor, floor.albedo, RecoveredLight(model, RaySettings(), 64, "traced"), 0).render(
         looking_down(0.5)

@@ -10,7 +10,7 @@ from radiogs_baselines.methods.irgs.settings import PRESETS, Indirect
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.on_surfels.model import LitSurfels as Model
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh, roughness_to_logit
 
@@ -54,6 +54,27 @@ def together(*surfels: Surfels) -> Surfels:
     """All surfels in one."""
     parts = [each.parameters() for each in surfels]
     return Surfels.of({name: torch.cat([part[name] for part in parts]) for name in parts[0]})
+
+
+def tiles(**looks: float) -> Surfels:
+    """A floor of overlapping coplanar surfels."""
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = (values.flatten() for values in torch.meshgrid(coordinate, coordinate, indexing="ij"))
+    tile = sheet(0.0, UP, scale=0.1, opacity=0.9, **looks).take(torch.zeros(len(x), dtype=torch.long))
+    return Surfels.of(tile.parameters() | {"centre": torch.stack([x, y, 0 * x], -1)})
+
+
+def leaning(*albedo: float) -> Surfels:
+    """Two surfels of nearly equal weight that lean 60 degrees to either side."""
+    lean = 3**0.5 / 2
+    return together(
+        sheet(0.0, (lean, 0.0, 0.5), scale=1.0, opacity=0.5, albedo=albedo[0]),
+        sheet(0.0, (-lean, 0.0, 0.5), scale=1.0, albedo=albedo[1]),
+    )
+
+
+RISING = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
+"""A light of 1 + w_z, under which a Lambert surface of albedo a sends a (1 + 2/3 n_z)."""
 
 
 def looking_down(height: float = 0.05, size: int = 3, dtype: torch.dtype = torch.float32) -> Camera:
