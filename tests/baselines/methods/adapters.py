@@ -16,8 +16,6 @@ from baselines.methods.svg_ir import world as svg_ir
 from known_ball import BALL
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice
-from radiogs_baselines.methods.irgs.rays import RaySettings
-from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
@@ -72,10 +70,8 @@ def random_light() -> EnvironmentMap:
 
 def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
     """Maps by IRGS; rays start at a share of each surfel's size."""
-    model = irgs.Model(surfels, random_light().radiance.log())
-    new = NewLight(surfels, surfels.albedo, irgs.grey(), RaySettings(), (16, 8), True)
-    lights = (RecoveredLight(model, RaySettings(), 16, "traced"), new)
-    return [Renderer(surfels, surfels.albedo, light, 0).render(camera) for light in lights]
+    model = irgs.trained(surfels, random_light(), 16, ray_start=None, two_sided=True)
+    return [dict(model.prepare(light).render(camera)) for light in (None, irgs.grey())]
 
 
 def by_r3dg(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:

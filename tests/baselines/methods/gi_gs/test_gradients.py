@@ -191,7 +191,7 @@ def test_variation_compares_solid_neighbours_weighted_by_the_image() -> None:
 
 
 def test_plainness_is_the_distance_from_a_rough_dielectric() -> None:
-    buffer, _ = buffer_of(CAMERA, surfels_of(start()), torch.full((4,), 0.25, dtype=F64))
+    buffer, _ = buffer_of(CAMERA, surfels_of(start()), torch.full((4,), 0.25, dtype=F64).logit())
     rough = float((1 - buffer.roughness).mean())
     assert float(plainness(buffer, True)) == pytest.approx(rough + 0.25)
     assert float(plainness(buffer, False)) == pytest.approx(rough)

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from baselines.methods.gs_ir.world import baked, lit, middle, model_of, trained
-from baselines.methods.irgs.world import DOWN, grey, sheet, tiles, together
+from baselines.methods.gs_ir.world import baked, lit, model_of, trained
+from baselines.methods.irgs.world import DOWN, grey, middle, sheet, tiles, together
 from hard_cases.constructions import looking_along_z, two_balls
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice

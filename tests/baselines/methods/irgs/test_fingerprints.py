@@ -41,7 +41,7 @@ def test_indirect_light_is_the_radiance_of_the_hit_surfel_times_its_opacity(opac
     torch.testing.assert_close(arriving, torch.full((3,), 1 - opacity), rtol=1e-3, atol=1e-6)
     # Light of 0.7 from everywhere, whatever sends it: the floor looks the same.
     torch.testing.assert_close(own(solid, grey())["indirect"], own(FLOOR, grey(radiance))["direct"], rtol=1e-4, atol=0)
-    assert torch.equal(own(solid, grey(), "none")["indirect"], torch.zeros(3))
+    assert torch.equal(own(solid, grey(), indirect="none")["indirect"], torch.zeros(3))
 
 
 def test_materials_are_blended_before_they_are_shaded() -> None:
@@ -94,14 +94,14 @@ def test_relit_indirect_light_is_the_split_sum_at_the_hit() -> None:
     """
     light, low, high = grey(0.8), 0.2, 0.7
     ceiling = [together(FLOOR, sheet(ABOVE, DOWN, albedo=albedo, radiance=0.3)) for albedo in (low, high)]
-    dark, bright = (relit(surfels, light, surfels.albedo) for surfels in ceiling)
+    dark, bright = (relit(surfels, light) for surfels in ceiling)
     torch.testing.assert_close(
         bright["incident"] - dark["incident"], torch.full((3,), 0.8 * (high - low)), rtol=1e-4, atol=0
     )
     assert torch.equal(bright["direct"], torch.zeros(3)), "the ceiling hides the new light"
     other = together(FLOOR, sheet(ABOVE, DOWN, albedo=high, radiance=5.0))
-    assert all(torch.equal(bright[name], value) for name, value in relit(other, light, other.albedo).items())
-    assert torch.equal(relit(other, light, other.albedo, indirect=False)["indirect"], torch.zeros(3))
+    assert all(torch.equal(bright[name], value) for name, value in relit(other, light).items())
+    assert torch.equal(relit(other, light, relight_indirect=False)["indirect"], torch.zeros(3))
 
 
 def mean_lobe(roughness: float, samples: int = 2048) -> float:
@@ -118,6 +118,6 @@ def mean_lobe(roughness: float, samples: int = 2048) -> float:
 def test_a_relit_lobe_has_the_roughness_of_the_hit_surfel() -> None:
     """Under a light of 1 the sheet reflects its albedo and the lobe."""
     surfels = together(FLOOR, sheet(ABOVE, DOWN, albedo=0.2, roughness=0.6))
-    found = relit(surfels, grey(), surfels.albedo)["incident"] - 0.2
+    found = relit(surfels, grey())["incident"] - 0.2
     torch.testing.assert_close(found, torch.full((3,), mean_lobe(0.6)), rtol=0.05, atol=0)
     assert abs(mean_lobe(0.9) / mean_lobe(0.6) - 1) > 0.1

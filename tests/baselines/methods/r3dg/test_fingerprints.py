@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.methods.irgs.world import DOWN, OPAQUE, RISING, grey, leaning, sheet, together
-from baselines.methods.r3dg.world import NEAR, around, middle, trained
+from baselines.methods.irgs.world import DOWN, NEAR, OPAQUE, RISING, grey, leaning, middle, sheet, together
+from baselines.methods.r3dg.world import around, trained
 from known_ball import BALL, SCENE
 from radiogs_baselines.methods.r3dg.incident import RaySettings, VisibilityTable
 from radiogs_baselines.methods.r3dg.training import bounded, learnt_from

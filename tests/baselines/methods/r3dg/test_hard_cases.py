@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.methods.irgs.world import UP, looking_down, sheet, tiles
-from baselines.methods.r3dg.world import around, middle, trained
+from baselines.methods.irgs.world import UP, looking_down, middle, sheet, tiles
+from baselines.methods.r3dg.world import around, trained
 from hard_cases.constructions import looking_along_z, two_balls
 
 
