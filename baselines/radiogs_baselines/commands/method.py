@@ -11,7 +11,7 @@ from radiogs_core.errors import DataError, UsageError
 
 from .errors import CommandFailed
 from .file import PRESETS, MethodFile, TrainCommand, read_file
-from .placeholders import filled, filled_list
+from .placeholders import filled_list
 from .records import Listing, Record, digest_of_order, listing_of
 from .task import Attempt, Task
 from .trained import TrainedCommand
@@ -114,18 +114,15 @@ class CommandMethod:
         )
 
     def _arguments(self, workspace: Workspace, number: int, resuming: bool) -> Sequence[str]:
-        train = self.file.train
-        taken = any("{arguments}" in each.arguments for each in train)
-        command, further = train[number], workspace.run.variant.arguments
+        train, command = self.file.train, self.file.train[number]
         texts = list(command.arguments)
-        if not taken and number == len(train) - 1:
+        if command is train[-1] and not any("{arguments}" in each.arguments for each in train):
             texts.append("{arguments}")
         if "{resume}" not in texts:
             texts.append("{resume}")
-        values = workspace.values()
-        lists = workspace.settings
+        values, lists = workspace.values(), workspace.settings
         resume = filled_list(command.resume, values, lists) if resuming else ()
-        return filled_list(texts, values, {**lists, "arguments": further, "resume": resume})
+        return filled_list(texts, values, {**lists, "arguments": workspace.run.variant.arguments, "resume": resume})
 
     def _decides(self, run: Run) -> list[Sequence[str]]:
         """Everything that decides the files of a workspace, as text."""
@@ -225,7 +222,7 @@ def written(workspace: Workspace, command: TrainCommand) -> Listing:
     """The files that a command of training has written. Raises CommandFailed for a pattern that matches no file."""
     found: dict[str, int] = {}
     for pattern in command.writes:
-        path = Path(filled(pattern, workspace.named())).relative_to(workspace.output)
+        path = Path(pattern.format_map(workspace.named())).relative_to(workspace.output)
         files = [workspace.output] if path == Path() else sorted(workspace.output.glob(str(path)))
         listing = listing_of(workspace.root, files)
         if not listing:

@@ -74,7 +74,7 @@ class Task:
         command = Command(
             self.arguments(resuming),
             folder,
-            workspace.environment(values),
+            {name: text.format_map(values) for name, text in workspace.file.environment.items()},
             workspace.log(self.name),
             workspace.root,
             self.time_limit,
@@ -119,13 +119,6 @@ class Attempt:
             self.task.inspect()
         except ExplainedError as error:
             raise self._failed("ended without an error, but did not write all its files", str(error)) from error
-        return self._recorded(ended, listing)
-
-    def end(self) -> None:
-        """End the command and all its children, if it is running."""
-        self._running.end()
-
-    def _recorded(self, ended: ExitStatus, listing: Listing) -> Record:
         task, workspace = self.task, self.task.workspace
         record = Record(
             command=task.name,
@@ -141,6 +134,10 @@ class Attempt:
         )
         write_json(workspace.done(task.name), record.plain())
         return record
+
+    def end(self) -> None:
+        """End the command and all its children, if it is running."""
+        self._running.end()
 
     def _failed(self, how: str, why: str = "") -> CommandFailed:
         task, log = self.task, self._running.log

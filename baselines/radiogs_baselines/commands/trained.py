@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, NotOffered
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -25,25 +25,16 @@ from ..outputs.files import Found
 from ..outputs.predictions import Predictions, relightable
 from ..outputs.reading import read_predictions
 from .errors import CommandFailed
+from .file import RelightCommand, RenderCommand
 from .placeholders import filled_list
-from .records import Listing, digest_of_order, listing_of, read_record
+from .records import digest_of_order, listing_of, read_record
 from .task import Task
 from .workspace import Workspace
 
 WAIT = 0.5
 """Seconds between two calls of ``after_step``."""
 
-KINDS: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "albedo": MapKind("linear"),
-    "normal": MapKind("data"),
-    "roughness": MapKind("data"),
-    "depth": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "incident": MapKind("linear"),
-}
+KINDS: Mapping[str, MapKind] = {**STANDARD_MAPS, "incident": MapKind("linear")}
 """Kinds of the maps that readers return; all maps are on black."""
 
 SHOWN = 6
@@ -155,7 +146,7 @@ class TrainedCommand:
             if self.workspace.file.render is not None:
                 self._bring_about(self._rendering(), after_step)
             else:
-                self._views_written()
+                self._own_files()
             return self._prepared()
         name = self._name_of(light)
         if self.workspace.file.relight is None:
@@ -176,34 +167,36 @@ class TrainedCommand:
     def _rendering(self) -> Task:
         command = self.workspace.file.render
         assert command is not None
-        return Task(
-            workspace=self.workspace,
-            name="render",
-            order=self.order + digest_of_order(["render"]),
-            arguments=lambda resuming: filled_list(command.arguments, self.workspace.values(), self.workspace.settings),
-            wrote=self._views_written,
-            time_limit=command.time_limit,
-            before=self.workspace.write_lights,
-            inspect=lambda: _inspect(found for maps in self._read().maps.values() for found in maps.values()),
-        )
+        return self._task(command, "render", ["render"], self._own_files)
 
     def _relighting(self, light: str) -> Task:
         command = self.workspace.file.relight
         assert command is not None
         lights = sorted(self._lit_views()) if command.all_lights else [light]
         one = "" if command.all_lights else light
+        name = f"relight-{light}" if one else "relight"
+        return self._task(command, name, ["relight", one], partial(self._relit_files, lights), one)
+
+    def _task(
+        self,
+        command: RenderCommand | RelightCommand,
+        name: str,
+        order: list[str],
+        files: Callable[[], list[Found]],
+        light: str = "",
+    ) -> Task:
+        """The task of a command that has to write ``files``, which raises CommandFailed for a missing one."""
+        workspace = self.workspace
         return Task(
-            workspace=self.workspace,
-            name=f"relight-{light}" if one else "relight",
-            order=self.order + digest_of_order(["relight", one]),
-            arguments=lambda resuming: filled_list(
-                command.arguments, self.workspace.values(one), self.workspace.settings
-            ),
-            wrote=partial(self._relit_written, lights),
-            light=one,
+            workspace=workspace,
+            name=name,
+            order=self.order + digest_of_order(order),
+            arguments=lambda resuming: filled_list(command.arguments, workspace.values(light), workspace.settings),
+            wrote=lambda: listing_of(workspace.root, (found.path for found in files())),
+            light=light,
             time_limit=command.time_limit,
-            before=self.workspace.write_lights,
-            inspect=lambda: _inspect(found for each in lights for found in self._relit(each).values()),
+            before=workspace.write_lights,
+            inspect=lambda: _inspect(files()),
         )
 
     def _prepared(self) -> PreparedCommand:
@@ -217,33 +210,27 @@ class TrainedCommand:
         views = [(view, found) for scene, found in read for view in scene.test if view.has(f"relit/{light}")]
         return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, views, light)
 
-    def _views_written(self) -> Listing:
+    def _own_files(self) -> list[Found]:
         """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""
         found, command = self._read(), self.workspace.file.render
         missing = [each for each in found.missing if not each.startswith("relit ")]
         there = {name for maps in found.maps.values() for name in maps}
         missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
         _require_none(missing, found.ignored)
-        return listing_of(self.workspace.root, (each.path for maps in found.maps.values() for each in maps.values()))
+        return [each for maps in found.maps.values() for each in maps.values()]
 
-    def _relit_written(self, lights: Sequence[str]) -> Listing:
+    def _relit_files(self, lights: Sequence[str]) -> list[Found]:
         """The files of the views under some lights. Raises CommandFailed if a view has none."""
-        files: dict[tuple[str, str], Found] = {}
+        files: list[Found] = []
         missing = []
         for light in lights:
-            relit = self._relit(light)
-            files |= {(light, name): found for name, found in relit.items()}
-            views = [view for scene in self._lit_views()[light] for view in scene.test]
-            wanted = [view.name for view in views if view.has(f"relit/{light}")]
-            missing += [f"{name} under {light}" for name in wanted if name not in relit]
+            for scene in self._lit_views()[light]:
+                relit = self._read(scene).relit.get(light, {})
+                files += relit.values()
+                wanted = [view.name for view in scene.test if view.has(f"relit/{light}")]
+                missing += [f"{name} under {light}" for name in wanted if name not in relit]
         _require_none(missing)
-        return listing_of(self.workspace.root, (found.path for found in files.values()))
-
-    def _relit(self, light: str) -> dict[str, Found]:
-        found: dict[str, Found] = {}
-        for scene in self._lit_views()[light]:
-            found |= self._read(scene).relit.get(light, {})
-        return found
+        return files
 
     def _lit_views(self) -> dict[str, list[Scene]]:
         """For each light, scenes whose test views are the views under that light.
@@ -276,10 +263,7 @@ class TrainedCommand:
 
     def _name_of(self, light: EnvironmentMap) -> str:
         lights = self.workspace.run.scene.lights
-        for name, each in lights.items():
-            if each is light:
-                return name
-        for name, each in lights.items():
+        for name, each in sorted(lights.items(), key=lambda item: item[1] is not light):
             if torch.equal(each.radiance.cpu(), light.radiance.cpu()):
                 return name
         raise DataError(
@@ -295,7 +279,7 @@ def same_camera(one: Camera, other: Camera) -> bool:
     return lens[0] == lens[1] and torch.equal(one.camera_to_world.cpu(), other.camera_to_world.cpu())
 
 
-def _inspect(files: Any) -> None:
+def _inspect(files: Sequence[Found]) -> None:
     """Raise DataError for an image file that is truncated."""
     for path in sorted({found.path for found in files}):
         if path.suffix != ".npy":

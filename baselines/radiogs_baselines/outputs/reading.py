@@ -21,7 +21,7 @@ KINDS_SHOWN = 3
 def likely_codes(folder: Path) -> list[str]:
     """Codes whose marks the folder has, without those whose marks another of these codes also writes
     (``Code.over``)."""
-    marked = [name for name, code in CODES.items() if any(_exists(folder, mark) for mark in code.marks)]
+    marked = [name for name, code in CODES.items() if any(any(folder.glob(mark)) for mark in code.marks)]
     explained = {other for name in marked for other in CODES[name].over}
     return [name for name in marked if name not in explained]
 
@@ -176,7 +176,3 @@ def _recognised(folder: Path, scene: Scene) -> str:
         f"Call the images as the test views are ('{view}.png', ...) or number them from 0 to {last} in their order; or"
         f" name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
     )
-
-
-def _exists(folder: Path, mark: str) -> bool:
-    return next(iter(folder.glob(mark)), None) is not None

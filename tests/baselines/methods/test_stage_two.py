@@ -1,7 +1,7 @@
 """Stage 2 of every method on surfels: what its losses change, how far geometry moves, and what materials it finds."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -102,12 +102,9 @@ def test_no_camera_sees_the_sheet_above_the_ball() -> None:
         assert not splat(view.camera, UNSEEN, {}, 1.0).touched[-1]
 
 
-def each_loss() -> Iterator[tuple[str, str]]:
-    """Every method with each of its weights."""
-    return ((name, weight) for name, losses in LOSSES.items() for weight in losses.moved)
-
-
-@pytest.mark.parametrize(("name", "weight"), each_loss())
+@pytest.mark.parametrize(
+    ("name", "weight"), [(name, weight) for name, losses in LOSSES.items() for weight in losses.moved]
+)
 def test_each_loss_changes_the_parameters_it_depends_on(name: str, weight: str) -> None:
     two, losses = STAGES[name], LOSSES[name]
     stage = two.stage_of(two.variant(**{"materials": two.only(**{weight: 1.0}), **losses.turned}), losses.surfels)

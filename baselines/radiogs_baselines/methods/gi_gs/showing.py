@@ -88,8 +88,13 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         f"{name} {extent * getattr(variant, name):.3g} (published: {value:g})"
         for name, value in PUBLISHED_LENGTHS.items()
     )
+    moves = (
+        f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
+        if variant.lr_scale
+        else "frozen in stage 2 (published: moved by the blending of the maps)"
+    )
     labels = {
-        "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {_moves(variant)}",
+        "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {moves}",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": light_start(variant.materials.start.light, "random between 0.25 and 0.75"),
         "lengths": f"shares of the extent, here {', '.join(lengths)}",
@@ -101,12 +106,6 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         budget, PAPER, "inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
         "render_heights",
     )  # fmt: skip
-
-
-def _moves(variant: Variant) -> str:
-    if variant.lr_scale == 0:
-        return "frozen in stage 2 (published: moved by the blending of the maps)"
-    return f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
 
 
 def _start(variant: Variant) -> str:

@@ -27,12 +27,8 @@ def shade_points(
 ) -> Shaded:
     """Shade points under a light; zero where the camera is below the surface.
 
-    Args:
-        points: Surface points with linear albedo and roughness.
-        light: The distant light.
-        openness: O in [0, 1]; None: 1.
-        irradiance: Grey indirect irradiance over pi, I, linear; None: 0.
-        metallic: Metalness in [0, 1]; None: F0 = 0.04.
+    ``openness``: O in [0, 1]; None: 1. ``irradiance``: grey indirect irradiance over pi, I, linear; None: 0.
+    ``metallic``: metalness in [0, 1]; None: F0 = 0.04.
     """
     normal, outgoing = points.normal.detach(), points.outgoing
     reflected = light.reflected(normal, outgoing, points.albedo, points.roughness, metallic)

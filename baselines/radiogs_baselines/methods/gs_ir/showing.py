@@ -46,20 +46,17 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         if self.model.metallic is not None:
             written.append(folder / "metallic.npy")
             np.save(written[-1], self.model.metallic.detach().cpu().numpy())
-        if self.model.occlusion is not None:
-            written.append(folder / "volumes.npz")
-            np.savez(written[-1], allow_pickle=False, **self._volumes())
-        return written
-
-    def _volumes(self) -> dict[str, np.ndarray]:
         occlusion, irradiance = self.model.occlusion, self.model.irradiance
-        assert occlusion is not None
-        lattice = occlusion.lattice
-        found = {"occlusion": occlusion.coefficients[occlusion.probe].view(*(lattice.corners,) * 3, -1)}
-        if irradiance is not None:
-            found["irradiance"] = irradiance.coefficients.detach().view(*(irradiance.lattice.corners,) * 3, -1)
-        found |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
-        return {name: value.cpu().numpy() for name, value in found.items()}
+        if occlusion is not None:
+            lattice = occlusion.lattice
+            volumes = {"occlusion": occlusion.coefficients[occlusion.probe].view(*(lattice.corners,) * 3, -1)}
+            if irradiance is not None:
+                volumes["irradiance"] = irradiance.coefficients.detach().view(*(irradiance.lattice.corners,) * 3, -1)
+            volumes |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
+            written.append(folder / "volumes.npz")
+            arrays = {name: value.cpu().numpy() for name, value in volumes.items()}
+            np.savez(written[-1], allow_pickle=False, **arrays)
+        return written
 
     def as_trained(self) -> Prepared:
         """Rendering under the recovered light, with both volumes."""

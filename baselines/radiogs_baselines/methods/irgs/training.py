@@ -85,7 +85,9 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def _shaded_losses(self, model: LitSurfels, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """L1 of random covered pixels, shaded with traced rays, and the neutrality of their direct light."""
         weights = self.variant.materials.weights
-        pixels = self._drawn(view.counting(covered_pixels(seen)))
+        covered = view.counting(covered_pixels(seen))
+        order = torch.randperm(len(covered), generator=self.generator, device=covered.device)
+        pixels = covered[order[: self.budget.pixels]]
         points = seen_points(view.camera, seen, pixels)
         direction, weight = hemisphere_directions(points.normal.detach(), self.budget.incident_samples, self.generator)
         incident = self.rays.incident(self.tracer, points, direction, weight, self.variant.indirect)
@@ -95,11 +97,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "shaded": weights.shaded * pixel_loss(shaded.radiance, alpha, target, self.variant.straight),
             "light prior": weights.light_prior * neutrality(incident, model.environment),
         }
-
-    def _drawn(self, pixels: Tensor) -> Tensor:
-        """At most ``budget.pixels`` of the pixels, drawn without replacement."""
-        order = torch.randperm(len(pixels), generator=self.generator, device=pixels.device)
-        return pixels[order[: self.budget.pixels]]
 
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """Losses of the surfels' own radiance and of the smoothness of the material maps."""

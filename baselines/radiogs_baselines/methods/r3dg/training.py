@@ -122,7 +122,8 @@ def image_losses(
     images, inside = seen.images, None if geometry.across_silhouettes else mask
     shaded = displayed(images["radiance"], seen.alpha, geometry.encoding == "straight")
     within_paint = edge_allowance(target, geometry.edge_sharpness, inside)
-    within_surface = edge_allowance(_straight_normal(seen), mask=inside)
+    alpha = seen.alpha.detach()[..., None]
+    within_surface = edge_allowance(seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0), mask=inside)
     albedo, irradiance = (displayed(images[name], seen.alpha) for name in ("albedo", "irradiance"))
     smoothness = {
         "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(albedo, within_paint),
@@ -140,12 +141,6 @@ def light_losses(
         "light prior": weights.light_prior * light_prior(irradiance),
         "light smoothness": weights.light_smoothness * environment_smoothness(environment),
     }
-
-
-def _straight_normal(seen: Splat) -> Float[Tensor, "height width 3"]:
-    """The blended normal divided by coverage, without gradient."""
-    alpha = seen.alpha.detach()[..., None]
-    return seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0)
 
 
 LEARNT = ("albedo_logit", "roughness_logit")

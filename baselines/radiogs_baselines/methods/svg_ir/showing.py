@@ -90,14 +90,10 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
 
 
 class Renderer:
-    """Renders a model under one light.
+    """Renders a model with the materials of its vertices (``shading.materials_of``) under one light.
 
-    Args:
-        model: The trained model.
-        materials: Materials of its vertices (see ``shading.materials_of``).
-        lit: The light.
-        distance: Distance of the vertices from the surfel's axes, in standard deviations.
-        straight: Order of display encoding and coverage (see ``display.displayed``).
+    ``distance``: of the vertices from the surfel's axes, in standard deviations. ``straight``: see
+    ``display.displayed``.
     """
 
     def __init__(self, model: Model, materials: Materials, lit: Lit, distance: float, straight: bool = True) -> None:

@@ -5,6 +5,7 @@ differs from the published method.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,33 +93,26 @@ class TrainedTensoIR:
         return Renderer(field, variant, new, self.run.seed, True, scale)
 
 
+@dataclass(frozen=True)
 class Renderer:
-    """Renders a field under a light; a ``contract.Prepared``. The image of a camera does not depend on earlier images.
+    """Renders a field under a light (``contract.Prepared``). A camera's image does not depend on earlier images."""
 
-    Args:
-        field: The field.
-        variant: The run's variant.
-        light: The light.
-        seed: Seed of the random directions of each image.
-        shaded: Whether the image is shaded; otherwise it is the marched radiance field.
-        albedo_scale: Factor on the recovered albedo, linear RGB.
-    """
+    field: Field
+    """The field."""
+    variant: Variant
+    """The run's variant."""
+    light: RecoveredLight | NewLight
+    """The light."""
+    seed: int
+    """Seed of the random directions of each image."""
+    shaded: bool
+    """Whether the image is shaded; otherwise it is the marched radiance field."""
+    albedo_scale: Float[Tensor, "3"]
+    """Factor on the recovered albedo, linear RGB."""
 
     timed = True
     default = frozenset(STANDARD_MAPS)
     offers = STANDARD_MAPS
-
-    def __init__(
-        self,
-        field: Field,
-        variant: Variant,
-        light: RecoveredLight | NewLight,
-        seed: int,
-        shaded: bool,
-        albedo_scale: Float[Tensor, "3"],
-    ) -> None:
-        self.field, self.variant, self.light, self.seed = field, variant, light, seed
-        self.shaded, self.albedo_scale = shaded, albedo_scale
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:

@@ -10,8 +10,9 @@ from baselines.methods.dense import F64, assert_same_gradients, floor, gradients
 from baselines.methods.gi_gs import dense
 from baselines.methods.gi_gs.world import buffer_of, march
 from baselines.methods.irgs.world import looking_down, sheet, together
-from radiogs_baselines.methods.gi_gs.marching import NO_HIT
-from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, gathered, median, openness, reflect, summed
+from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer
+from radiogs_baselines.methods.gi_gs.marching import GATHERED, NO_HIT
+from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, median, openness, summed, weighted
 from radiogs_baselines.methods.gi_gs.training import image_loss, plainness, variation
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.on_surfels.split_sum import SplitSumLight
@@ -104,10 +105,16 @@ def test_the_bounce_has_gradient_only_to_the_albedo() -> None:
     assert straight[0].abs().max() > 0
     assert straight[1:] == (None, None, None)
     hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
-    ones = gathered(hits, torch.ones(SIZE, SIZE, 3, dtype=F64), grid)
+    ones = GATHERED * weighted(hits, torch.ones(SIZE, SIZE, 3, dtype=F64), grid.cosine_weight)
     sent = bounce(buffer, ones)
     (slope,) = torch.autograd.grad(sent.sum(), buffer.albedo, retain_graph=True)
     torch.testing.assert_close(slope * buffer.albedo, sent, rtol=1e-12, atol=0)
+
+
+def direct_light(buffer: GBuffer, values: Values, open_share: Tensor) -> Tensor:
+    light = SplitSumLight(PrefilteredLight(values["environment"]))
+    surface = (buffer.normal, buffer.outgoing, buffer.albedo, buffer.roughness, buffer.metallic)
+    return light.reflected(*surface).occluded(open_share)
 
 
 @cache
@@ -116,8 +123,9 @@ def fixed() -> tuple[Tensor, Tensor]:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"])
     hits, grid = MARCHES.hit_pixels(buffer), MARCHES.grid
     open_share = openness(hits, grid)
-    direct = reflect(buffer, SplitSumLight(PrefilteredLight(start()["environment"]))).occluded(open_share)
-    sent = bounce(buffer, gathered(hits, buffer.image(direct).clamp(0, 1), grid))
+    direct = direct_light(buffer, start(), open_share)
+    arriving = weighted(hits, buffer.image(direct).clamp(0, 1), grid.cosine_weight)
+    sent = bounce(buffer, GATHERED * arriving)
     return open_share, sent / buffer.albedo
 
 
@@ -125,7 +133,7 @@ def image_with_fixed_parts(values: Values) -> Tensor:
     """The image with all parts without gradient fixed to their values at the start."""
     open_share, of_albedo = fixed()
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"])
-    direct = reflect(buffer, SplitSumLight(PrefilteredLight(values["environment"]))).occluded(open_share)
+    direct = direct_light(buffer, values, open_share)
     indirect = median(buffer.image(of_albedo * buffer.albedo))
     return summed(buffer.image(direct) * alpha[..., None], indirect * alpha[..., None], alpha, "display", True)
 
