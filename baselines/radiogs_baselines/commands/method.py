@@ -9,9 +9,9 @@ from typing import Any
 from radiogs_core.contract import Run, StageSpec
 from radiogs_core.errors import DataError, UsageError
 
-from .errors import CommandFailed
 from .file import PRESETS, MethodFile, TrainCommand, read_file
 from .placeholders import filled_list
+from .process import CommandFailed
 from .records import Listing, Record, digest_of_order, listing_of
 from .task import Attempt, Task
 from .trained import TrainedCommand

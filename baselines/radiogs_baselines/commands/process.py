@@ -17,9 +17,8 @@ from pathlib import Path
 
 import psutil
 
+from radiogs_core.errors import ExplainedError
 from radiogs_core.own_files import fresh
-
-from .errors import CommandFailed
 
 LIMIT = 64 * 2**20
 """Largest size of a log in bytes: its first and its last half of that size are kept. The progress bar of a long
@@ -42,6 +41,10 @@ FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
 
 MARK = "RADIOGS_BENCH_COMMAND_OF"
 """Environment variable that marks a command and its children; its value is the workspace that they write to."""
+
+
+class CommandFailed(ExplainedError):
+    """A command could not be started, failed, exceeded its time limit, or did not write all files that it should."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from radiogs_core.errors import ExplainedError
 from radiogs_core.own_files import fresh
 
-from .errors import CommandFailed
+from .process import CommandFailed
 
 Listing = Mapping[str, int]
 """Sizes of files in bytes, by their paths relative to the workspace."""

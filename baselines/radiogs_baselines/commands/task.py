@@ -10,8 +10,7 @@ from pathlib import Path
 
 from radiogs_core.errors import ExplainedError
 
-from .errors import CommandFailed
-from .process import Command, ExitStatus, Running
+from .process import Command, CommandFailed, ExitStatus, Running
 from .records import (
     Listing,
     Record,

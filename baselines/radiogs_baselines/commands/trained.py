@@ -24,9 +24,9 @@ from ..outputs.codes import CODES
 from ..outputs.files import Found
 from ..outputs.predictions import Predictions, relightable
 from ..outputs.reading import read_predictions
-from .errors import CommandFailed
 from .file import RelightCommand, RenderCommand
 from .placeholders import filled_list
+from .process import CommandFailed
 from .records import digest_of_order, listing_of, read_record
 from .task import Task
 from .workspace import Workspace

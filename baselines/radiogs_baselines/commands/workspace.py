@@ -14,8 +14,8 @@ from radiogs_core.own_files import own_folder
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets.image_files import write_exr, write_hdr
 
-from .errors import CommandFailed
 from .file import MethodFile, RelightCommand
+from .process import CommandFailed
 
 
 @dataclass(frozen=True)

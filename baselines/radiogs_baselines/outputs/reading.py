@@ -102,7 +102,8 @@ class _Search:
                 continue
             if not rule.numbered:
                 self._require_no_more_views(rule, light)
-            there = {view.name: file for view in views if (file := self._find(rule, view, light)) is not None}
+            files = {v.name: find(self.folder, rule, self._index[v.name], v.name, light) for v in views}
+            there = {name: file for name, file in files.items() if file is not None}
             complete = chosen is None or len(there) == len(views)
             if there and complete and self._has_the_views_size(what, rule, there, views):
                 chosen = rule, there
@@ -118,9 +119,6 @@ class _Search:
             self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
         self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
         return there
-
-    def _find(self, rule: Rule, view: View, light: str) -> Found | None:
-        return find(self.folder, rule, self._index[view.name], view.name, light)
 
     def _example(self, rule: Rule, view: View, light: str) -> str:
         return spellings(rule, self._index[view.name], view.name, light)[0]

@@ -80,12 +80,10 @@ def published(table: str) -> PublishedTable:
         raise unknown("published table", table, published_tables())
     text = resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8")
     content = tomllib.loads(text, parse_float=str)
-    conditions = from_plain(Conditions, content.pop("conditions"), f"conditions of {table}")
-    columns = {name: Column(**column) for name, column in content.pop("columns").items()}
-    rows = content.pop("rows").items()
-    printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in rows}
+    printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in content.pop("rows").items()}
     figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in printed.items()}
-    return PublishedTable(conditions=conditions, columns=columns, figures=figures, printed=printed, **content)
+    found: PublishedTable = from_plain(PublishedTable, {**content, "printed": printed, "figures": figures}, table)
+    return found
 
 
 def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, dict[str, float]], str]:

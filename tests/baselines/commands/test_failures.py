@@ -15,7 +15,7 @@ from baselines.commands.bench import Bench, Cells, Shelf, method_of, toml
 from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 from public_outputs import Maps, write_svg_ir
 from radiogs_baselines.commands import process, task
-from radiogs_baselines.commands.errors import CommandFailed
+from radiogs_baselines.commands.process import CommandFailed
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
@@ -285,7 +285,7 @@ from pathlib import Path
 from baselines.commands.bench import Bench, Cells, Shelf, method_of, toml
 from public_outputs import Maps, write_svg_ir
 
-from radiogs_baselines.commands.errors import CommandFailed
+from radiogs_baselines.commands.process import CommandFailed
 from radiogs_datasets import load_scene
 import subprocess
 

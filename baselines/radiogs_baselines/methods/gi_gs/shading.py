@@ -45,7 +45,10 @@ class Shader:
         Neither that radiance nor the occlusion has a gradient.
         """
         grid = self.march.grid.like(buffer.position)
-        hits = self._hit_pixels(buffer)
+        if self.occlusion or self.indirect:
+            hits = self.march.hit_pixels(buffer)
+        else:
+            hits = torch.full((len(buffer), len(grid.direction)), NO_HIT, dtype=torch.int32, device=alpha.device)
         reflected = light.reflected(buffer.normal, buffer.outgoing, buffer.albedo, buffer.roughness, buffer.metallic)
         open_share = openness(hits, grid) if self.occlusion else torch.ones_like(buffer.roughness)
         direct = buffer.image(reflected.occluded(open_share))
@@ -57,12 +60,6 @@ class Shader:
         maps = {"direct": direct, "indirect": indirect, "incident": incident}
         maps = {name: values * coverage for name, values in maps.items()}
         return maps | {"image": summed(maps["direct"], maps["indirect"], alpha, self.sum, self.straight)}
-
-    def _hit_pixels(self, buffer: GBuffer) -> Int[Tensor, "points directions"]:
-        if self.occlusion or self.indirect:
-            return self.march.hit_pixels(buffer)
-        shape = len(buffer), len(self.march.grid.direction)
-        return torch.full(shape, NO_HIT, dtype=torch.int32, device=buffer.position.device)
 
 
 def openness(hits: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor, " points"]:

@@ -1,7 +1,4 @@
-"""Rendering of a trained GI-GS model, under the recovered light and relit.
-
-Occlusion and bounce of each frame come from the frame itself. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained GI-GS model, frame by frame, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 

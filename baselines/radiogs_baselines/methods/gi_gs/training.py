@@ -1,7 +1,4 @@
-"""Stage 2 of GI-GS: materials and light from whole frames, with screen-space occlusion and bounce.
-
-It starts from the surfels of stage 1 with new materials and a new light. Every loss is computed on one frame.
-"""
+"""Stage 2 of GI-GS: materials and light from whole frames, with screen-space occlusion and bounce."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -66,17 +63,14 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         light = SplitSumLight(PrefilteredLight(model.environment, self.variant.masking))
         image = self.shader.shade(buffer, seen.alpha, light)["image"]
         solid = torch.isfinite(buffer.depth)
+        metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
+        materials = (buffer.albedo, buffer.roughness[:, None], *metal)
         return {
             "shaded": weights.shaded * image_loss(view.where_valid(image), target),
-            "variation": weights.variation * variation(self._materials(buffer), target, solid),
+            "variation": weights.variation * variation(buffer.image(torch.cat(materials, -1)), target, solid),
             "plainness": weights.plainness * plainness(buffer, self.variant.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
-
-    def _materials(self, buffer: GBuffer) -> Tensor:
-        """Albedo, roughness and, if learnt, metalness as one image [height, width, 4 or 5]."""
-        metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
-        return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
 
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``MetallicSurfels.tensors``)."""

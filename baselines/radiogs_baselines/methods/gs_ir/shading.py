@@ -61,11 +61,9 @@ class View:
         further = {} if metallic is None else {"metallic": metallic[:, None]}
         seen = seen_surfels(camera, model.surfels, albedo, further, depth_unit)
         pixels = covered_pixels(seen)
-        points = seen_points(camera, seen, pixels)
-        if metallic is None:
-            return cls(seen, pixels, points, None)
-        blended = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
-        return cls(seen, pixels, points, blended)
+        if metallic is not None:
+            metallic = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
+        return cls(seen, pixels, seen_points(camera, seen, pixels), metallic)
 
     def shaded(self, model: Model, light: SplitSumLight, samples: int) -> Shaded:
         """Shade the points with the model's volumes; O is the mean over ``samples`` directions."""

@@ -1,7 +1,4 @@
-"""Rendering of a trained GS-IR model, under the recovered light and relit.
-
-Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained GS-IR model, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,4 @@
-"""Rendering of a trained IRGS model, under the recovered light and relit.
-
-Rays are traced from every covered pixel. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained IRGS model by rays from every covered pixel, under the recovered light and relit; labels."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

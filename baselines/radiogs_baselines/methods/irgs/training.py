@@ -1,7 +1,4 @@
-"""Stage 2 of IRGS: materials and light by shading random pixels with traced rays.
-
-It starts from the surfels and radiance of stage 1 with new materials and a new light.
-"""
+"""Stage 2 of IRGS: materials and light by shading random pixels with traced rays."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,4 @@
-"""Rendering of a trained SVG-IR model, under the recovered light and relit.
-
-Vertices are shaded from a table. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained SVG-IR model from its table, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,6 @@
 """Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
 
-It starts from the surfels and radiance of stage 1 with new materials and a new light. Materials are fitted to the
-images and to the table's radiance.
+Materials are fitted to the images and to the table's radiance.
 """
 
 from collections.abc import Mapping

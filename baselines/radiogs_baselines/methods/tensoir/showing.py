@@ -1,7 +1,6 @@
 """Rendering of a trained TensoIR model, under the recovered light and relit.
 
-A ray is marched for every pixel, and shaded where its coverage is above ``shading.SOLID``. Labels state how a run
-differs from the published method.
+A ray is marched for every pixel, and shaded where its coverage is above ``shading.SOLID``.
 """
 
 from collections.abc import Callable
