@@ -19,6 +19,7 @@ from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from short_training import through_a_file
 
 Maps = Mapping[str, Tensor]
 
@@ -40,6 +41,21 @@ def same(one: Any, other: Any) -> bool:
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(same, one, other))
     return bool(one == other)
+
+
+def assert_resumes(begin: Callable[[], Any], at: int, steps: int) -> Any:
+    """A stage restored from its state after ``at`` steps ends as the one that was not interrupted, which is returned."""
+    whole, resumed = begin(), begin()
+    for step in range(steps):
+        if step == at:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed.restore(saved)
+    while resumed.iteration < steps:
+        resumed.step()
+    assert same(whole.state(), resumed.state())
+    assert same(whole.product(), resumed.product())
+    return whole
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,10 @@ class StageTwo:
         """Stage 2 before its first step."""
         return self.method.begin(self.run_of(turned, budget), product_of(self.surfels if surfels is None else surfels))
 
+    def restored(self, tensors: Mapping[str, Any], turned: Any = None) -> Any:
+        """The trained model of these tensors."""
+        return self.method.restore(self.run_of(turned), tensors)
+
 
 def product_of(surfels: Surfels) -> dict[str, Any]:
     """Product of stage 1 that contains these surfels."""

@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 import torch
 
-from baselines.methods.adapters import ADAPTERS, RESUMED, Maps, assert_finite, same
+from baselines.methods.adapters import ADAPTERS, RESUMED, Maps, assert_finite, assert_resumes, same
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
 from baselines.methods.stage_two import R3DG, STANDING, product_of, tensors_of
 from baselines.methods.tensoir.world import looking_down as down_upon_a_field
 from baselines.methods.trained_models import MODELS, r3dg
 from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
 from known_ball import BALL
+from radiogs_baselines.methods.tensoir.settings import Learning, Schedule
 from radiogs_bench.methods import method
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.runtime import use_threads
-from short_training import through_a_file
 
 METHODS = pytest.mark.parametrize("name", ADAPTERS)
 FAR = torch.tensor([0.0, 0.0, 500.0])
@@ -165,16 +165,7 @@ def test_stage_two_resumes_bit_for_bit(name: str, turned: dict[str, Any]) -> Non
         run = training.run_of(method(name).variant(**turned), budget)
         return training.method.begin(run, product_of(surfels))
 
-    whole, resumed = begun(), begun()
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    assert same(whole.state(), resumed.state())
-    assert same(whole.product(), resumed.product())
+    assert_resumes(begun, at=3, steps=8)
 
 
 SHOWN: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -246,7 +237,10 @@ WRONG: Mapping[str, dict[str, list[Any]]] = {
         "hop": [0.0], "gap": [-1.0], "ray_start": [-0.1], "view_share": [0.0, 1.5], "opaque": [1.0],
         "relight_rows": [0],
     },
-    "tensoir": {"view_share": [0.0, 1.5]},
+    "tensoir": {
+        "view_share": [0.0, 1.5],
+        "learning": [Learning(schedule=Schedule(finer_at=(1.0,))), Learning(schedule=Schedule(emptied_at=(-0.1,)))],
+    },
     "radiogs": {"view_share": [0.0, 1.5], "radiometric_weight": [-1.0]},
 }  # fmt: skip
 

@@ -1,12 +1,8 @@
 """What is particular to stage 2 of IRGS; ``test_stage_two`` tests what all methods share."""
 
-import pytest
-import torch
-
 from baselines.methods.irgs.world import DOWN, sheet, together
 from baselines.methods.stage_two import IRGS, UNSEEN, stepped, tensors_of
 from known_ball import BALL
-from radiogs_baselines.methods.irgs.settings import Indirect
 
 
 def test_only_learnt_geometry_has_losses_of_its_own() -> None:
@@ -15,16 +11,6 @@ def test_only_learnt_geometry_has_losses_of_its_own() -> None:
         stage = IRGS.stage_of(IRGS.variant(lr_scale=scale))
         losses = [stage.step() for _ in range(6)][-1]
         assert {"mask", "normal", "normal smoothness"} & losses.keys() == expected
-
-
-@pytest.mark.parametrize(("indirect", "changes"), [("traced", True), ("detached", False), ("none", False)])
-def test_the_image_loss_changes_harmonics_of_unseen_surfels(indirect: Indirect, changes: bool) -> None:
-    stage = IRGS.stage_of(IRGS.variant(indirect=indirect, materials=IRGS.only(shaded=1.0)), UNSEEN)
-    before, after = stepped(stage, 4)
-    for name in ("sh", "sh_rest"):
-        assert bool((after[name][-1] != before[name][-1]).any()) == changes, name
-    assert (after["albedo_logit"] != before["albedo_logit"]).any(), "pixels were shaded"
-    assert torch.equal(after["albedo_logit"][-1], before["albedo_logit"][-1]), "nothing ties its material to an image"
 
 
 def test_training_dims_a_sheet_whose_radiance_is_too_bright() -> None:
