@@ -44,7 +44,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def assert_resumes(begin: Callable[[], Any], at: int, steps: int) -> Any:
-    """A stage restored from its state after ``at`` steps ends as the one that was not interrupted, which is returned."""
+    """A stage restored from its state after ``at`` steps ends as one without interruption, which is returned."""
     whole, resumed = begin(), begin()
     for step in range(steps):
         if step == at:
