@@ -143,10 +143,6 @@ class MethodFile:
         """The iterations of a preset; zeros if the file does not name it."""
         return self.presets.get(preset, Iterations())
 
-    def settings_for(self, scene: str) -> Mapping[str, tuple[str, ...]]:
-        """The settings for a scene of that name."""
-        return {**self.settings, **self.scenes.get(scene, {})}
-
     @property
     def reads_lights(self) -> bool:
         """Whether any text has a placeholder for the files of the scene's lights."""

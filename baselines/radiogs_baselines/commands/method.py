@@ -9,10 +9,10 @@ from typing import Any
 from radiogs_core.contract import Run, StageSpec
 from radiogs_core.errors import DataError, UsageError
 
-from .errors import CommandFailed
 from .file import PRESETS, MethodFile, TrainCommand, read_file
-from .placeholders import filled, filled_list
-from .records import Listing, Record, digest_of, digest_of_order, listing_of
+from .placeholders import filled_list
+from .process import CommandFailed
+from .records import Listing, Record, digest_of_order, listing_of
 from .task import Attempt, Task
 from .trained import TrainedCommand
 from .workspace import Workspace
@@ -114,18 +114,15 @@ class CommandMethod:
         )
 
     def _arguments(self, workspace: Workspace, number: int, resuming: bool) -> Sequence[str]:
-        train = self.file.train
-        taken = any("{arguments}" in each.arguments for each in train)
-        command, further = train[number], workspace.run.variant.arguments
+        train, command = self.file.train, self.file.train[number]
         texts = list(command.arguments)
-        if not taken and number == len(train) - 1:
+        if command is train[-1] and not any("{arguments}" in each.arguments for each in train):
             texts.append("{arguments}")
         if "{resume}" not in texts:
             texts.append("{resume}")
-        values = workspace.values()
-        lists = workspace.settings
+        values, lists = workspace.values(), workspace.settings
         resume = filled_list(command.resume, values, lists) if resuming else ()
-        return filled_list(texts, values, {**lists, "arguments": further, "resume": resume})
+        return filled_list(texts, values, {**lists, "arguments": workspace.run.variant.arguments, "resume": resume})
 
     def _decides(self, run: Run) -> list[Sequence[str]]:
         """Everything that decides the files of a workspace, as text."""
@@ -144,9 +141,9 @@ class CommandMethod:
     def _require_whole(self, workspace: Workspace, product: Mapping[str, Any]) -> None:
         """Raise DataError unless the files of all earlier commands are there and unchanged."""
         for command in self.file.train:
-            record = product.get(command.name)
-            if record is not None:
-                _require_same(workspace, command, Record.of(record))
+            if command.name in product:
+                record = Record.of(product[command.name])
+                require_unchanged(workspace, record, partial(written, workspace, command))
 
 
 class CommandStage:
@@ -188,9 +185,7 @@ class CommandStage:
         """Continue from a state; a command that is not done starts again. Raises DataError if its files are gone."""
         if state["done"] is not None:
             self._record = Record.of(state["done"])
-            listing = _listing(self._task.wrote)
-            if listing is None or digest_of(listing) != self._record.files:
-                raise _gone(self._task.workspace, self._record)
+            require_unchanged(self._task.workspace, self._record, self._task.wrote)
             self.iteration = 1
 
     def product(self) -> dict[str, Any]:
@@ -227,7 +222,7 @@ def written(workspace: Workspace, command: TrainCommand) -> Listing:
     """The files that a command of training has written. Raises CommandFailed for a pattern that matches no file."""
     found: dict[str, int] = {}
     for pattern in command.writes:
-        path = Path(filled(pattern, workspace.named())).relative_to(workspace.output)
+        path = Path(pattern.format_map(workspace.named())).relative_to(workspace.output)
         files = [workspace.output] if path == Path() else sorted(workspace.output.glob(str(path)))
         listing = listing_of(workspace.root, files)
         if not listing:
@@ -236,22 +231,11 @@ def written(workspace: Workspace, command: TrainCommand) -> Listing:
     return found
 
 
-def _listing(wrote: Callable[[], Listing]) -> Listing | None:
-    try:
-        return wrote()
-    except CommandFailed:
-        return None
-
-
-def _require_same(workspace: Workspace, command: TrainCommand, record: Record) -> None:
-    listing = _listing(partial(written, workspace, command))
-    if listing is None or digest_of(listing) != record.files:
-        raise _gone(workspace, record)
-
-
-def _gone(workspace: Workspace, record: Record) -> DataError:
-    return DataError(
-        f"files that the command '{record.command}' of {workspace.file.title} has written are missing or changed",
-        f"{workspace.output} should hold {record.file_count} files of it with {record.file_bytes} bytes.",
-        f"Restore the folder; or remove {workspace.root} and the stored stages of this cell, to train it again.",
-    )
+def require_unchanged(workspace: Workspace, record: Record, wrote: Callable[[], Listing]) -> None:
+    """Raise DataError unless the files that a command ``wrote`` are there and unchanged."""
+    if not record.matches(wrote):
+        raise DataError(
+            f"files that the command '{record.command}' of {workspace.file.title} has written are missing or changed",
+            f"{workspace.output} should hold {record.file_count} files of it with {record.file_bytes} bytes.",
+            f"Restore the folder; or remove {workspace.root} and the stored stages of this cell, to train it again.",
+        )

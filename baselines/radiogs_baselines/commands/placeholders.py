@@ -79,23 +79,16 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
         )
 
 
-def filled(text: str, values: Mapping[str, str]) -> str:
-    """The text with its placeholders replaced by ``values``. The text has to pass ``check`` first."""
-    parts = []
-    for literal, name, _, _ in string.Formatter().parse(text):
-        parts.append(literal)
-        if name is not None:
-            parts.append(values[name])
-    return "".join(parts)
-
-
 def filled_list(
     texts: Sequence[str], values: Mapping[str, str], lists: Mapping[str, Sequence[str]] | None = None
 ) -> tuple[str, ...]:
-    """The texts with placeholders replaced; a text that is the placeholder of a list is replaced by the list."""
+    """The texts with placeholders replaced; a text that is the placeholder of a list is replaced by the list.
+
+    A text that ``check`` has passed has plain names alone, so that it is a format of ``values``.
+    """
     lists = lists or {}
     result: list[str] = []
     for text in texts:
         name = text[1:-1] if text.startswith("{") and text.endswith("}") else ""
-        result += lists[name] if name in lists else [filled(text, values)]
+        result += lists[name] if name in lists else [text.format_map(values)]
     return tuple(result)

@@ -17,9 +17,8 @@ from pathlib import Path
 
 import psutil
 
+from radiogs_core.errors import ExplainedError
 from radiogs_core.own_files import fresh
-
-from .errors import CommandFailed
 
 LIMIT = 64 * 2**20
 """Largest size of a log in bytes: its first and its last half of that size are kept. The progress bar of a long
@@ -42,6 +41,10 @@ FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
 
 MARK = "RADIOGS_BENCH_COMMAND_OF"
 """Environment variable that marks a command and its children; its value is the workspace that they write to."""
+
+
+class CommandFailed(ExplainedError):
+    """A command could not be started, failed, exceeded its time limit, or did not write all files that it should."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,7 @@ class BoundedLog:
         self.path = path
         self.trouble = ""
         self.size = 0
-        self._head = self._ring = limit // 2
+        self._half = limit // 2
         self._recent: deque[bytes] = deque()
         self._recent_size = 0
         self._lock = threading.Lock()
@@ -192,31 +195,32 @@ class BoundedLog:
     def write(self, data: bytes) -> None:
         """Append data; errors of the disk set ``trouble``. Data after ``close`` are dropped."""
         with self._lock:
-            self._remember(data)
-            if not self.trouble and not self._file.closed:
-                self._append(data)
-
-    def _append(self, data: bytes) -> None:
-        try:
-            while data:
-                offset, room = self._offset()
-                written = os.pwrite(self._file.fileno(), data[:room], offset)
-                self.size += written
-                data = data[written:]
-        except OSError as error:
-            self.trouble = f"the rest of the log could not be written ({error.strerror})"
+            self._recent.append(data)
+            self._recent_size += len(data)
+            while self._recent_size - len(self._recent[0]) >= RECENT:
+                self._recent_size -= len(self._recent.popleft())
+            while data and not self.trouble and not self._file.closed:
+                within = self.size % self._half
+                offset = self.size if self.size < self._half else self._half + within
+                try:
+                    written = os.pwrite(self._file.fileno(), data[: self._half - within], offset)
+                except OSError as error:
+                    self.trouble = f"the rest of the log could not be written ({error.strerror})"
+                else:
+                    self.size += written
+                    data = data[written:]
 
     def close(self) -> None:
         """Put the ring buffer in order, after a line that says how many bytes are left out."""
         with self._lock, self._file:
-            left_out = self.size - self._head - self._ring
+            left_out = self.size - 2 * self._half
             if left_out <= 0 or self.trouble:
                 return
-            ring = os.pread(self._file.fileno(), self._ring, self._head)
-            turn = (self.size - self._head) % self._ring
+            ring = os.pread(self._file.fileno(), self._half, self._half)
+            turn = self.size % self._half
             mark = f"\n[... {left_out} bytes are left out here ...]\n".encode()
             try:
-                self._file.seek(self._head)
+                self._file.seek(self._half)
                 self._file.write(mark + ring[turn:] + ring[:turn])
             except OSError as error:
                 self.trouble = f"the end of the log could not be put in order ({error.strerror})"
@@ -228,19 +232,6 @@ class BoundedLog:
         lines = b"".join(self._recent).decode("utf-8", "replace").split("\n")
         shown = [line.rstrip("\r").rsplit("\r", 1)[-1].rstrip() for line in lines]
         return "\n".join([line for line in shown if line][-count:])
-
-    def _offset(self) -> tuple[int, int]:
-        """Offset of the next byte in the file, and how many bytes fit there."""
-        if self.size < self._head:
-            return self.size, self._head - self.size
-        within = (self.size - self._head) % self._ring
-        return self._head + within, self._ring - within
-
-    def _remember(self, data: bytes) -> None:
-        self._recent.append(data)
-        self._recent_size += len(data)
-        while self._recent_size - len(self._recent[0]) >= RECENT:
-            self._recent_size -= len(self._recent.popleft())
 
 
 @dataclass

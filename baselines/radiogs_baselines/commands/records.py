@@ -3,14 +3,15 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from radiogs_core.errors import ExplainedError
 from radiogs_core.own_files import fresh
 
-from .errors import CommandFailed
+from .process import CommandFailed
 
 Listing = Mapping[str, int]
 """Sizes of files in bytes, by their paths relative to the workspace."""
@@ -49,6 +50,13 @@ class Record:
     def plain(self) -> dict[str, Any]:
         """The record as plain values, for storage."""
         return asdict(self)
+
+    def matches(self, wrote: Callable[[], Listing]) -> bool:
+        """Whether the files that the command ``wrote`` are still there, with the same names and sizes."""
+        try:
+            return digest_of(wrote()) == self.files
+        except ExplainedError:
+            return False
 
 
 def digest_of(listing: Listing) -> str:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from radiogs_core.errors import ExplainedError
 
-from .errors import CommandFailed
-from .process import Command, ExitStatus, Running
+from .process import Command, CommandFailed, ExitStatus, Running
 from .records import (
     Listing,
     Record,
@@ -60,12 +59,8 @@ class Task:
     def done(self) -> Record | None:
         """The record of its success, if its files are still there and unchanged."""
         record = read_record(self.workspace.done(self.name))
-        if record is None or record.order != self.order:
-            return None
-        try:
-            return record if digest_of(self.wrote()) == record.files else None
-        except ExplainedError:
-            return None
+        known = record is not None and record.order == self.order and record.matches(self.wrote)
+        return record if known else None
 
     def begin(self) -> "Attempt":
         """Start the command: in a clean folder, or, if it resumes, in the folder of the interrupted run."""
@@ -78,7 +73,7 @@ class Task:
         command = Command(
             self.arguments(resuming),
             folder,
-            workspace.environment(values),
+            {name: text.format_map(values) for name, text in workspace.file.environment.items()},
             workspace.log(self.name),
             workspace.root,
             self.time_limit,
@@ -123,13 +118,6 @@ class Attempt:
             self.task.inspect()
         except ExplainedError as error:
             raise self._failed("ended without an error, but did not write all its files", str(error)) from error
-        return self._recorded(ended, listing)
-
-    def end(self) -> None:
-        """End the command and all its children, if it is running."""
-        self._running.end()
-
-    def _recorded(self, ended: ExitStatus, listing: Listing) -> Record:
         task, workspace = self.task, self.task.workspace
         record = Record(
             command=task.name,
@@ -145,6 +133,10 @@ class Attempt:
         )
         write_json(workspace.done(task.name), record.plain())
         return record
+
+    def end(self) -> None:
+        """End the command and all its children, if it is running."""
+        self._running.end()
 
     def _failed(self, how: str, why: str = "") -> CommandFailed:
         task, log = self.task, self._running.log

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, NotOffered
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -24,26 +24,17 @@ from ..outputs.codes import CODES
 from ..outputs.files import Found
 from ..outputs.predictions import Predictions, relightable
 from ..outputs.reading import read_predictions
-from .errors import CommandFailed
+from .file import RelightCommand, RenderCommand
 from .placeholders import filled_list
-from .records import Listing, digest_of_order, listing_of, read_record
+from .process import CommandFailed
+from .records import digest_of_order, listing_of, read_record
 from .task import Task
 from .workspace import Workspace
 
 WAIT = 0.5
 """Seconds between two calls of ``after_step``."""
 
-KINDS: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "albedo": MapKind("linear"),
-    "normal": MapKind("data"),
-    "roughness": MapKind("data"),
-    "depth": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "incident": MapKind("linear"),
-}
+KINDS: Mapping[str, MapKind] = {**STANDARD_MAPS, "incident": MapKind("linear")}
 """Kinds of the maps that readers return; all maps are on black."""
 
 SHOWN = 6
@@ -58,8 +49,10 @@ class PreparedCommand:
     """Name of the method in messages."""
     offers: Mapping[str, MapKind]
     """Kinds of the maps, by name."""
-    views: Sequence[tuple[View, Callable[[], Maps]]]
-    """Rendered views, and functions that read their maps."""
+    views: Sequence[tuple[View, Predictions]]
+    """Rendered views, each with the predictions that have its files."""
+    light: str = ""
+    """Name of the light of the views; empty: the light of the training views."""
     timed: bool = False
     """Whether ``render`` may be timed: no, because it reads files."""
 
@@ -70,9 +63,12 @@ class PreparedCommand:
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of the view with that camera. Raises DataError if no view has it, or if a file is damaged."""
-        for view, read in self.views:
+        for view, found in self.views:
             if same_camera(view.camera, camera):
-                return read()
+                coverage = view.read("alpha") if view.has("alpha") else torch.ones(camera.height, camera.width, 1)
+                if self.light:
+                    return {"image": found.read_relit(self.light, view, coverage)}
+                return found.read(view, coverage)
         raise DataError(
             f"{self.title} was not rendered from this camera",
             f"Its commands render the views of the scene; {len(self.views)} of them are available.",
@@ -150,7 +146,7 @@ class TrainedCommand:
             if self.workspace.file.render is not None:
                 self._bring_about(self._rendering(), after_step)
             else:
-                self._views_written()
+                self._own_files()
             return self._prepared()
         name = self._name_of(light)
         if self.workspace.file.relight is None:
@@ -171,78 +167,70 @@ class TrainedCommand:
     def _rendering(self) -> Task:
         command = self.workspace.file.render
         assert command is not None
-        return Task(
-            workspace=self.workspace,
-            name="render",
-            order=self.order + digest_of_order(["render"]),
-            arguments=lambda resuming: filled_list(command.arguments, self.workspace.values(), self.workspace.settings),
-            wrote=self._views_written,
-            time_limit=command.time_limit,
-            before=self.workspace.write_lights,
-            inspect=lambda: _inspect(found for maps in self._read().maps.values() for found in maps.values()),
-        )
+        return self._task(command, "render", ["render"], self._own_files)
 
     def _relighting(self, light: str) -> Task:
         command = self.workspace.file.relight
         assert command is not None
         lights = sorted(self._lit_views()) if command.all_lights else [light]
         one = "" if command.all_lights else light
+        name = f"relight-{light}" if one else "relight"
+        return self._task(command, name, ["relight", one], partial(self._relit_files, lights), one)
+
+    def _task(
+        self,
+        command: RenderCommand | RelightCommand,
+        name: str,
+        order: list[str],
+        files: Callable[[], list[Found]],
+        light: str = "",
+    ) -> Task:
+        """The task of a command that has to write ``files``, which raises CommandFailed for a missing one."""
+        workspace = self.workspace
         return Task(
-            workspace=self.workspace,
-            name=f"relight-{light}" if one else "relight",
-            order=self.order + digest_of_order(["relight", one]),
-            arguments=lambda resuming: filled_list(
-                command.arguments, self.workspace.values(one), self.workspace.settings
-            ),
-            wrote=partial(self._relit_written, lights),
-            light=one,
+            workspace=workspace,
+            name=name,
+            order=self.order + digest_of_order(order),
+            arguments=lambda resuming: filled_list(command.arguments, workspace.values(light), workspace.settings),
+            wrote=lambda: listing_of(workspace.root, (found.path for found in files())),
+            light=light,
             time_limit=command.time_limit,
-            before=self.workspace.write_lights,
-            inspect=lambda: _inspect(found for each in lights for found in self._relit(each).values()),
+            before=workspace.write_lights,
+            inspect=lambda: _inspect(files()),
         )
 
     def _prepared(self) -> PreparedCommand:
         found = self._read()
         offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
-        views = [(view, partial(_maps_of, found, view)) for view in self.workspace.run.scene.test]
+        views = [(view, found) for view in self.workspace.run.scene.test]
         return PreparedCommand(self.workspace.file.title, offered, views)
 
     def _prepared_under(self, light: str) -> PreparedCommand:
-        readings = [
-            (view, partial(_relit_of, self._read(scene), light, view))
-            for scene in self._lit_views()[light]
-            for view in scene.test
-            if view.has(f"relit/{light}")
-        ]
-        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, readings)
+        read = [(scene, self._read(scene)) for scene in self._lit_views()[light]]
+        views = [(view, found) for scene, found in read for view in scene.test if view.has(f"relit/{light}")]
+        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, views, light)
 
-    def _views_written(self) -> Listing:
+    def _own_files(self) -> list[Found]:
         """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""
         found, command = self._read(), self.workspace.file.render
         missing = [each for each in found.missing if not each.startswith("relit ")]
         there = {name for maps in found.maps.values() for name in maps}
         missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
         _require_none(missing, found.ignored)
-        return self._listed(found for maps in found.maps.values() for found in maps.values())
+        return [each for maps in found.maps.values() for each in maps.values()]
 
-    def _relit_written(self, lights: Sequence[str]) -> Listing:
+    def _relit_files(self, lights: Sequence[str]) -> list[Found]:
         """The files of the views under some lights. Raises CommandFailed if a view has none."""
-        files: dict[tuple[str, str], Found] = {}
+        files: list[Found] = []
         missing = []
         for light in lights:
-            relit = self._relit(light)
-            files |= {(light, name): found for name, found in relit.items()}
-            views = [view for scene in self._lit_views()[light] for view in scene.test]
-            wanted = [view.name for view in views if view.has(f"relit/{light}")]
-            missing += [f"{name} under {light}" for name in wanted if name not in relit]
+            for scene in self._lit_views()[light]:
+                relit = self._read(scene).relit.get(light, {})
+                files += relit.values()
+                wanted = [view.name for view in scene.test if view.has(f"relit/{light}")]
+                missing += [f"{name} under {light}" for name in wanted if name not in relit]
         _require_none(missing)
-        return self._listed(files.values())
-
-    def _relit(self, light: str) -> dict[str, Found]:
-        found: dict[str, Found] = {}
-        for scene in self._lit_views()[light]:
-            found |= self._read(scene).relit.get(light, {})
-        return found
+        return files
 
     def _lit_views(self) -> dict[str, list[Scene]]:
         """For each light, scenes whose test views are the views under that light.
@@ -273,15 +261,9 @@ class TrainedCommand:
         except DataError:
             return None
 
-    def _listed(self, files: Any) -> Listing:
-        return listing_of(self.workspace.root, (found.path for found in files))
-
     def _name_of(self, light: EnvironmentMap) -> str:
         lights = self.workspace.run.scene.lights
-        for name, each in lights.items():
-            if each is light:
-                return name
-        for name, each in lights.items():
+        for name, each in sorted(lights.items(), key=lambda item: item[1] is not light):
             if torch.equal(each.radiance.cpu(), light.radiance.cpu()):
                 return name
         raise DataError(
@@ -297,21 +279,7 @@ def same_camera(one: Camera, other: Camera) -> bool:
     return lens[0] == lens[1] and torch.equal(one.camera_to_world.cpu(), other.camera_to_world.cpu())
 
 
-def _coverage(view: View) -> Float[Tensor, "height width 1"]:
-    if view.has("alpha"):
-        return view.read("alpha")
-    return torch.ones(view.camera.height, view.camera.width, 1)
-
-
-def _maps_of(found: Predictions, view: View) -> Maps:
-    return found.read(view, _coverage(view))
-
-
-def _relit_of(found: Predictions, light: str, view: View) -> Maps:
-    return {"image": found.read_relit(light, view, _coverage(view))}
-
-
-def _inspect(files: Any) -> None:
+def _inspect(files: Sequence[Found]) -> None:
     """Raise DataError for an image file that is truncated."""
     for path in sorted({found.path for found in files}):
         if path.suffix != ".npy":

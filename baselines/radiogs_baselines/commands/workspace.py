@@ -14,9 +14,8 @@ from radiogs_core.own_files import own_folder
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets.image_files import write_exr, write_hdr
 
-from .errors import CommandFailed
 from .file import MethodFile, RelightCommand
-from .placeholders import filled
+from .process import CommandFailed
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Workspace:
     @property
     def results(self) -> Path:
         """The folder from which results are read."""
-        return Path(filled(self.file.results, self.named()))
+        return Path(self.file.results.format_map(self.named()))
 
     def log(self, command: str) -> Path:
         """Path of a command's log."""
@@ -115,23 +114,20 @@ class Workspace:
     def values(self, light: str = "") -> dict[str, str]:
         """Values of all placeholders; ``light``: the light to relight under. Raises UsageError if the code is not
         found."""
-        values = self.named() | {"code": str(self._checkout()), "python": self._python()}
+        interpreter = os.environ.get(self.file.code.python) if self.file.code.python else None
+        values = self.named() | {"code": str(self._checkout()), "python": interpreter or "python"}
         if light:
-            values |= {"light": light, "light_file": str(self.lights / f"{light}{self._light_suffix}")}
+            values |= {"light": light, "light_file": str(self._light_file(light))}
         return values
 
     @property
     def settings(self) -> Mapping[str, Sequence[str]]:
         """The file's lists of arguments for this scene."""
-        return self.file.settings_for(self.run.scene.name)
-
-    def environment(self, values: Mapping[str, str]) -> dict[str, str]:
-        """The file's environment variables, with placeholders replaced by ``values``."""
-        return {name: filled(text, values) for name, text in self.file.environment.items()}
+        return {**self.file.settings, **self.file.scenes.get(self.run.scene.name, {})}
 
     def working_folder(self, values: Mapping[str, str]) -> Path:
         """The folder in which commands run; it is created if it lies in the workspace."""
-        folder = Path(filled(self.file.working_folder, values)).absolute()
+        folder = Path(self.file.working_folder.format_map(values)).absolute()
         if folder.is_relative_to(self.root):
             self.make(folder)
         return folder
@@ -142,7 +138,7 @@ class Workspace:
             return
         self.make(self.lights)
         for name, light in self.run.scene.lights.items():
-            _write_light(self.lights / f"{name}{self._light_suffix}", light)
+            _write_light(self._light_file(name), light)
 
     def make(self, folder: Path) -> None:
         """Create a folder of the workspace. Raises CommandFailed if the system refuses, UsageError for a link."""
@@ -164,9 +160,8 @@ class Workspace:
             return None
         return said.stdout.strip()
 
-    @property
-    def _light_suffix(self) -> str:
-        return (self.file.relight or RelightCommand(())).light_suffix
+    def _light_file(self, light: str) -> Path:
+        return self.lights / f"{light}{(self.file.relight or RelightCommand(())).light_suffix}"
 
     def _checkout(self) -> Path:
         code = self.file.code
@@ -183,10 +178,6 @@ class Workspace:
             )
         asked = f"The environment variable {code.variable} names it." if named else "The method's file names it."
         raise UsageError(f"{self.file.title}: there is no folder {folder}", asked, f"Get the code: {get}.")
-
-    def _python(self) -> str:
-        variable = self.file.code.python
-        return (os.environ.get(variable) if variable else None) or "python"
 
 
 def _write_light(path: Path, light: EnvironmentMap) -> None:

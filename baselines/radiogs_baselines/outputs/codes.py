@@ -6,7 +6,7 @@ remark says otherwise.
 
 from collections.abc import Mapping
 
-from .rules import Code, Encoding, Rule, Unread
+from .layout import Code, Encoding, Rule, Unread
 
 YUP = "Its relighting looks the environment map up without turning it from Y up to Z up."
 ONE_NAME = (

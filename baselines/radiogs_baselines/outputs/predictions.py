@@ -22,7 +22,7 @@ from radiogs_datasets.image_files import read_image
 from radiogs_datasets.lights import latitude_longitude
 
 from .files import Found
-from .rules import Ground
+from .layout import Ground
 
 
 @dataclass(frozen=True)
@@ -93,11 +93,10 @@ class Predictions:
         A file with a fourth channel keeps its meaning where the layout reads coverage from it.
         """
 
-        def placed(files: Mapping[str, Found]) -> dict[str, Found]:
-            return {name: _on(ground, found) for name, found in files.items()}
-
-        maps = {view: placed(files) for view, files in self.maps.items()}
-        relit = {light: placed(files) for light, files in self.relit.items()}
+        maps, relit = (
+            {key: {name: _on(ground, found) for name, found in files.items()} for key, files in every.items()}
+            for every in (self.maps, self.relit)
+        )
         remark = f"colours are read on a {ground} ground (--ground)"
         return replace(self, maps=maps, relit=relit, remarks=(*self.remarks, remark), ground=ground)
 
@@ -146,14 +145,9 @@ def read_map(
 ) -> Float[Tensor, "height width _"]:
     """A map on black, in the units of ``radiogs_core.scene.scene.MapName`` (normals in the world).
 
-    Raises DataError for a file that is damaged, has another size than the view, or has too few channels.
-
-    Args:
-        found: The file and its rule.
-        view: View of the map.
-        coverage: True coverage. A white ground is removed with it, which does not change the difference from a truth on
-            white.
-        alpha: Predicted coverage, if there is a file of it: normals outside it are zero.
+    ``coverage``: true coverage, with which a white ground is removed; that does not change the difference from a truth
+    on white. ``alpha``: predicted coverage, if there is a file of it: normals outside it are zero. Raises DataError for
+    a file that is damaged, has another size than the view, or has too few channels.
     """
     rule = found.rule
     stored = _part(found, _read(found.path), (view.camera.height, view.camera.width))

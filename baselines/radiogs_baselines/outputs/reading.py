@@ -10,10 +10,9 @@ from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
 from .codes import CODES, PLAIN
-from .files import Found, find, last_index, resolved, spellings
+from .files import Found, find, last_index, resolved, spellings, unread_files
+from .layout import Rule
 from .predictions import Predictions, relightable
-from .rules import Rule
-from .unread import unread_files
 
 KINDS_SHOWN = 3
 """Kinds of files that an error lists of a folder that is not recognised."""
@@ -22,7 +21,7 @@ KINDS_SHOWN = 3
 def likely_codes(folder: Path) -> list[str]:
     """Codes whose marks the folder has, without those whose marks another of these codes also writes
     (``Code.over``)."""
-    marked = [name for name, code in CODES.items() if any(_exists(folder, mark) for mark in code.marks)]
+    marked = [name for name, code in CODES.items() if any(any(folder.glob(mark)) for mark in code.marks)]
     explained = {other for name in marked for other in CODES[name].over}
     return [name for name in marked if name not in explained]
 
@@ -103,7 +102,8 @@ class _Search:
                 continue
             if not rule.numbered:
                 self._require_no_more_views(rule, light)
-            there = {view.name: file for view in views if (file := self._find(rule, view, light)) is not None}
+            files = {v.name: find(self.folder, rule, self._index[v.name], v.name, light) for v in views}
+            there = {name: file for name, file in files.items() if file is not None}
             complete = chosen is None or len(there) == len(views)
             if there and complete and self._has_the_views_size(what, rule, there, views):
                 chosen = rule, there
@@ -119,9 +119,6 @@ class _Search:
             self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
         self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
         return there
-
-    def _find(self, rule: Rule, view: View, light: str) -> Found | None:
-        return find(self.folder, rule, self._index[view.name], view.name, light)
 
     def _example(self, rule: Rule, view: View, light: str) -> str:
         return spellings(rule, self._index[view.name], view.name, light)[0]
@@ -177,7 +174,3 @@ def _recognised(folder: Path, scene: Scene) -> str:
         f"Call the images as the test views are ('{view}.png', ...) or number them from 0 to {last} in their order; or"
         f" name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
     )
-
-
-def _exists(folder: Path, mark: str) -> bool:
-    return next(iter(folder.glob(mark)), None) is not None

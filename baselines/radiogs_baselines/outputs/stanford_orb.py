@@ -14,7 +14,7 @@ from typing import Literal
 from radiogs_core.errors import DataError
 from radiogs_datasets.bounded_reading import read_json
 
-from .unread import unread_files
+from .files import unread_files
 
 Task = Literal["nvs", "relight", "albedo", "depth", "normal", "shape"]
 """Tasks of the benchmark."""

@@ -15,7 +15,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.image_files import write_png
 
 from .codes import CODES
-from .rules import Rule
+from .layout import Rule
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 """Maps of a view by name."""
@@ -44,7 +44,8 @@ class LayoutWriter:
 
     def write(self, view: View, maps: Maps, coverage: Float[Tensor, "height width 1"]) -> None:
         """Write the maps of a view under its own light. ``coverage``: used if there is no map ``alpha``."""
-        rules = _first_of_each_map(CODES[self.code].rules)
+        # A folder that has the files of all rules is read by the first rule of each map.
+        rules = {rule.map: rule for rule in reversed(CODES[self.code].rules)}.values()
         for path, parts in groupby(sorted(rules, key=lambda rule: rule.path), key=lambda rule: rule.path):
             together = [rule for rule in parts if rule.map in maps]
             if together:
@@ -64,16 +65,11 @@ class LayoutWriter:
         whole = torch.zeros(height, count * width, channels)
         for index, part in encoded.items():
             whole[:, index * width : (index + 1) * width] = part
-        named = path.replace("*", "0").format(
-            index=self._index[view.name], name=view.name.replace("/", "_"), light=light
-        )
+        index = [each.name for each in self.scene.test].index(view.name)
+        named = path.replace("*", "0").format(index=index, name=view.name.replace("/", "_"), light=light)
         file = fresh(self.folder / (named if named.endswith(".png") else f"{named}.png"), self.folder)
         write_png(file, whole.numpy(), self.bits)
         self.written.append(file)
-
-    @property
-    def _index(self) -> dict[str, int]:
-        return {view.name: index for index, view in enumerate(self.scene.test)}
 
 
 def encode(
@@ -81,23 +77,11 @@ def encode(
 ) -> Float[Tensor, "height width _"]:
     """The values of a file before they are clipped to [0, 1] and rounded.
 
-    This is the inverse of ``predictions.read_map``. That function removes a white ground with the *true* coverage, so
-    the difference from the truth is that of both on white, which is how such a code compares them.
-
-    Args:
-        rule: Rule of the file.
-        image: The map, on black.
-        alpha: Its own coverage.
+    This is the inverse of ``predictions.read_map``, for an ``image`` on black with its own coverage ``alpha``. That
+    function removes a white ground with the *true* coverage, so the difference from the truth is that of both on white,
+    which is how such a code compares them.
     """
     if rule.encoding == "normal":
         return image / 2 + 0.5
     stored = srgb_encode(image) if rule.encoding in ("srgb", "radiance") else image
     return stored + (1 - alpha) if rule.ground == "white" else stored
-
-
-def _first_of_each_map(rules: tuple[Rule, ...]) -> list[Rule]:
-    """The first rule of each map, by which a folder that has the files of all rules is read."""
-    first: dict[str, Rule] = {}
-    for rule in rules:
-        first.setdefault(rule.map, rule)
-    return list(first.values())

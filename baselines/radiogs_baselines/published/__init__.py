@@ -7,6 +7,7 @@ from importlib import resources
 from typing import Literal
 
 from radiogs_core.errors import unknown
+from radiogs_core.plain_values import from_plain
 
 
 @dataclass(frozen=True)
@@ -79,19 +80,10 @@ def published(table: str) -> PublishedTable:
         raise unknown("published table", table, published_tables())
     text = resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8")
     content = tomllib.loads(text, parse_float=str)
-    given = content.pop("conditions")
-    conditions = Conditions(
-        given["data_set"],
-        given["layout"],
-        tuple(given["scenes"]),
-        (given["width"][0], given["width"][1]),
-        given["protocol"],
-    )
-    columns = {name: Column(**column) for name, column in content.pop("columns").items()}
-    rows = content.pop("rows").items()
-    printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in rows}
+    printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in content.pop("rows").items()}
     figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in printed.items()}
-    return PublishedTable(conditions=conditions, columns=columns, figures=figures, printed=printed, **content)
+    found: PublishedTable = from_plain(PublishedTable, {**content, "printed": printed, "figures": figures}, table)
+    return found
 
 
 def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, dict[str, float]], str]:

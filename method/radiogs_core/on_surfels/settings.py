@@ -6,12 +6,13 @@ methods start from the same surfels.
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar, TypeVar
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, ClassVar, Generic, TypeVar
 
 from ..learning.geometry import GeometryLearning
 from ..plain_values import require
 from .length import POSITIONS
+from .start_values import StartValues
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +99,15 @@ def by_name(*budgets: BudgetT) -> dict[str, BudgetT]:
     return {budget.name: budget for budget in budgets}
 
 
+def presets(budget: type[BudgetT], **numbers: tuple[float, float, float, float]) -> dict[str, BudgetT]:
+    """Budgets by the names of the presets, smoke, tiny, small and paper; each field has its values in this order."""
+    found = {}
+    for index, (name, geometry) in enumerate(GEOMETRY_PRESETS.items()):
+        given: Any = {field: values[index] for field, values in numbers.items()}
+        found[name] = budget(name=name, geometry=geometry, **given)
+    return found
+
+
 @dataclass(frozen=True)
 class SurfelVariant:
     """The settings that an ablation of a method on surfels may change; the defaults are the full method.
@@ -124,3 +134,28 @@ class SurfelVariant:
     def of_training(self) -> dict[str, Any]:
         """The fields that decide the trained model, as plain values."""
         return {name: value for name, value in asdict(self).items() if name not in self.shown_only}
+
+
+@dataclass(frozen=True)
+class NotNegative:
+    """Numbers that are zero or above, such as the weights of losses. Raises UsageError for any other number."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
+
+
+WeightsT = TypeVar("WeightsT", bound=NotNegative)
+RatesT = TypeVar("RatesT", bound=NotNegative)
+StartT = TypeVar("StartT", bound=StartValues)
+
+
+@dataclass(frozen=True)
+class MaterialLearning(Generic[WeightsT, RatesT, StartT]):
+    """How a method on surfels learns materials and light in stage 2."""
+
+    weights: WeightsT
+    """Weights of the losses."""
+    rates: RatesT
+    """Adam's learning rates."""
+    start: StartT
+    """Initial materials and light."""

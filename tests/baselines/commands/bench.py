@@ -1,6 +1,7 @@
 """A small harness for methods of commands: it steps stages to their end as the real one does, and keeps states."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,13 @@ def method_of(folder: Path, text: str) -> CommandMethod:
     path = folder / "method.toml"
     path.write_text(text)
     return read_method(path)
+
+
+Cells = Callable[..., "Bench"]
+"""Makes a cell from a method's file."""
+
+Shelf = Callable[[str], str]
+"""Gives the argument of the stand-in by which it lays out the results of a layout."""
 
 
 @dataclass

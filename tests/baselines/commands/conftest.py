@@ -3,9 +3,11 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from baselines.commands.bench import Bench, Cells, Shelf, method_of
 from public_outputs import WRITERS, Maps, noisy
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -39,3 +41,19 @@ def pantry(predicted: dict[str, Maps], tmp_path_factory: pytest.TempPathFactory)
         return root / layout
 
     return folder
+
+
+@pytest.fixture
+def shelf(pantry: Callable[[str], Path]) -> Shelf:
+    """The argument by which the stand-in lays out the results of a layout."""
+    return lambda layout: f"--pantry|{pantry(layout)}"
+
+
+@pytest.fixture
+def cell_of(convex: Scene, tmp_path: Path) -> Cells:
+    """A cell of a method's file on the scene, in a folder of its own."""
+
+    def made(text: str, work: str = "work", scene: Scene = convex, **given: Any) -> Bench:
+        return Bench(method_of(tmp_path, text), scene, tmp_path / work, **given)
+
+    return made

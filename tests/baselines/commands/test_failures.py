@@ -5,18 +5,17 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import psutil
 import pytest
 
-from baselines.commands.bench import Bench, method_of, toml
+from baselines.commands.bench import Bench, Cells, Shelf, method_of, toml
 from bench.full_disk import UNSHARE, why_nothing_can_be_mounted
 from public_outputs import Maps, write_svg_ir
 from radiogs_baselines.commands import process, task
-from radiogs_baselines.commands.errors import CommandFailed
+from radiogs_baselines.commands.process import CommandFailed
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
@@ -37,14 +36,14 @@ def orphans(workspace: Path) -> list[int]:
     return [int(path.read_text()) for path in workspace.glob("orphan-*")]
 
 
-def cell(folder: Path, scene: Scene, second: str, head: str = "", limit: float | None = None) -> Bench:
+def cell(cell_of: Cells, second: str, head: str = "", limit: float | None = None) -> Bench:
     """A code whose first command is sound."""
     text = toml([FIRST, second], head=head)
     if limit is not None:
         text = text.replace(
             "writes = ['{output}/model-2.pth']", f"writes = ['{{output}}/model-2.pth']\ntime_limit = {limit}"
         )
-    return Bench(method_of(folder, text), scene, folder / "work")
+    return cell_of(text)
 
 
 def mended(bench: Bench, folder: Path) -> Bench:
@@ -52,8 +51,8 @@ def mended(bench: Bench, folder: Path) -> Bench:
     return Bench(method_of(folder, toml([FIRST, SECOND])), bench.scene, bench.workspace, states=bench.states)
 
 
-def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(convex: Scene, tmp_path: Path) -> None:
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|crash")
+def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(cell_of: Cells) -> None:
+    bench = cell(cell_of, f"{SECOND}|--habit|crash")
     with pytest.raises(CommandFailed) as failure:
         bench.train()
     assert failure.value.what == "Stand-in: the command 'stage-2' ended with exit code 3"
@@ -64,12 +63,12 @@ def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(convex: Scene
     assert [state["done"] is not None for state in bench.states] == [True, False]
 
 
-def test_what_was_done_before_a_crash_is_not_done_again(convex: Scene, tmp_path: Path) -> None:
+def test_what_was_done_before_a_crash_is_not_done_again(tmp_path: Path, cell_of: Cells) -> None:
     """Also where the harness was killed before it had stored that the command was done."""
     note = tmp_path / "note"
     text = toml([f"{FIRST}|--note|{note}", f"{SECOND}|--note|{note}|--habit|crash after half"])
     for states in (True, False):
-        bench = Bench(method_of(tmp_path, text), convex, tmp_path / f"work-{states}")
+        bench = cell_of(text, f"work-{states}")
         note.write_text("")
         for _ in range(2):
             with pytest.raises(CommandFailed):
@@ -79,15 +78,15 @@ def test_what_was_done_before_a_crash_is_not_done_again(convex: Scene, tmp_path:
         assert [line.count("model-1") for line in note.read_text().splitlines()] == [1, 0, 0]
 
 
-def test_an_end_by_a_signal_is_named(convex: Scene, tmp_path: Path) -> None:
+def test_an_end_by_a_signal_is_named(cell_of: Cells) -> None:
     with pytest.raises(CommandFailed, match="was ended by the signal SIGKILL") as failure:
-        cell(tmp_path, convex, f"{SECOND}|--habit|abort").train()
+        cell(cell_of, f"{SECOND}|--habit|abort").train()
     assert "memory" in failure.value.why
 
 
 @pytest.mark.parametrize("habit", ["hang tidily", "hang deaf"])
-def test_a_command_that_hangs_is_ended_at_its_time_limit(habit: str, convex: Scene, tmp_path: Path) -> None:
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|{habit}", limit=1.2)
+def test_a_command_that_hangs_is_ended_at_its_time_limit(habit: str, cell_of: Cells) -> None:
+    bench = cell(cell_of, f"{SECOND}|--habit|{habit}", limit=1.2)
     begun = time.monotonic()
     with pytest.raises(CommandFailed, match=r"was ended after 1\.2 seconds, its time limit"):
         bench.train()
@@ -95,8 +94,8 @@ def test_a_command_that_hangs_is_ended_at_its_time_limit(habit: str, convex: Sce
     assert (bench.workspace / "output" / "tidied").exists() == (habit == "hang tidily")
 
 
-def test_children_in_sessions_of_their_own_are_ended_with_the_command(convex: Scene, tmp_path: Path) -> None:
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|crash with orphans")
+def test_children_in_sessions_of_their_own_are_ended_with_the_command(cell_of: Cells) -> None:
+    bench = cell(cell_of, f"{SECOND}|--habit|crash with orphans")
     with pytest.raises(CommandFailed, match="exit code 3"):
         bench.train()
     numbers = orphans(bench.workspace)
@@ -104,14 +103,14 @@ def test_children_in_sessions_of_their_own_are_ended_with_the_command(convex: Sc
     assert not any(map(lives, numbers))
 
 
-def test_what_outlives_a_command_that_ended_well_is_ended(convex: Scene, tmp_path: Path) -> None:
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|leave an orphan")
+def test_what_outlives_a_command_that_ended_well_is_ended(cell_of: Cells) -> None:
+    bench = cell(cell_of, f"{SECOND}|--habit|leave an orphan")
     bench.train()
     assert [lives(pid) for pid in orphans(bench.workspace)] == [False]
 
 
-def test_an_interruption_ends_the_command_with_its_children(convex: Scene, tmp_path: Path) -> None:
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|hang with orphans")
+def test_an_interruption_ends_the_command_with_its_children(cell_of: Cells) -> None:
+    bench = cell(cell_of, f"{SECOND}|--habit|hang with orphans")
     run = bench.run
     first, second = bench.method.stages(run.variant, run.budget)
     stage = first.begin(run, {})
@@ -131,7 +130,7 @@ def test_an_interruption_ends_the_command_with_its_children(convex: Scene, tmp_p
 
 
 def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
-    convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cell_of: Cells
 ) -> None:
     mark = {**os.environ, process.MARK: str(tmp_path / "work")}
     other = {**os.environ, process.MARK: str(tmp_path / "elsewhere")}
@@ -141,7 +140,7 @@ def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
     try:
         monkeypatch.setenv("STAND_IN_OTHER", str(left.pid))
         text = toml([f"{FIRST}|--habit|need to be alone", SECOND])
-        Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
+        cell_of(text).train()
         assert left.wait(1) < 0
         assert stranger.poll() is None
     finally:
@@ -157,10 +156,10 @@ def test_without_a_first_process_only_the_mark_counts(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize("resumes", [False, True])
-def test_an_unfinished_command_begins_again_or_goes_on(resumes: bool, convex: Scene, tmp_path: Path) -> None:
+def test_an_unfinished_command_begins_again_or_goes_on(resumes: bool, tmp_path: Path, cell_of: Cells) -> None:
     head = "resumes = true" if resumes else ""
     note = tmp_path / "note"
-    bench = cell(tmp_path, convex, f"{SECOND}|--note|{note}|--habit|crash after half", head)
+    bench = cell(cell_of, f"{SECOND}|--note|{note}|--habit|crash after half", head)
     text = (tmp_path / "method.toml").read_text()
     half = bench.workspace / "output" / "half.pth"
     for number in range(2):
@@ -178,11 +177,11 @@ def test_an_unfinished_command_begins_again_or_goes_on(resumes: bool, convex: Sc
 
 
 def test_half_of_the_views_is_an_error_and_the_training_is_kept(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+    convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf
 ) -> None:
-    shelf = f"--pantry|{pantry('gs-ir')}"
-    text = toml([FIRST], f"{shelf}|--share|0.5", f"{shelf}|--light|{{light}}|--share|0.5", "gs-ir")
-    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+    laid = shelf("gs-ir")
+    text = toml([FIRST], f"{laid}|--share|0.5", f"{laid}|--light|{{light}}|--share|0.5", "gs-ir")
+    bench = cell_of(text)
     trained = bench.train()
     with pytest.raises(CommandFailed, match="did not write all its files") as failure:
         trained.prepare()
@@ -195,46 +194,42 @@ def test_half_of_the_views_is_an_error_and_the_training_is_kept(
     bench.train().prepare()
 
 
-def test_an_image_that_is_cut_off_is_an_error(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
-    text = toml([FIRST], f"--pantry|{pantry('gs-ir')}|--habit|cut", reader="gs-ir")
-    trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
+def test_an_image_that_is_cut_off_is_an_error(cell_of: Cells, shelf: Shelf) -> None:
+    text = toml([FIRST], f"{shelf('gs-ir')}|--habit|cut", reader="gs-ir")
+    trained = cell_of(text).train()
     for _ in range(2):
         with pytest.raises(CommandFailed, match="'render' ended without an error, but") as failure:
             trained.prepare()
         assert "is damaged" in failure.value.why
 
 
-def test_what_must_be_rendered_and_is_not_is_an_error(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
-) -> None:
-    text = toml([FIRST], f"--pantry|{pantry('gs-ir')}\nmaps = ['image', 'indirect']", reader="gs-ir")
-    trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
+def test_what_must_be_rendered_and_is_not_is_an_error(cell_of: Cells, shelf: Shelf) -> None:
+    text = toml([FIRST], f"{shelf('gs-ir')}\nmaps = ['image', 'indirect']", reader="gs-ir")
+    trained = cell_of(text).train()
     with pytest.raises(CommandFailed) as failure:
         trained.prepare()
     assert "1 missing: indirect of all views" in failure.value.why
 
 
 def test_views_of_another_size_are_named_as_the_reason(
-    convex: Scene, predicted: dict[str, Maps], tmp_path: Path
+    predicted: dict[str, Maps], tmp_path: Path, cell_of: Cells
 ) -> None:
     write_svg_ir(tmp_path / "pantry", predicted, step=4)
     text = toml([FIRST], f"--pantry|{tmp_path / 'pantry'}", reader="svg-ir")
-    trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
+    trained = cell_of(text).train()
     with pytest.raises(CommandFailed) as failure:
         trained.prepare()
     assert "a quarter of the resolution" in failure.value.why
 
 
-def test_a_command_that_leaves_nothing_is_an_error(convex: Scene, tmp_path: Path) -> None:
+def test_a_command_that_leaves_nothing_is_an_error(cell_of: Cells) -> None:
     with pytest.raises(CommandFailed) as failure:
-        cell(tmp_path, convex, "--name|another").train()
+        cell(cell_of, "--name|another").train()
     assert "there is no {output}/model-2.pth" in failure.value.why
 
 
-def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_them(
-    convex: Scene, tmp_path: Path
-) -> None:
-    bench = cell(tmp_path, convex, SECOND)
+def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_them(cell_of: Cells) -> None:
+    bench = cell(cell_of, SECOND)
     trained = bench.train()
     model = bench.workspace / "output" / "model-1.pth"
     for spoil in (lambda: model.write_text("short"), model.unlink):
@@ -246,9 +241,9 @@ def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_the
             bench.train()
 
 
-def test_a_rendering_can_be_stopped(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
-    text = toml([FIRST], f"--pantry|{pantry('gs-ir')}|--habit|hang with orphans", reader="gs-ir")
-    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+def test_a_rendering_can_be_stopped(cell_of: Cells, shelf: Shelf) -> None:
+    text = toml([FIRST], f"{shelf('gs-ir')}|--habit|hang with orphans", reader="gs-ir")
+    bench = cell_of(text)
     trained = bench.train()
 
     def stop() -> None:
@@ -261,17 +256,17 @@ def test_a_rendering_can_be_stopped(convex: Scene, pantry: Callable[[str], Path]
 
 
 def test_a_program_that_is_not_there_is_an_error(
-    convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cell_of: Cells
 ) -> None:
     monkeypatch.setenv("STAND_IN_PYTHON", str(tmp_path / "no" / "python"))
     with pytest.raises(CommandFailed, match="cannot start") as failure:
-        cell(tmp_path, convex, SECOND).train()
+        cell(cell_of, SECOND).train()
     assert "No such file" in failure.value.why
 
 
-def test_a_file_that_may_not_grow_is_told_as_a_full_disk(convex: Scene, tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow_is_told_as_a_full_disk(tmp_path: Path, cell_of: Cells) -> None:
     """RLIMIT_FSIZE: the kernel refuses in the middle of a write, as on a full disk."""
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|fill the disk")
+    bench = cell(cell_of, f"{SECOND}|--habit|fill the disk")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, before[1]))
     try:
@@ -287,10 +282,10 @@ def test_a_file_that_may_not_grow_is_told_as_a_full_disk(convex: Scene, tmp_path
 FULL_DISK = """
 import sys
 from pathlib import Path
-from baselines.commands.bench import Bench, method_of, toml
+from baselines.commands.bench import Bench, Cells, Shelf, method_of, toml
 from public_outputs import Maps, write_svg_ir
 
-from radiogs_baselines.commands.errors import CommandFailed
+from radiogs_baselines.commands.process import CommandFailed
 from radiogs_datasets import load_scene
 import subprocess
 
@@ -328,18 +323,16 @@ def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_memory_is_that_of_all_processes(convex: Scene, tmp_path: Path) -> None:
-    trained = cell(tmp_path, convex, f"{SECOND}|--habit|take memory").train()
+def test_memory_is_that_of_all_processes(cell_of: Cells) -> None:
+    trained = cell(cell_of, f"{SECOND}|--habit|take memory").train()
     peaks = {name: record["peak_bytes"] or 0 for name, record in trained.product.items()}  # None: ended before a sample
     assert peaks["stage-2"] > 200 * 2**20 > peaks["stage-1"]
 
 
-def test_a_long_log_keeps_its_beginning_and_its_end(
-    convex: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_log_keeps_its_beginning_and_its_end(monkeypatch: pytest.MonkeyPatch, cell_of: Cells) -> None:
     command = task.Command
     monkeypatch.setattr(task, "Command", lambda *arguments: command(*arguments, log_limit=10_000))
-    bench = cell(tmp_path, convex, f"{SECOND}|--habit|talk")
+    bench = cell(cell_of, f"{SECOND}|--habit|talk")
     bench.train()
     text = (bench.workspace / "logs" / "stage-2.log").read_text()
     assert len(text) < 10_100
@@ -352,8 +345,8 @@ def test_a_long_log_keeps_its_beginning_and_its_end(
 
 
 @pytest.mark.parametrize("name", ["logs/stage-2.log", "done/.stage-2.json.tmp"])
-def test_a_link_in_the_place_of_a_log_or_a_record_is_replaced(name: str, convex: Scene, tmp_path: Path) -> None:
-    bench, victim = cell(tmp_path, convex, SECOND), tmp_path / "victim"
+def test_a_link_in_the_place_of_a_log_or_a_record_is_replaced(name: str, tmp_path: Path, cell_of: Cells) -> None:
+    bench, victim = cell(cell_of, SECOND), tmp_path / "victim"
     victim.write_text("mine")
     (bench.workspace / name).parent.mkdir(parents=True)
     (bench.workspace / name).symlink_to(victim)
@@ -363,8 +356,8 @@ def test_a_link_in_the_place_of_a_log_or_a_record_is_replaced(name: str, convex:
 
 
 @pytest.mark.parametrize("name", ["logs", "done", "begun", "output"])
-def test_a_folder_of_the_workspace_that_is_a_link_is_refused(name: str, convex: Scene, tmp_path: Path) -> None:
-    bench, elsewhere = cell(tmp_path, convex, SECOND), tmp_path / "elsewhere"
+def test_a_folder_of_the_workspace_that_is_a_link_is_refused(name: str, tmp_path: Path, cell_of: Cells) -> None:
+    bench, elsewhere = cell(cell_of, SECOND), tmp_path / "elsewhere"
     elsewhere.mkdir()
     bench.workspace.mkdir()
     (bench.workspace / name).symlink_to(elsewhere)

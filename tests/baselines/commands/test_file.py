@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from baselines.commands.bench import Bench, method_of, toml
+from baselines.commands.bench import Bench, Cells, method_of, toml
 from radiogs_baselines.commands.method import CommandBudget, CommandMethod, read_method
-from radiogs_baselines.commands.placeholders import filled, filled_list
+from radiogs_baselines.commands.placeholders import filled_list
 from radiogs_core.contract import NotOffered, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.light import EnvironmentMap
@@ -72,8 +72,8 @@ def test_a_sound_file_is_read_and_a_missing_one_is_said_to_be(tmp_path: Path) ->
 
 def test_placeholders_are_filled_once_and_lists_are_spread() -> None:
     values = {"a": "{b} c", "b": "x"}
-    assert filled("{a}-{{b}}-{b}", values) == "{b} c-{b}-x"
-    assert filled_list(["{b}", "{more}", "-{b}"], values, {"more": ["1 2", "{b}"]}) == ("x", "1 2", "{b}", "-x")
+    found = filled_list(["{a}-{{b}}-{b}", "{more}", "-{b}"], values, {"more": ["1 2", "{b}"]})
+    assert found == ("{b} c-{b}-x", "1 2", "{b}", "-x")
 
 
 def test_presets_can_be_multiplied(tmp_path: Path) -> None:
@@ -110,21 +110,21 @@ def test_a_run_that_a_code_cannot_read_is_refused_before_anything_starts(
     assert not (tmp_path / "work").exists() or not any((tmp_path / "work").rglob("*.log"))
 
 
-def test_settings_are_those_of_the_scene(convex: Scene, tmp_path: Path) -> None:
+def test_settings_are_those_of_the_scene(tmp_path: Path, cell_of: Cells) -> None:
     note = tmp_path / "note"
     text = toml([f"--name|model-1|--note|{note}|{{size}}"]) + "\n[settings]\nsize = ['--size', '5']"
     for here, size in ((None, 5), ("['--size', '6']", 6), ("[]", 1000)):
         more = f"\n[scenes.convex]\nsize = {here}" if here else ""
-        bench = Bench(method_of(tmp_path, text + more), convex, tmp_path / f"work-{size}")
+        bench = cell_of(text + more, f"work-{size}")
         bench.train()
         assert (bench.workspace / "output" / "model-1.pth").stat().st_size == size
 
 
-def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, tmp_path: Path) -> None:
-    trained = Bench(method_of(tmp_path, SOUND), convex, tmp_path / "work").train()
+def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, cell_of: Cells) -> None:
+    trained = cell_of(SOUND).train()
     with pytest.raises(DataError, match="a light that is not one of the scene's"):
         trained.prepare(EnvironmentMap(torch.ones(2, 4, 3)))
-    without = Bench(method_of(tmp_path, toml(["--name|model-1"])), convex, tmp_path / "other").train()
+    without = cell_of(toml(["--name|model-1"]), "other").train()
     with pytest.raises(NotOffered, match="no command that relights"):
         without.prepare(next(iter(convex.lights.values())))
     with pytest.raises(DataError, match="holds no prediction"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from baselines.commands.bench import Bench, method_of, toml
+from baselines.commands.bench import Bench, Cells, Shelf, method_of, toml
 from public_outputs import Maps
 from radiogs_baselines.commands.method import CommandBudget, CommandVariant
 from radiogs_core import contract
@@ -24,14 +24,14 @@ BY_NAME = ("r3dg", "svg-ir")
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_code_is_trained_rendered_and_relit(
-    layout: str, convex: Scene, predicted: dict[str, Maps], pantry: Callable[[str], Path], tmp_path: Path
+    layout: str, convex: Scene, predicted: dict[str, Maps], tmp_path: Path, shelf: Shelf
 ) -> None:
-    shelf = f"--pantry|{pantry(layout)}"
+    laid = shelf(layout)
     maps = '\nmaps = ["albedo", "normal"]' if layout == "r3dg" else ""
     text = toml(
         ["--name|model-1", "--name|model-2"],
-        shelf + maps,
-        f"{shelf}|--light|{{light}}|--light_file|{{light_file}}",
+        laid + maps,
+        f"{laid}|--light|{{light}}|--light_file|{{light_file}}",
         layout,
     )
     method = method_of(tmp_path, text)
@@ -60,21 +60,19 @@ def test_a_code_is_trained_rendered_and_relit(
             assert (relit.render(view.camera)["image"] - predicted[view.name][f"relit/{name}"]).abs().max() < 0.02
 
 
-def test_a_camera_that_was_not_rendered_is_refused(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
-) -> None:
-    text = toml(["--name|model-1"], f"--pantry|{pantry('irgs')}", reader="irgs")
-    prepared = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train().prepare()
+def test_a_camera_that_was_not_rendered_is_refused(convex: Scene, cell_of: Cells, shelf: Shelf) -> None:
+    text = toml(["--name|model-1"], shelf("irgs"), reader="irgs")
+    prepared = cell_of(text).train().prepare()
     with pytest.raises(DataError, match="was not rendered from this camera"):
         prepared.render(convex.train[0].camera)
     with pytest.raises(DataError, match="was not rendered from this camera"):
         prepared.render(replace(convex.test[0].camera, fx=1.0))
 
 
-def test_facts_say_what_was_run_and_what_it_took(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
-    shelf = f"--pantry|{pantry('irgs')}"
-    text = toml(["--name|model-1"], shelf, f"{shelf}|--light|{{light}}", "irgs", 'traps = ["It is none."]')
-    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+def test_facts_say_what_was_run_and_what_it_took(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
+    laid = shelf("irgs")
+    text = toml(["--name|model-1"], laid, f"{laid}|--light|{{light}}", "irgs", 'traps = ["It is none."]')
+    bench = cell_of(text)
     trained = bench.train()
     trained.prepare()
     light = next(iter(convex.lights))
@@ -95,12 +93,12 @@ def test_facts_say_what_was_run_and_what_it_took(convex: Scene, pantry: Callable
 
 
 def test_a_command_is_not_run_again_while_its_results_are_there(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+    convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf
 ) -> None:
     note = tmp_path / "note"
-    shelf = f"--pantry|{pantry('gs-ir')}|--note|{note}"
-    text = toml([f"--name|model-1|--note|{note}"], shelf, f"{shelf}|--light|{{light}}", "gs-ir")
-    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+    laid = f"{shelf('gs-ir')}|--note|{note}"
+    text = toml([f"--name|model-1|--note|{note}"], laid, f"{laid}|--light|{{light}}", "gs-ir")
+    bench = cell_of(text)
     for _ in range(2):
         trained = bench.train()
         trained.prepare()
@@ -113,13 +111,11 @@ def test_a_command_is_not_run_again_while_its_results_are_there(
     assert note.read_text().splitlines()[-1].startswith("render")
 
 
-def test_what_was_rendered_of_another_training_is_rendered_again(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_what_was_rendered_of_another_training_is_rendered_again(tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     note = tmp_path / "note"
-    shelf = f"--pantry|{pantry('gs-ir')}|--note|{note}"
-    text = toml(["--name|model-1"], shelf, reader="gs-ir", head="resumes = true").replace('["--resume"]', "[]")
-    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+    laid = f"{shelf('gs-ir')}|--note|{note}"
+    text = toml(["--name|model-1"], laid, reader="gs-ir", head="resumes = true").replace('["--resume"]', "[]")
+    bench = cell_of(text)
     for runs in (1, 2):
         bench.train().prepare()
         assert len(note.read_text().splitlines()) == runs
@@ -127,30 +123,30 @@ def test_what_was_rendered_of_another_training_is_rendered_again(
         bench.states = []
 
 
-def test_what_another_command_has_left_is_not_taken_for_ones_own(convex: Scene, tmp_path: Path) -> None:
+def test_what_another_command_has_left_is_not_taken_for_ones_own(cell_of: Cells) -> None:
     """A workspace is of one cell; should it be of two, neither takes the other's results."""
     for size in (5, 6):
-        bench = Bench(method_of(tmp_path, toml([f"--name|model-1|--size|{size}"])), convex, tmp_path / "work")
+        bench = cell_of(toml([f"--name|model-1|--size|{size}"]))
         bench.train()
         assert (bench.workspace / "output" / "model-1.pth").stat().st_size == size
 
 
-def test_all_lights_at_once_are_one_command(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
+def test_all_lights_at_once_are_one_command(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     note, names = tmp_path / "note", "|".join(convex.lights)
-    shelf = f"--pantry|{pantry('tensoir')}"
-    relight = f"{shelf}|--note|{note}|--lights|{names}\nall_lights = true"
-    bench = Bench(method_of(tmp_path, toml(["--name|model-1"], shelf, relight, "tensoir")), convex, tmp_path / "work")
+    laid = shelf("tensoir")
+    relight = f"{laid}|--note|{note}|--lights|{names}\nall_lights = true"
+    bench = cell_of(toml(["--name|model-1"], laid, relight, "tensoir"))
     trained = bench.train()
     for light in convex.lights.values():
         trained.prepare(light)
     assert len(note.read_text().splitlines()) == 1
 
 
-def test_views_elsewhere_are_relit_by_their_names(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
+def test_views_elsewhere_are_relit_by_their_names(convex: Scene, cell_of: Cells, shelf: Shelf) -> None:
     scene = replace(convex, test=convex.test[:4], relight=convex.test[4:6])
-    shelf = f"--pantry|{pantry('plain')}"
-    text = toml(["--name|model-1"], shelf, f"{shelf}|--light|{{light}}")
-    trained = Bench(method_of(tmp_path, text), scene, tmp_path / "work").train()
+    laid = shelf("plain")
+    text = toml(["--name|model-1"], laid, f"{laid}|--light|{{light}}")
+    trained = cell_of(text, scene=scene).train()
     name, light = next(iter(scene.lights.items()))
     relit = trained.prepare(light)
     for view in (*scene.test, *scene.relight):
@@ -159,34 +155,34 @@ def test_views_elsewhere_are_relit_by_their_names(convex: Scene, pantry: Callabl
 
 
 def test_numbered_files_are_of_test_views_and_of_no_view_elsewhere(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path, cell_of: Cells
 ) -> None:
     scene = replace(convex, test=convex.test[:4], relight=convex.test[4:6])
     name, light = next(iter(scene.lights.items()))
-    shelf = Path(shutil.copytree(pantry("plain"), tmp_path / "numbered"))
+    numbered = Path(shutil.copytree(pantry("plain"), tmp_path / "numbered"))
     for number, view in enumerate(convex.test):
-        file = shelf / "relit" / name / f"{view.name}.png"
+        file = numbered / "relit" / name / f"{view.name}.png"
         if number < 4:
             file.rename(file.with_name(f"{number:05d}.png"))
         else:
             file.unlink()
-    text = toml(["--name|model-1"], f"--pantry|{shelf}", f"--pantry|{shelf}|--light|{{light}}")
-    trained = Bench(method_of(tmp_path, text), scene, tmp_path / "work").train()
+    text = toml(["--name|model-1"], f"--pantry|{numbered}", f"--pantry|{numbered}|--light|{{light}}")
+    trained = cell_of(text, scene=scene).train()
     with pytest.raises(ExplainedError, match="holds no prediction of scene 'convex'"):
         trained.prepare(light)
     for view in scene.relight:
-        shutil.copy(pantry("plain") / "relit" / name / f"{view.name}.png", shelf / "relit" / name)
-    relit = Bench(method_of(tmp_path, text), scene, tmp_path / "again").train().prepare(light)
+        shutil.copy(pantry("plain") / "relit" / name / f"{view.name}.png", numbered / "relit" / name)
+    relit = cell_of(text, "again", scene).train().prepare(light)
     for view in (*scene.test, *scene.relight):
         truth = view.read(f"relit/{name}") * (view.read("alpha") == 1)
         assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
 
 
 def test_the_lights_that_a_code_reads_are_those_of_the_scene(
-    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+    convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf
 ) -> None:
-    shelf = f"--pantry|{pantry('plain')}|--light|{{light}}|--light_file|{{light_file}}"
-    bench = Bench(method_of(tmp_path, toml(["--name|model-1"], "", shelf)), convex, tmp_path / "work")
+    laid = f"{shelf('plain')}|--light|{{light}}|--light_file|{{light_file}}"
+    bench = cell_of(toml(["--name|model-1"], "", laid))
     trained = bench.train()
     name, light = next(iter(convex.lights.items()))
     trained.prepare(light)
@@ -194,14 +190,14 @@ def test_the_lights_that_a_code_reads_are_those_of_the_scene(
     assert torch.allclose(written, light.radiance, rtol=0.01, atol=0.01 * float(light.radiance.max()))
 
 
-def test_arguments_of_a_variant_reach_the_last_command_or_the_one_that_asks(convex: Scene, tmp_path: Path) -> None:
+def test_arguments_of_a_variant_reach_the_last_command_or_the_one_that_asks(tmp_path: Path, cell_of: Cells) -> None:
     note = tmp_path / "note"
     variant = CommandVariant(("--size", "17"))
     last = toml([f"--name|model-1|--note|{note}", f"--name|model-2|--note|{note}"])
     first = last.replace('"model-1"', '"model-1", "{arguments}"')
     for text, expected in ((last, [False, True]), (first, [True, False])):
         note.unlink(missing_ok=True)
-        Bench(method_of(tmp_path, text), convex, tmp_path / f"work-{expected[0]}", variant).train()
+        cell_of(text, f"work-{expected[0]}", variant=variant).train()
         assert ["--size 17" in line for line in note.read_text().splitlines()] == expected
     plain, varied = (
         method_of(tmp_path, last).stages(each, CommandBudget("tiny")) for each in (CommandVariant(), variant)

@@ -12,7 +12,6 @@ from baselines.commands.bench import Bench
 from baselines.commands.stand_in import entries, is_relit
 from public_outputs import WRITERS, noisy
 from radiogs_baselines.commands.method import CommandMethod, read_method
-from radiogs_baselines.commands.placeholders import filled
 from radiogs_baselines.commands.workspace import Workspace
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_bench.installed_methods import recipes
@@ -50,7 +49,7 @@ def steps(method: CommandMethod, workspace: Workspace, pantry: Path) -> list[Map
     shelf, results, file = entries(pantry), workspace.results, method.file
     shown = [(str(pantry / path), str(results / path)) for path in shelf if not is_relit(path)]
     plan: list[dict[str, object]] = [
-        {"write": [filled(text, workspace.named()) for text in each.writes], "copy": []} for each in file.train
+        {"write": [text.format_map(workspace.named()) for text in each.writes], "copy": []} for each in file.train
     ]
     plan += [{"write": [], "copy": shown}] if file.render else []
     if not file.render:

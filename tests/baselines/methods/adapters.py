@@ -2,31 +2,24 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from types import ModuleType
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from baselines.methods.gi_gs import training as gi_gs_training
 from baselines.methods.gi_gs import world as gi_gs
-from baselines.methods.gs_ir import training as gs_ir_training
 from baselines.methods.gs_ir import world as gs_ir
-from baselines.methods.irgs import training as irgs_training
 from baselines.methods.irgs import world as irgs
-from baselines.methods.r3dg import training as r3dg_training
 from baselines.methods.r3dg import world as r3dg
-from baselines.methods.svg_ir import training as svg_ir_training
+from baselines.methods.stage_two import GI_GS, GS_IR, IRGS, R3DG, SVG_IR, StageTwo
 from baselines.methods.svg_ir import world as svg_ir
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
-from radiogs_baselines.methods.irgs.rays import RaySettings
-from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from short_training import through_a_file
 
 Maps = Mapping[str, Tensor]
 
@@ -34,12 +27,43 @@ RESUMED = irgs.together(BALL, irgs.sheet(1.4, irgs.DOWN, scale=0.8, opacity=0.95
 """The ball under a lid 0.4 above its top with radiance towards it."""
 
 
+def assert_finite(maps: Maps) -> None:
+    """Every value of every map is finite."""
+    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two states are equal, bit for bit."""
+    if isinstance(one, torch.Tensor):
+        return isinstance(other, torch.Tensor) and torch.equal(one, other)
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
+
+
+def assert_resumes(begin: Callable[[], Any], at: int, steps: int) -> Any:
+    """A stage restored from its state after ``at`` steps ends as one without interruption, which is returned."""
+    whole, resumed = begin(), begin()
+    for step in range(steps):
+        if step == at:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed.restore(saved)
+    while resumed.iteration < steps:
+        resumed.step()
+    assert same(whole.state(), resumed.state())
+    assert same(whole.product(), resumed.product())
+    return whole
+
+
 @dataclass(frozen=True)
 class MethodAdapter:
     """Adapter of a surfel method for the shared tests."""
 
-    training: ModuleType
-    """Test module of the method with ``run_of``, ``product_of``, ``stage_of``, ``variant`` and ``tensors_of``."""
+    training: StageTwo
+    """Stage 2 on a known ball."""
     shown: Callable[[Surfels, Camera, float], list[Maps]]
     """Renders maps under a recovered light of random texels and, for some methods, relit by a grey light. The last
     argument is a factor on all lengths of the method."""
@@ -62,10 +86,8 @@ def random_light() -> EnvironmentMap:
 
 def by_irgs(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
     """Maps by IRGS; rays start at a share of each surfel's size."""
-    model = irgs.Model(surfels, random_light().radiance.log())
-    new = NewLight(surfels, surfels.albedo, irgs.grey(), RaySettings(), (16, 8), True)
-    lights = (RecoveredLight(model, RaySettings(), 16, "traced"), new)
-    return [Renderer(surfels, surfels.albedo, light, 0).render(camera) for light in lights]
+    model = irgs.trained(surfels, random_light(), 16, ray_start=None, two_sided=True)
+    return [dict(model.prepare(light).render(camera)) for light in (None, irgs.grey())]
 
 
 def by_r3dg(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
@@ -109,13 +131,12 @@ def by_gs_ir(surfels: Surfels, camera: Camera, scale: float) -> list[Maps]:
 
 def images_alone() -> Any:
     """SVG-IR with only the losses of images and light: consistency and offsets change unseen surfels."""
-    learning = svg_ir_training.variant().materials
-    return replace(learning, weights=replace(learning.weights, consistency=0.0, offset=0.0))
+    return SVG_IR.learning(weights=replace(SVG_IR.constant.weights, consistency=0.0, offset=0.0))
 
 
 ADAPTERS: Mapping[str, MethodAdapter] = {
     "gs-ir": MethodAdapter(
-        gs_ir_training,
+        GS_IR,
         by_gs_ir,
         lights_itself=True,
         tolerance=(2e-3, 0.02),
@@ -123,11 +144,11 @@ ADAPTERS: Mapping[str, MethodAdapter] = {
         silent=("smoothness", "prior"),
     ),
     "gi-gs": MethodAdapter(
-        gi_gs_training, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
+        GI_GS, by_gi_gs, lights_itself=True, tolerance=(1e-3, 0.02), silent=("variation", "plainness")
     ),
     "irgs": MethodAdapter(
-        irgs_training, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
+        IRGS, by_irgs, lights_itself=False, learnt={"lr_scale": 1.0}, silent=("shaded", "light prior")
     ),
-    "r3dg": MethodAdapter(r3dg_training, by_r3dg, lights_itself=True),
-    "svg-ir": MethodAdapter(svg_ir_training, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
+    "r3dg": MethodAdapter(R3DG, by_r3dg, lights_itself=True),
+    "svg-ir": MethodAdapter(SVG_IR, by_svg_ir, lights_itself=False, seen_alone={"materials": images_alone()}),
 }

@@ -10,36 +10,20 @@ from typing import Any
 import pytest
 import torch
 
-from baselines.methods.adapters import ADAPTERS, RESUMED, Maps
-from baselines.methods.gi_gs.training import STANDING
+from baselines.methods.adapters import ADAPTERS, RESUMED, Maps, assert_finite, assert_resumes, same
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
-from baselines.methods.r3dg import training as r3dg_training
+from baselines.methods.stage_two import R3DG, STANDING, product_of, tensors_of
 from baselines.methods.tensoir.world import looking_down as down_upon_a_field
 from baselines.methods.trained_models import MODELS, r3dg
 from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
 from known_ball import BALL
+from radiogs_baselines.methods.tensoir.settings import Learning, Schedule
 from radiogs_bench.methods import method
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.runtime import use_threads
-from short_training import through_a_file
 
 METHODS = pytest.mark.parametrize("name", ADAPTERS)
 FAR = torch.tensor([0.0, 0.0, 500.0])
-
-
-def assert_finite(maps: Maps) -> None:
-    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
-
-
-def same(one: Any, other: Any) -> bool:
-    """Whether two states are equal, bit for bit."""
-    if isinstance(one, torch.Tensor):
-        return isinstance(other, torch.Tensor) and torch.equal(one, other)
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    return bool(one == other)
 
 
 @METHODS
@@ -65,10 +49,10 @@ def test_case_21_a_step_that_sees_no_surfel_changes_no_material(name: str) -> No
     still = dict(adapter.learnt) | {"lr_scale": 0.0} if "lr_scale" in adapter.learnt else adapter.learnt
     away = replace(BALL, centre=BALL.centre + FAR)
     stage = adapter.training.stage_of(adapter.training.variant(**still, **adapter.seen_alone), away)
-    before = adapter.training.tensors_of(stage)
+    before = tensors_of(stage)
     losses = stage.step()
     assert [losses[each] for each in adapter.silent] == [0.0] * len(adapter.silent)
-    after = adapter.training.tensors_of(stage)
+    after = tensors_of(stage)
     assert_finite(after)
     lit = ("environment", "local") if name == "r3dg" else ("environment",)
     assert all(torch.equal(after[each], before[each]) for each in after if not any(word in each for word in lit))
@@ -118,7 +102,7 @@ def test_case_26_a_floor_seen_at_grazing_angles(name: str, cosine: float) -> Non
 def test_case_33_a_black_light_gives_black_and_a_sun_a_finite_image(name: str) -> None:
     """``test_contract`` tests the error for a broken texel."""
     camera = down_upon_a_field() if name == "tensoir" else looking_down(4.0, 9)
-    model = r3dg(r3dg_training.variant(relight_local_light=False)) if name == "r3dg" else MODELS[name]()
+    model = r3dg(R3DG.variant(relight_local_light=False)) if name == "r3dg" else MODELS[name]()
     black = model.prepare(grey(0.0)).render(camera)
     assert bool(black["alpha"].any())
     assert not any(bool(black[each].any()) for each in ("image", "direct", "indirect"))
@@ -146,7 +130,7 @@ def test_case_44_the_same_seed_gives_the_same_model_on_any_number_of_threads(nam
         stage = training.stage_of(training.variant(**ADAPTERS[name].learnt), surfels)
         for _ in range(3):
             stage.step()
-        return training.tensors_of(stage)
+        return tensors_of(stage)
 
     use_threads(1)
     alone, again = learnt(), learnt()
@@ -173,24 +157,15 @@ def test_stage_two_resumes_bit_for_bit(name: str, turned: dict[str, Any]) -> Non
     """Includes the default search for the initial light."""
     training = ADAPTERS[name].training
     surfels = STANDING if name == "gi-gs" else RESUMED
-    budget = training.BUDGET
+    budget = training.budget
     if name == "svg-ir":
         budget = replace(budget, consistency_surfels=100)
 
     def begun() -> Any:
         run = training.run_of(method(name).variant(**turned), budget)
-        return training.InverseRendering(run, training.product_of(surfels))
+        return training.method.begin(run, product_of(surfels))
 
-    whole, resumed = begun(), begun()
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    assert same(whole.state(), resumed.state())
-    assert same(whole.product(), resumed.product())
+    assert_resumes(begun, at=3, steps=8)
 
 
 SHOWN: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -234,19 +209,19 @@ MORE: Mapping[str, tuple[str, ...]] = {
 def test_training_reads_no_field_outside_its_key(name: str) -> None:
     """Fields for rendering change neither key nor losses; fields for training change the key."""
     ours, training = method(name), ADAPTERS[name].training
-    geometry, invert = ours.stages(ours.variant(), training.BUDGET)
+    geometry, invert = ours.stages(ours.variant(), training.budget)
     assert geometry.owner == "radiogs_core"
     turned, less = SHOWN[name]
-    smaller = replace(training.BUDGET, **less)
+    smaller = replace(training.budget, **less)
     assert ours.stages(ours.variant(**turned), smaller)[1].reads == invert.reads
     one = training.stage_of()
     other = training.stage_of(training.variant(**turned), budget=smaller)
     for _ in range(2):
         assert one.step() == other.step()
     for changes in TRAINED[name]:
-        assert ours.stages(ours.variant(**changes), training.BUDGET)[1].reads != invert.reads, changes
+        assert ours.stages(ours.variant(**changes), training.budget)[1].reads != invert.reads, changes
     for number in MORE[name]:
-        more = replace(training.BUDGET, **{number: 2 * getattr(training.BUDGET, number)})
+        more = replace(training.budget, **{number: 2 * getattr(training.budget, number)})
         assert ours.stages(ours.variant(), more)[1].reads != invert.reads, number
 
 
@@ -262,7 +237,10 @@ WRONG: Mapping[str, dict[str, list[Any]]] = {
         "hop": [0.0], "gap": [-1.0], "ray_start": [-0.1], "view_share": [0.0, 1.5], "opaque": [1.0],
         "relight_rows": [0],
     },
-    "tensoir": {"view_share": [0.0, 1.5]},
+    "tensoir": {
+        "view_share": [0.0, 1.5],
+        "learning": [Learning(schedule=Schedule(finer_at=(1.0,))), Learning(schedule=Schedule(emptied_at=(-0.1,)))],
+    },
     "radiogs": {"view_share": [0.0, 1.5], "radiometric_weight": [-1.0]},
 }  # fmt: skip
 

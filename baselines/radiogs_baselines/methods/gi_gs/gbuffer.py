@@ -7,8 +7,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import SOLID_ALPHA, Splat, splat
+
+from ..metallic import MetallicSurfels
 
 
 @dataclass(frozen=True)
@@ -46,16 +47,14 @@ class GBuffer:
         return flat.view(*self.depth.shape, -1)
 
 
-def seen_materials(
-    camera: Camera,
-    surfels: Surfels,
-    albedo: Float[Tensor, "surfels 3"],
-    metallic: Float[Tensor, " surfels"],
-) -> Splat:
-    """Blend the maps that ``gbuffer`` reads, in one pass.
+def seen_materials(camera: Camera, model: MetallicSurfels, albedo: Float[Tensor, "surfels 3"]) -> Splat:
+    """Blend the maps that ``gbuffer`` reads, in one pass; a model without metalness has the metalness 0.
 
     ``albedo`` is linear; it is a parameter of its own because relighting scales the recovered albedo.
     """
+    surfels, metallic = model.surfels, model.metallic
+    if metallic is None:
+        metallic = torch.zeros_like(surfels.roughness_logit)
     materials = {"albedo": albedo, "roughness": surfels.roughness[:, None], "metallic": metallic[:, None]}
     return splat(camera, surfels, materials, depth_unit=1.0)
 

@@ -1,8 +1,9 @@
-"""Screen-space ray marching: the pixel that each direction of a point hits, found in the depth map of the frame.
+"""Screen-space ray marching: the pixel that each direction of a fixed grid hits, found in the depth map of the frame.
 
 Surfaces outside the frame, or hidden behind others, are never hit.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -12,7 +13,6 @@ from torch import Tensor
 from radiogs_core.transport.sampling import tangent_frame
 
 from .gbuffer import GBuffer
-from .grid import Grid
 from .settings import WHOLE_MARCH, Variant
 
 LOOKUPS_AT_ONCE = 1 << 20
@@ -21,6 +21,42 @@ and direction: 1.2 GB for 800 x 800 covered pixels and the 480 directions of pre
 
 NO_HIT = -1
 """Pixel index of a direction that hits no surface."""
+
+
+GATHERED = math.pi / (34 * math.tan(math.pi / 32))
+"""Share of a constant radiance that the published grid of 32 x 17 directions gathers: 0.938. The published code divides
+by the number of all directions, although those along the normal and the horizon add nothing. Here the weights of every
+grid are scaled to this share, so that a smaller grid is not darker."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Directions over the hemisphere about +Z, and their quadrature weights."""
+
+    direction: Float[Tensor, "directions 3"]
+    """Unit directions; +Z is the surface normal."""
+    cosine_weight: Float[Tensor, " directions"]
+    """Weights of the cosine-weighted hemisphere: cosine times sine of the polar angle, normalised to a sum of 1."""
+    uniform_weight: Float[Tensor, " directions"]
+    """Weights of the unweighted hemisphere: sine of the polar angle, normalised to a sum of 1."""
+
+    @classmethod
+    def of(cls, azimuths: int, heights: int) -> "Grid":
+        """Grid with equal steps of azimuth and of polar angle, float64.
+
+        ``heights`` counts the polar angles from the normal to the horizon; these two have no weight and are left out.
+        """
+        polar = torch.arange(1, heights - 1, dtype=torch.float64) * (math.pi / 2 / (heights - 1))
+        azimuth = torch.arange(azimuths, dtype=torch.float64) * (2 * math.pi / azimuths)
+        polar, azimuth = (angle.flatten() for angle in torch.meshgrid(polar, azimuth, indexing="ij"))
+        sine, cosine = polar.sin(), polar.cos()
+        direction = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), cosine], -1)
+        weight = sine * cosine
+        return cls(direction, weight / weight.sum(), sine / sine.sum())
+
+    def like(self, values: Tensor) -> "Grid":
+        """The grid with the device and dtype of ``values``."""
+        return Grid(self.direction.to(values), self.cosine_weight.to(values), self.uniform_weight.to(values))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from radiogs_core.on_surfels.method import SurfelMethod
 
-from .model import Model
+from ..metallic import MetallicSurfels
 from .settings import PRESETS, Variant
 from .showing import TrainedGIGS
 from .training import InverseRendering
@@ -14,5 +14,5 @@ GI_GS_METHOD = SurfelMethod(
     variant=Variant,
     presets=PRESETS,
     begin=InverseRendering,
-    trained=lambda tensors, run: TrainedGIGS(Model.of(tensors), run),
+    trained=lambda tensors, run: TrainedGIGS(MetallicSurfels.of(tensors), run),
 )

@@ -4,15 +4,22 @@ Unless a field says otherwise, defaults are those of the published script, which
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    presets,
+)
 from radiogs_core.on_surfels.split_sum import Frame
-from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 from radiogs_core.transport.splitsum import Masking
+
+from ..metallic import MetallicStart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,56 +48,20 @@ class Budget(SurfelBudget):
                 )
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        azimuths=8,
-        heights=5,
-        march_steps=8,
-        light_height=8,
-        render_azimuths=8,
-        render_heights=5,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        azimuths=8,
-        heights=5,
-        march_steps=16,
-        light_height=16,
-        render_azimuths=16,
-        render_heights=9,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        azimuths=16,
-        heights=9,
-        march_steps=16,
-        light_height=32,
-        render_azimuths=32,
-        render_heights=17,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=5000,
-        azimuths=32,
-        heights=17,
-        march_steps=16,
-        light_height=64,
-        render_azimuths=32,
-        render_heights=17,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 5000),
+    azimuths=(8, 8, 16, 32),
+    heights=(5, 5, 9, 17),
+    march_steps=(8, 16, 16, 16),
+    light_height=(8, 16, 32, 64),
+    render_azimuths=(8, 16, 32, 32),
+    render_heights=(5, 9, 17, 17),
 )
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
@@ -102,12 +73,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.05
@@ -121,33 +89,6 @@ class MaterialRates:
     """Rate of the metalness' logits."""
     light: float = 0.05
     """Rate of the light's log-radiance."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
-
-@dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light."""
-
-    albedo: float = 0.73
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.73
-    """Initial perceptual roughness r."""
-    metallic: float = 0.73
-    """Initial metalness, if it is learnt."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
-    """How stage 2 learns materials and light."""
-
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
 
 
 Sum = Literal["display", "linear"]
@@ -199,7 +140,11 @@ class Variant(SurfelVariant):
     lr_scale: float = 1.0
     """Factor on stage 1's final learning rates of geometry in stage 2, whose gradient comes only from the blending of
     the maps; at 0 geometry is frozen."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: MaterialLearning[MaterialWeights, MaterialRates, MetallicStart] = field(
+        default=MaterialLearning(
+            MaterialWeights(), MaterialRates(), MetallicStart(albedo=0.73, roughness=0.73, metallic=0.73)
+        )
+    )
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

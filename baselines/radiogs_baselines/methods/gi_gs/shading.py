@@ -12,11 +12,10 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.split_sum import Reflected, SplitSumLight, normal_reflectance
+from radiogs_core.on_surfels.split_sum import SplitSumLight, normal_reflectance
 
 from .gbuffer import GBuffer
-from .grid import GATHERED, Grid
-from .marching import LOOKUPS_AT_ONCE, NO_HIT, March
+from .marching import GATHERED, LOOKUPS_AT_ONCE, NO_HIT, Grid, March
 from .settings import Sum
 
 
@@ -46,23 +45,21 @@ class Shader:
         Neither that radiance nor the occlusion has a gradient.
         """
         grid = self.march.grid.like(buffer.position)
-        hits = self._hit_pixels(buffer)
-        reflected = reflect(buffer, light)
+        if self.occlusion or self.indirect:
+            hits = self.march.hit_pixels(buffer)
+        else:
+            hits = torch.full((len(buffer), len(grid.direction)), NO_HIT, dtype=torch.int32, device=alpha.device)
+        reflected = light.reflected(buffer.normal, buffer.outgoing, buffer.albedo, buffer.roughness, buffer.metallic)
         open_share = openness(hits, grid) if self.occlusion else torch.ones_like(buffer.roughness)
         direct = buffer.image(reflected.occluded(open_share))
         sent = direct.detach().clamp(0, 1) if self.indirect else torch.zeros_like(direct)
-        indirect = median(buffer.image(bounce(buffer, gathered(hits, sent, grid))))
-        incident = buffer.image(mean_radiance(hits, sent, grid))
+        gathered = GATHERED * weighted(hits, sent, grid.cosine_weight)
+        indirect = median(buffer.image(bounce(buffer, gathered)))
+        incident = buffer.image(weighted(hits, sent, grid.uniform_weight))
         coverage = alpha[..., None]
         maps = {"direct": direct, "indirect": indirect, "incident": incident}
         maps = {name: values * coverage for name, values in maps.items()}
         return maps | {"image": summed(maps["direct"], maps["indirect"], alpha, self.sum, self.straight)}
-
-    def _hit_pixels(self, buffer: GBuffer) -> Int[Tensor, "points directions"]:
-        if self.occlusion or self.indirect:
-            return self.march.hit_pixels(buffer)
-        shape = len(buffer), len(self.march.grid.direction)
-        return torch.full(shape, NO_HIT, dtype=torch.int32, device=buffer.position.device)
 
 
 def openness(hits: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor, " points"]:
@@ -71,21 +68,12 @@ def openness(hits: Int[Tensor, "points directions"], grid: Grid) -> Float[Tensor
     return torch.cat([(some == NO_HIT).to(weight) @ weight for some in _parts(hits)]).clamp(0, 1)
 
 
-def gathered(
-    hits: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
+def weighted(
+    hits: Int[Tensor, "points directions"],
+    radiance: Float[Tensor, "height width 3"],
+    weight: Float[Tensor, " directions"],
 ) -> Float[Tensor, "points 3"]:
-    """Irradiance over pi from the hit pixels, which send linear ``radiance``; scaled by ``grid.GATHERED``."""
-    return GATHERED * _weighted(hits, radiance, grid.cosine_weight)
-
-
-def mean_radiance(
-    hits: Int[Tensor, "points directions"], radiance: Float[Tensor, "height width 3"], grid: Grid
-) -> Float[Tensor, "points 3"]:
-    """Mean over the hemisphere, without a cosine, of the radiance from the hit pixels; linear."""
-    return _weighted(hits, radiance, grid.uniform_weight)
-
-
-def _weighted(hits: Tensor, radiance: Tensor, weight: Tensor) -> Tensor:
+    """Linear ``radiance`` that arrives from the hit pixels, summed with the weights of the directions."""
     # Index -1 (NO_HIT) reads the appended black pixel.
     padded = torch.cat([radiance.flatten(0, 1), radiance.new_zeros(1, 3)])
     return torch.cat([(padded[some.long()] * weight[:, None]).sum(1) for some in _parts(hits)])
@@ -118,11 +106,6 @@ def summed(
     if where == "linear":
         return displayed(direct + indirect, alpha, straight)
     return displayed(direct, alpha, straight) + displayed(indirect, alpha, straight)
-
-
-def reflect(buffer: GBuffer, light: SplitSumLight) -> Reflected:
-    """Unoccluded split sum of each point; gradient to the materials and to the light."""
-    return light.reflected(buffer.normal, buffer.outgoing, buffer.albedo, buffer.roughness, buffer.metallic)
 
 
 def bounce(buffer: GBuffer, gathered: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:

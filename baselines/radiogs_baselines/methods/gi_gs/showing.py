@@ -1,7 +1,4 @@
-"""Rendering of a trained GI-GS model, under the recovered light and relit.
-
-Occlusion and bounce of each frame come from the frame itself. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained GI-GS model, frame by frame, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 
@@ -9,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import STANDARD_MAPS, MapKind, Prepared, Run
+from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.on_surfels.trained import (
     INCIDENT,
@@ -23,23 +20,20 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..metallic import MetallicSurfels
 from .gbuffer import gbuffer, seen_materials
-from .grid import Grid
-from .marching import March
-from .model import Model
+from .marching import Grid, March
 from .settings import PRESETS, Budget, Variant
 from .shading import Shader
-
-Maps = dict[str, Float[Tensor, "height width _"]]
 
 SHOWN = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
 """Maps under the recovered light; what is incident comes from other pixels alone."""
 
 
-class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
+class TrainedGIGS(TrainedOnSurfels[MetallicSurfels, Variant, Budget]):
     """A trained model and its run; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
+    def __init__(self, model: MetallicSurfels, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def as_trained(self) -> Prepared:
@@ -66,23 +60,17 @@ class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
 class Renderer:
     """Renders a model under one light. ``albedo`` (linear) may differ from the model's: relighting scales it."""
 
-    def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, shader: Shader) -> None:
+    def __init__(
+        self, model: MetallicSurfels, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, shader: Shader
+    ) -> None:
         self.model, self.albedo, self.light, self.shader = model, albedo, light, shader
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect, incident: see ``Shader.shade``. albedo: linear.
-        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
-        """
-        seen = seen_materials(camera, self.model.surfels, self.albedo, self.model.metallic)
+        """Maps of one view (see ``on_surfels.trained.Renderer``); the lit ones are from ``Shader.shade``."""
+        seen = seen_materials(camera, self.model, self.albedo)
         shaded = self.shader.shade(gbuffer(camera, seen), seen.alpha, self.light)
-        return {
-            **shaded,
-            "image": shaded["image"].clamp(0, 1),
-            **blended_maps(seen),
-        }
+        return {**shaded, "image": shaded["image"].clamp(0, 1), **blended_maps(seen)}
 
 
 PAPER = PRESETS["paper"]
@@ -97,8 +85,13 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         f"{name} {extent * getattr(variant, name):.3g} (published: {value:g})"
         for name, value in PUBLISHED_LENGTHS.items()
     )
+    moves = (
+        f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
+        if variant.lr_scale
+        else "frozen in stage 2 (published: moved by the blending of the maps)"
+    )
     labels = {
-        "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {_moves(variant)}",
+        "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {moves}",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": light_start(variant.materials.start.light, "random between 0.25 and 0.75"),
         "lengths": f"shares of the extent, here {', '.join(lengths)}",
@@ -110,12 +103,6 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         budget, PAPER, "inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
         "render_heights",
     )  # fmt: skip
-
-
-def _moves(variant: Variant) -> str:
-    if variant.lr_scale == 0:
-        return "frozen in stage 2 (published: moved by the blending of the maps)"
-    return f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
 
 
 def _start(variant: Variant) -> str:

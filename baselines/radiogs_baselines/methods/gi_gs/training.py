@@ -1,7 +1,4 @@
-"""Stage 2 of GI-GS: materials and light from whole frames, with screen-space occlusion and bounce.
-
-It starts from the surfels of stage 1 with new materials and a new light. Every loss is computed on one frame.
-"""
+"""Stage 2 of GI-GS: materials and light from whole frames, with screen-space occlusion and bounce."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,13 +15,12 @@ from radiogs_core.on_surfels.light_start import starting_model
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
+from radiogs_core.surfels.surfels import GEOMETRY, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..metallic import MetallicSurfels
 from .gbuffer import GBuffer, gbuffer, seen_materials
-from .grid import Grid
-from .marching import March
-from .model import Model
+from .marching import Grid, March
 from .settings import Budget, Variant
 from .shading import Shader
 
@@ -47,11 +43,12 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         self.shader = Shader(march, variant.occlusion, variant.indirect, variant.sum, variant.straight)
 
     @property
-    def model(self) -> Model:
+    def model(self) -> MetallicSurfels:
         """The model at the current iteration."""
         tensors = self.optimiser.tensors
-        surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
-        return Model(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
+        still = () if self.variant.lr_scale > 0 else GEOMETRY
+        surfels = self.optimiser.surfels.detached("sh", *still)
+        return MetallicSurfels(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
 
     def begin_step(self) -> None:
         """Set the learning rate of albedo, which decays geometrically over the stage."""
@@ -61,25 +58,22 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """Weighted losses of a step on ``view``, by name."""
         model, weights = self.model, self.variant.materials.weights
-        seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
+        seen = seen_materials(view.camera, model, model.surfels.albedo)
         buffer, target = gbuffer(view.camera, seen), view.over(0.0)
         light = SplitSumLight(PrefilteredLight(model.environment, self.variant.masking))
         image = self.shader.shade(buffer, seen.alpha, light)["image"]
         solid = torch.isfinite(buffer.depth)
+        metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
+        materials = (buffer.albedo, buffer.roughness[:, None], *metal)
         return {
             "shaded": weights.shaded * image_loss(view.where_valid(image), target),
-            "variation": weights.variation * variation(self._materials(buffer), target, solid),
+            "variation": weights.variation * variation(buffer.image(torch.cat(materials, -1)), target, solid),
             "plainness": weights.plainness * plainness(buffer, self.variant.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
 
-    def _materials(self, buffer: GBuffer) -> Tensor:
-        """Albedo, roughness and, if learnt, metalness as one image [height, width, 4 or 5]."""
-        metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
-        return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
-
     def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
+        """The model as plain tensors (see ``MetallicSurfels.tensors``)."""
         return self.model.tensors()
 
 
@@ -134,8 +128,3 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
         "metallic_logit": rates.metallic,
         "log_environment": rates.light,
     }
-
-
-def frozen(surfels: Surfels, moves: bool) -> Surfels:
-    """The surfels without gradient to their radiance and, unless geometry ``moves``, to their geometry."""
-    return surfels.detached("sh") if moves else surfels.detached("sh", *GEOMETRY)

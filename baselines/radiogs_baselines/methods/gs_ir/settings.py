@@ -3,14 +3,21 @@
 Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    presets,
+)
 from radiogs_core.on_surfels.split_sum import Frame
-from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 from radiogs_core.transport.splitsum import Masking
+
+from ..metallic import MetallicStart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,52 +34,19 @@ class Budget(SurfelBudget):
     """Corners along an edge of the volume of indirect irradiance."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        occlusion_corners=8,
-        occlusion_directions=64,
-        occlusion_samples=16,
-        irradiance_corners=6,
-        light_height=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        occlusion_corners=32,
-        occlusion_directions=256,
-        occlusion_samples=32,
-        irradiance_corners=32,
-        light_height=16,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=2500,
-        occlusion_corners=64,
-        occlusion_directions=1024,
-        occlusion_samples=128,
-        irradiance_corners=32,
-        light_height=32,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=5000,
-        occlusion_corners=128,
-        occlusion_directions=4096,
-        occlusion_samples=256,
-        irradiance_corners=64,
-        light_height=32,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 2500, 5000),
+    occlusion_corners=(8, 32, 64, 128),
+    occlusion_directions=(64, 256, 1024, 4096),
+    occlusion_samples=(16, 32, 128, 256),
+    irradiance_corners=(6, 32, 32, 64),
+    light_height=(8, 16, 32, 32),
 )
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
@@ -85,12 +59,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates; all equal the published script's rate of opacities."""
 
     albedo: float = 0.05
@@ -103,33 +74,6 @@ class MaterialRates:
     """Rate of the light's log-radiance."""
     irradiance: float = 0.05
     """Rate of the irradiance's harmonics."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
-
-@dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light; irradiance starts at zero."""
-
-    albedo: float = 0.731
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.742
-    """Initial perceptual roughness r."""
-    metallic: float = 0.731
-    """Initial metalness, if it is learnt."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
-    """How stage 2 learns materials, light and irradiance."""
-
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
 
 
 TexelAreas = Literal["exact", "approximate"]
@@ -161,7 +105,11 @@ class Variant(SurfelVariant):
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     lr_scale: float = 1.0
     """Factor on stage 1's final learning rates of geometry in stage 2; at 0 geometry is frozen."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: MaterialLearning[MaterialWeights, MaterialRates, MetallicStart] = field(
+        default=MaterialLearning(
+            MaterialWeights(), MaterialRates(), MetallicStart(albedo=0.731, roughness=0.742, metallic=0.731)
+        )
+    )
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

@@ -27,12 +27,8 @@ def shade_points(
 ) -> Shaded:
     """Shade points under a light; zero where the camera is below the surface.
 
-    Args:
-        points: Surface points with linear albedo and roughness.
-        light: The distant light.
-        openness: O in [0, 1]; None: 1.
-        irradiance: Grey indirect irradiance over pi, I, linear; None: 0.
-        metallic: Metalness in [0, 1]; None: F0 = 0.04.
+    ``openness``: O in [0, 1]; None: 1. ``irradiance``: grey indirect irradiance over pi, I, linear; None: 0.
+    ``metallic``: metalness in [0, 1]; None: F0 = 0.04.
     """
     normal, outgoing = points.normal.detach(), points.outgoing
     reflected = light.reflected(normal, outgoing, points.albedo, points.roughness, metallic)
@@ -65,11 +61,9 @@ class View:
         further = {} if metallic is None else {"metallic": metallic[:, None]}
         seen = seen_surfels(camera, model.surfels, albedo, further, depth_unit)
         pixels = covered_pixels(seen)
-        points = seen_points(camera, seen, pixels)
-        if metallic is None:
-            return cls(seen, pixels, points, None)
-        blended = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
-        return cls(seen, pixels, points, blended)
+        if metallic is not None:
+            metallic = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
+        return cls(seen, pixels, seen_points(camera, seen, pixels), metallic)
 
     def shaded(self, model: Model, light: SplitSumLight, samples: int) -> Shaded:
         """Shade the points with the model's volumes; O is the mean over ``samples`` directions."""

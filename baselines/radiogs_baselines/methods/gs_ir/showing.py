@@ -1,7 +1,4 @@
-"""Rendering of a trained GS-IR model, under the recovered light and relit.
-
-Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained GS-IR model, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +15,7 @@ from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, blended_map
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 
+from ..labels import length
 from .model import Model
 from .prefilter import filtered_light
 from .settings import PRESETS, Budget, Variant
@@ -45,25 +43,23 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         if self.model.metallic is not None:
             written.append(folder / "metallic.npy")
             np.save(written[-1], self.model.metallic.detach().cpu().numpy())
-        if self.model.occlusion is not None:
-            written.append(folder / "volumes.npz")
-            np.savez(written[-1], allow_pickle=False, **self._volumes())
-        return written
-
-    def _volumes(self) -> dict[str, np.ndarray]:
         occlusion, irradiance = self.model.occlusion, self.model.irradiance
-        assert occlusion is not None
-        lattice = occlusion.lattice
-        found = {"occlusion": occlusion.coefficients[occlusion.probe].view(*(lattice.corners,) * 3, -1)}
-        if irradiance is not None:
-            found["irradiance"] = irradiance.coefficients.detach().view(*(irradiance.lattice.corners,) * 3, -1)
-        found |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
-        return {name: value.cpu().numpy() for name, value in found.items()}
+        if occlusion is not None:
+            lattice = occlusion.lattice
+            volumes = {"occlusion": occlusion.coefficients[occlusion.probe].view(*(lattice.corners,) * 3, -1)}
+            if irradiance is not None:
+                volumes["irradiance"] = irradiance.coefficients.detach().view(*(irradiance.lattice.corners,) * 3, -1)
+            volumes |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
+            written.append(folder / "volumes.npz")
+            arrays = {name: value.cpu().numpy() for name, value in volumes.items()}
+            np.savez(written[-1], allow_pickle=False, **arrays)
+        return written
 
     def as_trained(self) -> Prepared:
         """Rendering under the recovered light, with both volumes."""
-        light = self._filtered(self.model.environment.detach(), "oriented")
-        return Shown(_AsTrained(self.model, light, self.run))
+        model, samples = self.model, self.run.budget.occlusion_samples
+        light = self._filtered(model.environment.detach(), "oriented")
+        return Shown(Renderer(model, model.surfels.albedo, lambda view: view.shaded(model, light, samples), self.run))
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
@@ -71,7 +67,7 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         """Rendering under ``light``, without occlusion and indirect light."""
         albedo = self.model.surfels.albedo.detach() * albedo_scale
         new = self._filtered(light.radiance, self.run.variant.frame)
-        return Shown(_Relit(self.model, albedo, new, self.run.variant.straight))
+        return Shown(Renderer(self.model, albedo, lambda view: view.relit(new), self.run))
 
     def _filtered(self, radiance: Tensor, frame: Frame) -> SplitSumLight:
         return SplitSumLight(
@@ -79,41 +75,25 @@ class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
         ).ready()
 
 
-class _AsTrained:
-    def __init__(self, model: Model, light: SplitSumLight, run: Run) -> None:
-        self.model, self.light, self.run = model, light, run
+class Renderer:
+    """Renders a model whose points ``shade`` lights. ``albedo`` (linear) is scaled by relighting."""
+
+    def __init__(
+        self, model: Model, albedo: Float[Tensor, "surfels 3"], shade: Callable[[View], Shaded], run: Run
+    ) -> None:
+        self.model, self.albedo, self.shade, self.straight = model, albedo, shade, run.variant.straight
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        view = View.of(camera, self.model, self.model.surfels.albedo)
-        shaded = view.shaded(self.model, self.light, self.run.budget.occlusion_samples)
-        return maps_of(view, shaded, self.run.variant.straight)
-
-
-class _Relit:
-    """``albedo`` (linear) may differ from the model's: relighting scales it."""
-
-    def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, straight: bool) -> None:
-        self.model, self.albedo, self.light, self.straight = model, albedo, light, straight
-
-    @torch.no_grad()
-    def render(self, camera: Camera, *further: str) -> Maps:
+        """Maps of one view; see ``on_surfels.trained.Renderer``."""
         view = View.of(camera, self.model, self.albedo)
-        return maps_of(view, view.relit(self.light), self.straight)
-
-
-def maps_of(view: View, shaded: Shaded, straight: bool) -> Maps:
-    """Maps [height, width, channels], all composited on black.
-
-    image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear. roughness,
-    alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
-    """
-    return {
-        "image": view.image(shaded, straight).clamp(0, 1),
-        "direct": view.map_of(shaded.direct),
-        "indirect": view.map_of(shaded.indirect),
-        **blended_maps(view.seen),
-    }
+        shaded = self.shade(view)
+        return {
+            "image": view.image(shaded, self.straight).clamp(0, 1),
+            "direct": view.map_of(shaded.direct),
+            "indirect": view.map_of(shaded.indirect),
+            **blended_maps(view.seen),
+        }
 
 
 PAPER = PRESETS["paper"]
@@ -127,38 +107,24 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "light_start": light_start(variant.materials.start.light, "random between 0.25 and 0.75"),
         "light": "a lat-long map of log-radiance (published: a cube map of radiance, not below zero)",
         "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 8 % brighter)",
-        "relight_frame": _frame(variant),
+        "relight_frame": "Y-up lookup of new lights along Z-up directions, as published"
+        if variant.frame == "as_shipped"
+        else "new lights as their maps are meant (published: a Y-up lookup along Z-up directions)",
         "roughness": "from 0.05, in training and shown (published: from 0.04 in training, from 0 shown)",
         "encoding": "images are encoded for display (published: an option, --gamma)",
     }
     if variant.occlusion:
         labels |= {
-            "tau": _tau(variant, extent),
+            "tau": length(variant.tau, extent, "0.25", "none: occluders at any distance"),
             "nearest": _nearest(variant, extent),
             "probes": "where a surfel is within one standard deviation (published: in the cells of Gaussians' centres)",
             "box": "the cube around the surfels (published: [-1.5, 1.5]^3)",
             "occlusion_rays": f"{budget.occlusion_directions} traced directions (published: six faces of 256 x 256)",
         }
     lower = reduced(budget, PAPER, "inverse_iterations", "occlusion_corners", "occlusion_samples", "irradiance_corners")
-    return labels | lower | _geometry_rate(variant)
-
-
-def _geometry_rate(variant: Variant) -> dict[str, str]:
-    if variant.lr_scale == 1:
-        return {}
-    return {"lr_scale": f"{variant.lr_scale:g} of the rates that stage 1 ends with (published: 1)"}
-
-
-def _frame(variant: Variant) -> str:
-    if variant.frame == "as_shipped":
-        return "Y-up lookup of new lights along Z-up directions, as published"
-    return "new lights as their maps are meant (published: a Y-up lookup along Z-up directions)"
-
-
-def _tau(variant: Variant, extent: float) -> str:
-    if variant.tau is None:
-        return "none: occluders at any distance (published: 0.25)"
-    return f"{variant.tau * extent:.3g} world units (published: 0.25)"
+    if variant.lr_scale != 1:
+        lower["lr_scale"] = f"{variant.lr_scale:g} of the rates that stage 1 ends with (published: 1)"
+    return labels | lower
 
 
 def _nearest(variant: Variant, extent: float) -> str:

@@ -25,13 +25,11 @@ from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from .irradiance import IrradianceVolume
-from .lattice import Lattice
 from .model import Model
-from .occlusion import OcclusionVolume, projection, sphere_directions
 from .prefilter import filtered_light
 from .settings import Budget, Variant
 from .shading import View
+from .volumes import IrradianceVolume, Lattice, OcclusionVolume, projection, sphere_directions
 
 MATERIALS = ("albedo", "roughness", "metallic")
 """Blended maps that the smoothness loss reads; metallic only if it is learnt."""
@@ -64,7 +62,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """The model at the current iteration."""
         surfels, tensors = self.optimiser.surfels, self.optimiser.tensors
         return Model(
-            surfels if self.variant.lr_scale > 0 else frozen(surfels),
+            surfels if self.variant.lr_scale > 0 else surfels.detached(*GEOMETRY),
             tensors["log_environment"],
             tensors.get("metallic_logit"),
             self.occlusion,
@@ -142,11 +140,6 @@ def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float
         "log_environment": rates.light,
         "irradiance": rates.irradiance,
     }
-
-
-def frozen(surfels: Surfels) -> Surfels:
-    """The surfels with their geometry detached: it gets no gradient and does not change."""
-    return surfels.detached(*GEOMETRY)
 
 
 SOLID = 0.5
@@ -228,10 +221,7 @@ def inherited(near: Int[Tensor, " near"], corners: int) -> Int[Tensor, " corners
     while bool((probe < 0).any()):
         before = probe.clone()
         for axis in range(3):
-            _inherit(probe.narrow(axis, 0, corners - 1), before.narrow(axis, 1, corners - 1))
-            _inherit(probe.narrow(axis, 1, corners - 1), before.narrow(axis, 0, corners - 1))
+            for here, there in ((0, 1), (1, 0)):
+                own, neighbour = probe.narrow(axis, here, corners - 1), before.narrow(axis, there, corners - 1)
+                own.copy_(torch.where(own < 0, neighbour, own))
     return probe.flatten()
-
-
-def _inherit(own: Tensor, neighbour: Tensor) -> None:
-    own.copy_(torch.where(own < 0, neighbour, own))

@@ -1,4 +1,7 @@
-"""Incident light of surface points, traced through the surfels: visibility, and indirect radiance."""
+"""Incident light of surface points, traced through the surfels, and the points' Monte Carlo shading by it.
+
+L_o = sum_i w_i (a / pi + f_s) (V L_env + L_ind) (n.w_i).
+"""
 
 from dataclasses import dataclass
 
@@ -7,9 +10,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.kernels.trace.trace import Hits
-from radiogs_core.on_surfels.seen_points import SeenPoints
+from radiogs_core.on_surfels.seen_points import SeenPoints, Shaded
 from radiogs_core.transport.hit_surface import hit_radiance
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.shading import shade_materials
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
@@ -80,3 +85,14 @@ class RaySettings:
         hits = self.trace(tracer, points, direction, features)
         visibility, radiance = hit_radiance(hits, direction.flatten(0, 1), light)
         return Incident(direction, weight, visibility.view(weight.shape), radiance.view(direction.shape))
+
+
+def shade_points(points: SeenPoints, incident: Incident, environment: Float[Tensor, "rows columns 3"]) -> Shaded:
+    """Shade points under their incident light; zero where the camera is below the surface."""
+    parts = shade_materials(
+        points.normal, points.albedo, points.roughness, points.outgoing[:, None], incident, environment
+    )[:, 0]
+    return Shaded(
+        parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT],
+        parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT],
+    )

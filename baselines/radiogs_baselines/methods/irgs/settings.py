@@ -4,11 +4,17 @@ Unless a field says otherwise, defaults are those of the published scripts for T
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    presets,
+)
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -31,56 +37,20 @@ class Budget(SurfelBudget):
     """Rays of each pixel of a relit image whose directions are sampled in proportion to the light's radiance."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        pixels=64,
-        incident_samples=8,
-        light_height=8,
-        render_samples=8,
-        relight_hemisphere_samples=8,
-        relight_light_samples=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        pixels=256,
-        incident_samples=32,
-        light_height=16,
-        render_samples=64,
-        relight_hemisphere_samples=64,
-        relight_light_samples=64,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        pixels=512,
-        incident_samples=64,
-        light_height=32,
-        render_samples=128,
-        relight_hemisphere_samples=128,
-        relight_light_samples=64,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        pixels=1024,
-        incident_samples=256,
-        light_height=64,
-        render_samples=512,
-        relight_hemisphere_samples=512,
-        relight_light_samples=256,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    pixels=(64, 256, 512, 1024),
+    incident_samples=(8, 32, 64, 256),
+    light_height=(8, 16, 32, 64),
+    render_samples=(8, 64, 128, 512),
+    relight_hemisphere_samples=(8, 64, 128, 512),
+    relight_light_samples=(8, 64, 64, 256),
 )
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out. The last three act only on geometry (``Variant.lr_scale`` > 0)."""
 
     shaded: float = 1.0
@@ -105,12 +75,9 @@ class MaterialWeights:
     normal_smoothness: float = 0.01
     """Weight of the gradients of the normal map, down-weighted at image edges."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.0075
@@ -124,30 +91,11 @@ class MaterialRates:
     radiance_rest: float = 0.0075 / 20
     """Rate of the harmonics of higher degrees."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light."""
-
-    albedo: float = 0.3
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.6
-    """Initial perceptual roughness r."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
+class Learning(MaterialLearning[MaterialWeights, MaterialRates, StartValues]):
     """How stage 2 learns materials and light."""
 
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
     normal_from: float = 1_000 / 20_000
     """Share of the stage after which the normal loss is active, if geometry is learnt."""
 
@@ -180,7 +128,7 @@ class Variant(SurfelVariant):
     TensoIR's). None: one standard deviation of the pixel's surfels, blended like their albedo."""
     two_sided: bool = True
     """Whether rays also hit surfels from behind, beyond four standard deviations from the point."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: Learning = Learning(MaterialWeights(), MaterialRates(), StartValues(albedo=0.3, roughness=0.6))
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

@@ -1,16 +1,13 @@
-"""Rendering of a trained IRGS model, under the recovered light and relit.
-
-Rays are traced from every covered pixel. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained IRGS model by rays from every covered pixel, under the recovered light and relit; labels."""
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
@@ -35,11 +32,9 @@ from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from .rays import RaySettings
-from .settings import PRESETS, Budget, Indirect, Variant
-from .shading import shade_points
-
-Maps = dict[str, Float[Tensor, "height width _"]]
+from ..labels import length
+from .rays import RaySettings, shade_points
+from .settings import PRESETS, Budget, Variant
 
 
 class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
@@ -50,114 +45,66 @@ class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
         self.rays = RaySettings.of(run.variant, run.scene.extent)
 
     def as_trained(self) -> Prepared:
-        """Rendering under the recovered light; rays are traced for each image."""
-        variant, surfels = self.run.variant, self.model.surfels
-        own = RecoveredLight(self.model, self.rays, self.run.budget.render_samples, variant.indirect)
-        return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), SHOWN_WITH_INCIDENT)
+        """Rendering under the recovered light; rays are traced for each image, spread evenly over the hemisphere.
+
+        Indirect light is that of training (``Variant.indirect``). Every point has the same directions in its frame.
+        """
+        variant, surfels, samples = self.run.variant, self.model.surfels, self.run.budget.render_samples
+        tracer = SurfelTracer(surfels).built()
+
+        def arriving(points: SeenPoints, generator: torch.Generator) -> Incident:
+            direction, weight = hemisphere_directions(points.normal, samples, None)
+            return self.rays.incident(tracer, points, direction, weight, variant.indirect)
+
+        environment = self.model.environment
+        own = Renderer(surfels, surfels.albedo, environment, samples, arriving, self.run.seed, variant.straight)
+        return Shown(own, SHOWN_WITH_INCIDENT)
 
     def relit(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """Rendering under ``light``; rays are traced for each image, and their hits are shaded by the split sum."""
+        """Rendering under ``light``; rays are traced for each image, and their hits are shaded by the split sum.
+
+        Directions are spread over the hemisphere and sampled in proportion to the light.
+        """
         variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
         recovered = surfels.albedo.detach()
         scaled = recovered * albedo_scale
-        new = NewLight(
-            surfels,
-            scaled if variant.secondary_albedo == "scaled" else recovered,
-            light,
-            self.rays,
-            (budget.relight_hemisphere_samples, budget.relight_light_samples),
-            variant.relight_indirect,
-        )
-        return Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight))
+        samples = (budget.relight_hemisphere_samples, budget.relight_light_samples)
+        tracer, sampler, filtered = SurfelTracer(surfels).built(), LightSampler(light), PrefilteredLight(light.radiance)
+        features = hit_features(surfels, scaled if variant.secondary_albedo == "scaled" else recovered)
+
+        def arriving(points: SeenPoints, generator: torch.Generator) -> Incident:
+            direction, weight = relighting_directions(points.normal, sampler, *samples, generator)
+            if not variant.relight_indirect:
+                return self.rays.incident(tracer, points, direction, weight, "none")
+            return self.rays.relit(tracer, points, direction, weight, features, filtered)
+
+        return Shown(Renderer(surfels, scaled, light.radiance, sum(samples), arriving, self.run.seed, variant.straight))
 
 
-@runtime_checkable
-class Light(Protocol):
-    """The light that the renderer shades points with."""
+@dataclass(frozen=True)
+class Renderer:
+    """Renders surfels under a light. The image of a camera does not depend on earlier images."""
 
+    surfels: Surfels
+    """The surfels."""
+    albedo: Float[Tensor, "surfels 3"]
+    """Linear albedo of the visible surfels."""
     environment: Float[Tensor, "rows columns 3"]
     """Radiance of the distant light, linear."""
     samples: int
     """Rays from each point."""
-
-    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """Incident light of ``points``: directions, visibility and indirect radiance."""
-
-
-class RecoveredLight:
-    """The recovered light, with indirect light as in training (``Variant.indirect``).
-
-    Every point has the same directions in its tangent frame.
-    """
-
-    def __init__(self, model: LitSurfels, rays: RaySettings, samples: int, indirect: Indirect) -> None:
-        self.environment, self.samples = model.environment, samples
-        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels).built()
-
-    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """V and L_ind along directions spread evenly over the hemisphere."""
-        direction, weight = hemisphere_directions(points.normal, self.samples, None)
-        return self.rays.incident(self.tracer, points, direction, weight, self.indirect)
-
-
-class NewLight:
-    """A new light, sampled over the hemisphere and in proportion to its radiance; L_ind is the split sum at hits.
-
-    Args:
-        surfels: Surfels that rays are traced through.
-        hit_albedo: Linear albedo of the surfels that rays hit.
-        light: The new light.
-        rays: How rays are traced.
-        samples: Numbers of rays over the hemisphere and from the light.
-        indirect: Whether there is indirect light.
-
-    Raises:
-        DataError: The light is not finite.
-    """
-
-    def __init__(
-        self,
-        surfels: Surfels,
-        hit_albedo: Float[Tensor, "surfels 3"],
-        light: EnvironmentMap,
-        rays: RaySettings,
-        samples: tuple[int, int],
-        indirect: bool,
-    ) -> None:
-        self.environment, self.samples, self.of_each = light.radiance, sum(samples), samples
-        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(surfels).built()
-        self.sampler, self.prefiltered = LightSampler(light), PrefilteredLight(light.radiance)
-        self.features = hit_features(surfels, hit_albedo)
-
-    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
-        """V along the sampled directions, and L_ind unless indirect light is off."""
-        direction, weight = relighting_directions(points.normal, self.sampler, *self.of_each, generator)
-        if not self.indirect:
-            return self.rays.incident(self.tracer, points, direction, weight, "none")
-        return self.rays.relit(self.tracer, points, direction, weight, self.features, self.prefiltered)
-
-
-class Renderer:
-    """Renders surfels under a light; ``albedo`` (linear) is the albedo of the visible surfels.
-
-    The image of a camera does not depend on earlier images: directions are drawn from ``seed`` for each image.
-    """
-
-    def __init__(
-        self, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], light: Light, seed: int, straight: bool = True
-    ) -> None:
-        self.surfels, self.albedo, self.light, self.seed, self.straight = surfels, albedo, light, seed, straight
+    arriving: Callable[[SeenPoints, torch.Generator], Incident]
+    """Gives the incident light of points: directions, visibility and indirect radiance."""
+    seed: int
+    """Seed of the directions of each image."""
+    straight: bool
+    """Order of display encoding and coverage (see ``display.displayed``)."""
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
-        hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo: linear.
-        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
-        """
+        """Maps of one view; see ``on_surfels.trained.Renderer``."""
         seen = seen_surfels(camera, self.surfels, self.albedo, {})
         radiance = self._radiance(camera, seen, () if set(ARRIVING).isdisjoint(further) else ARRIVING)
         return {
@@ -172,12 +119,12 @@ class Renderer:
         generator = torch.Generator(seen.alpha.device).manual_seed(self.seed)
         names = ("direct", "indirect", *arriving)
         maps = {name: torch.zeros(seen.alpha.numel(), 3, device=seen.alpha.device) for name in names}
-        for pixels in covered_pixels(seen).split(max(1, RAYS_AT_ONCE // self.light.samples)):
+        for pixels in covered_pixels(seen).split(max(1, RAYS_AT_ONCE // self.samples)):
             points = seen_points(camera, seen, pixels)
-            incident = self.light.on(points, generator)
-            shaded = shade_points(points, incident, self.light.environment)
+            incident = self.arriving(points, generator)
+            shaded = shade_points(points, incident, self.environment)
             alpha = seen.alpha.flatten()[pixels, None]
-            means = mean_incident(incident, self.light.environment) if arriving else ()
+            means = mean_incident(incident, self.environment) if arriving else ()
             for name, values in zip(names, (shaded.direct, shaded.indirect, *means), strict=True):
                 maps[name][pixels] = alpha * values
         return {name: values.view(*seen.alpha.shape, 3) for name, values in maps.items()}
@@ -192,7 +139,9 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "geometry": "surfels of this project, traced and rasterised by its kernels",
         "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",
         "light_start": light_start(variant.materials.start.light, "a constant 1.5"),
-        "ray_start": _ray_start(variant, extent),
+        "ray_start": length(
+            variant.ray_start, extent, "0.05", "one standard deviation of the surfels that a pixel sees"
+        ),
         "fresnel": "F0 0.04 also at the hits of relit rays (published: 0.02)",
         "masking": "Schlick's in the split sum at the hits of relit rays (published table: height-correlated)",
     }
@@ -203,9 +152,3 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     if variant.lr_scale > 0:
         labels["lr_scale"] = f"{variant.lr_scale:g} (published scripts: 0)"
     return labels
-
-
-def _ray_start(variant: Variant, extent: float) -> str:
-    if variant.ray_start is None:
-        return "one standard deviation of the surfels that a pixel sees (published: 0.05)"
-    return f"{variant.ray_start * extent:.3g} world units (published: 0.05)"

@@ -1,7 +1,4 @@
-"""Stage 2 of IRGS: materials and light by shading random pixels with traced rays.
-
-It starts from the surfels and radiance of stage 1 with new materials and a new light.
-"""
+"""Stage 2 of IRGS: materials and light by shading random pixels with traced rays."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,8 +9,9 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.kernels.image.edges import edge_aware_smoothness
 from radiogs_core.learning.losses import (
+    edge_weights,
     environment_smoothness,
     light_prior,
     mask_entropy,
@@ -26,16 +24,16 @@ from radiogs_core.on_surfels.light_start import starting_model
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import covered_pixels, seen_points, seen_surfels
 from radiogs_core.on_surfels.stage import SurfelStage
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import GEOMETRY, Surfels
+from radiogs_core.surfels.surfels import GEOMETRY
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
-from .rays import RaySettings
+from .rays import RaySettings, shade_points
 from .settings import Budget, Variant
-from .shading import mean_direct_light, shade_points
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
@@ -51,7 +49,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         light = {"log_environment": start.log_environment}
         self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, extent))
         self.rays = RaySettings.of(variant, extent)
-        self.tracer = SurfelTracer(frozen(start.surfels))
+        self.tracer = SurfelTracer(start.surfels.detached(*GEOMETRY))
 
     @property
     def moves(self) -> bool:
@@ -65,8 +63,13 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """Weighted losses of a step on ``view``, by name; draws pixels and directions from the generator."""
-        surfels = self.optimiser.surfels if self.moves else frozen(self.optimiser.surfels)
-        self._follow(surfels)
+        surfels = self.optimiser.surfels
+        if not self.moves:
+            surfels = surfels.detached(*GEOMETRY)
+        if self.moves:
+            self.tracer.follow(surfels)
+        else:
+            self.tracer.recolour(surfels)
         model = LitSurfels(surfels, self.optimiser.tensors["log_environment"])
         own = {"radiance": own_radiance(view.camera, surfels)}
         seen = seen_surfels(view.camera, surfels, surfels.albedo, own, self.depth_unit)
@@ -76,16 +79,12 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         )
         return losses | (self._geometry_losses(seen, view) if self.moves else {})
 
-    def _follow(self, surfels: Surfels) -> None:
-        if self.moves:
-            self.tracer.follow(surfels)
-        else:
-            self.tracer.recolour(surfels)
-
     def _shaded_losses(self, model: LitSurfels, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """L1 of random covered pixels, shaded with traced rays, and the neutrality of their direct light."""
         weights = self.variant.materials.weights
-        pixels = self._drawn(view.counting(covered_pixels(seen)))
+        covered = view.counting(covered_pixels(seen))
+        order = torch.randperm(len(covered), generator=self.generator, device=covered.device)
+        pixels = covered[order[: self.budget.pixels]]
         points = seen_points(view.camera, seen, pixels)
         direction, weight = hemisphere_directions(points.normal.detach(), self.budget.incident_samples, self.generator)
         incident = self.rays.incident(self.tracer, points, direction, weight, self.variant.indirect)
@@ -96,17 +95,12 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "light prior": weights.light_prior * neutrality(incident, model.environment),
         }
 
-    def _drawn(self, pixels: Tensor) -> Tensor:
-        """At most ``budget.pixels`` of the pixels, drawn without replacement."""
-        order = torch.randperm(len(pixels), generator=self.generator, device=pixels.device)
-        return pixels[order[: self.budget.pixels]]
-
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """Losses of the surfels' own radiance and of the smoothness of the material maps."""
-        weights, images = self.variant.materials.weights, seen.images
+        weights, geometry, images = self.variant.materials.weights, self.variant.geometry, seen.images
         target, mask = view.over(0.0), view.mask[..., None]
         own = displayed(images["radiance"], seen.alpha, self.variant.straight)
-        allowance = self._allowance(view)
+        allowance = edge_weights(view, geometry.edge_sharpness, geometry.across_silhouettes)
         return {
             "radiance": reconstruction(view.where_valid(own), target, weights.absolute, weights.similarity),
             "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
@@ -114,21 +108,16 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             * edge_aware_smoothness(mask * images["roughness"], allowance),
         }
 
-    def _allowance(self, view: TrainingView) -> Tensor:
-        geometry = self.variant.geometry
-        inside = None if geometry.across_silhouettes else view.mask
-        return edge_allowance(view.over(0.0), geometry.edge_sharpness, inside)
-
     def _geometry_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        weights, one_sided = self.variant.materials.weights, self.variant.geometry.normal_target == "one-sided"
+        weights, geometry = self.variant.materials.weights, self.variant.geometry
+        allowance = edge_weights(view, geometry.edge_sharpness, geometry.across_silhouettes)
         mask = view.mask[..., None]
         losses = {
             "mask": weights.mask * mask_entropy(view.where_valid(seen.alpha), view.mask),
-            "normal smoothness": weights.normal_smoothness
-            * edge_aware_smoothness(mask * seen.normal, self._allowance(view)),
+            "normal smoothness": weights.normal_smoothness * edge_aware_smoothness(mask * seen.normal, allowance),
         }
         if self.iteration >= self.variant.materials.normal_from * self.iterations:
-            target = seen.depth_normal(view.camera, one_sided)
+            target = seen.depth_normal(view.camera, geometry.normal_target == "one-sided")
             losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, target)
         return losses
 
@@ -157,7 +146,8 @@ def neutrality(incident: Incident, environment: Float[Tensor, "rows columns 3"])
     """Mean distance of the channels of V L_env, averaged over each hemisphere, from their mean; 0 without points."""
     if not len(incident.weight):
         return environment.new_zeros(())
-    return light_prior(mean_direct_light(incident, environment))
+    arriving = incident.visibility[..., None] * EnvironmentMap(environment).lookup(incident.direction)
+    return light_prior((arriving * incident.weight[..., None]).sum(1) / incident.weight.sum(1, keepdim=True))
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:
@@ -174,8 +164,3 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
         "roughness_logit": rates.roughness,
         "log_environment": rates.light,
     }
-
-
-def frozen(surfels: Surfels) -> Surfels:
-    """The surfels with their geometry detached: it gets no gradient and does not change."""
-    return surfels.detached(*GEOMETRY)

@@ -21,7 +21,7 @@ class Model:
     surfels: Surfels
     """Surfels with materials within R3DG's ranges (``training.bounded``)."""
     local: Float[Tensor, "surfels 16 3"]
-    """Harmonics of the local radiance that arrives at each surfel, linear RGB (``local_light``)."""
+    """Harmonics of the local radiance that arrives at each surfel, linear RGB (``incident.local_radiance``)."""
     raw_environment: Float[Tensor, "height width 3"]
     """Radiance of the environment map before its softplus."""
 

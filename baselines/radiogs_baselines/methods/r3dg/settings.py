@@ -3,12 +3,18 @@
 Unless a field says otherwise, defaults are those of the published script for Synthetic4Relight.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    presets,
+)
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -29,52 +35,19 @@ class Budget(SurfelBudget):
     """Directions from which each surfel is lit in relit images."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        incident_samples=8,
-        retraced_surfels=64,
-        local_rate=4.0,
-        light_height=8,
-        relight_samples=16,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        incident_samples=32,
-        retraced_surfels=256,
-        local_rate=4.0,
-        light_height=16,
-        relight_samples=128,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        incident_samples=64,
-        retraced_surfels=1024,
-        local_rate=2.0,
-        light_height=16,
-        relight_samples=192,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        incident_samples=64,
-        retraced_surfels=4096,
-        local_rate=1.0,
-        light_height=16,
-        relight_samples=384,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    incident_samples=(8, 32, 64, 64),
+    retraced_surfels=(64, 256, 1024, 4096),
+    local_rate=(4.0, 4.0, 2.0, 1.0),
+    light_height=(8, 16, 16, 16),
+    relight_samples=(16, 128, 192, 384),
 )
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out."""
 
     absolute: float = ABSOLUTE_WEIGHT
@@ -92,12 +65,9 @@ class MaterialWeights:
     light_smoothness: float = 0.01
     """Weight of the squared differences of log-radiance between neighbouring texels."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.01
@@ -110,31 +80,6 @@ class MaterialRates:
     """Rate of the local light's harmonics of degree 0."""
     local_rest: float = 0.001 / 10
     """Rate of the local light's harmonics of higher degrees."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
-
-@dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light; the local light starts at zero."""
-
-    albedo: float = 0.415
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.54
-    """Initial perceptual roughness r."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
-    """How stage 2 learns materials and light."""
-
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
 
 
 LocalLight = Literal["free", "gated", "none"]
@@ -166,7 +111,9 @@ class Variant(SurfelVariant):
     Synthetic4Relight's). None: one standard deviation of the surfel."""
     two_sided: bool = True
     """Whether rays also hit surfels from behind, beyond four standard deviations from their origin."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: MaterialLearning[MaterialWeights, MaterialRates, StartValues] = field(
+        default=MaterialLearning(MaterialWeights(), MaterialRates(), StartValues(albedo=0.415, roughness=0.54))
+    )
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

@@ -1,7 +1,4 @@
-"""Rendering of a trained R3DG model, under the recovered light and relit.
-
-Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained R3DG model, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,10 +23,10 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_maps, shaded_maps
 
-from .local_light import arriving
+from ..labels import length
+from .incident import RaySettings, VisibilityTable, arriving
 from .model import Model
 from .settings import PRESETS, Budget, LocalLight, Variant
-from .visibility import RaySettings, VisibilityTable
 
 
 class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
@@ -101,20 +98,12 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "geometry": "surfels of this project in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": light_start(variant.materials.start.light, "random between 0.69 and 0.97"),
-        "ray_start": _ray_start(variant, extent),
-        "directions": _directions(variant),
+        "ray_start": length(variant.ray_start, extent, "0.06", "one standard deviation of the surfel"),
+        "directions": "none below 10 degrees, as published"
+        if variant.floor
+        else "down to the horizon (published: to 10 degrees)",
     }
     labels |= reduced(budget, PAPER, "inverse_iterations", "incident_samples", "relight_samples", "light_height")
     if budget.local_rate != PAPER.local_rate:
         labels["local_rate"] = f"{budget.local_rate:g} times the published rates of the local light"
     return labels
-
-
-def _ray_start(variant: Variant, extent: float) -> str:
-    if variant.ray_start is None:
-        return "one standard deviation of the surfel (published: 0.06)"
-    return f"{variant.ray_start * extent:.3g} world units (published: 0.06)"
-
-
-def _directions(variant: Variant) -> str:
-    return "none below 10 degrees, as published" if variant.floor else "down to the horizon (published: to 10 degrees)"

@@ -41,10 +41,9 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 
-from .local_light import arriving
+from .incident import RaySettings, VisibilityTable, arriving
 from .model import Model, before_softplus
 from .settings import Budget, MaterialWeights, Variant
-from .visibility import RaySettings, VisibilityTable
 
 
 class InverseRendering(SurfelStage[Variant, Budget]):
@@ -54,8 +53,14 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         variant, budget = run.variant, run.budget
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
-        start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
-        self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, budget))
+        start = variant.materials.start
+        light, albedo = starting_light_and_albedo(
+            learnt, self.views, budget.light_height, start, self.generator, variant.two_sided
+        )
+        roughness = torch.full_like(learnt.roughness_logit, start.roughness)
+        local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
+        further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
+        self.optimiser = SurfelOptimiser(learnt_from(learnt, albedo, roughness), further, rates_of(variant, budget))
         self.table = VisibilityTable(learnt, RaySettings.of(variant, run.scene.extent), budget.incident_samples)
 
     @property
@@ -68,7 +73,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """The model at the current iteration."""
         tensors = self.optimiser.tensors
         local = torch.cat([tensors["local"], tensors["local_rest"]], 1)
-        return Model(bounded(frozen(self.optimiser.surfels)), local, tensors["raw_environment"])
+        still = (name for name in Surfels.names() if name not in LEARNT)
+        return Model(bounded(self.optimiser.surfels.detached(*still)), local, tensors["raw_environment"])
 
     def begin_step(self) -> None:
         """Retrace V of randomly drawn surfels, if the variant does so."""
@@ -116,7 +122,8 @@ def image_losses(
     images, inside = seen.images, None if geometry.across_silhouettes else mask
     shaded = displayed(images["radiance"], seen.alpha, geometry.encoding == "straight")
     within_paint = edge_allowance(target, geometry.edge_sharpness, inside)
-    within_surface = edge_allowance(_straight_normal(seen), mask=inside)
+    alpha = seen.alpha.detach()[..., None]
+    within_surface = edge_allowance(seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0), mask=inside)
     albedo, irradiance = (displayed(images[name], seen.alpha) for name in ("albedo", "irradiance"))
     smoothness = {
         "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(albedo, within_paint),
@@ -136,36 +143,8 @@ def light_losses(
     }
 
 
-def _straight_normal(seen: Splat) -> Float[Tensor, "height width 3"]:
-    """The blended normal divided by coverage, without gradient."""
-    alpha = seen.alpha.detach()[..., None]
-    return seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0)
-
-
 LEARNT = ("albedo_logit", "roughness_logit")
 """Raw parameters of surfels that stage 2 learns; all others, including the harmonics, keep their values of stage 1."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """Initial values of stage 2."""
-
-    surfels: Surfels
-    """Surfels with the logits that ``bounded`` reads."""
-    further: dict[str, Tensor]
-    """Raw values of the other parameters by name: the environment before softplus, and the local light's harmonics."""
-
-
-def start_of(
-    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> Start:
-    """The surfels of stage 1 with initial materials, and an initial light of ``rows`` rows."""
-    start = variant.materials.start
-    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
-    roughness = torch.full_like(learnt.roughness_logit, start.roughness)
-    local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
-    further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
-    return Start(learnt_from(learnt, albedo, roughness), further)
 
 
 def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
@@ -178,11 +157,6 @@ def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
         "local": budget.local_rate * rates.local,
         "local_rest": budget.local_rate * rates.local_rest,
     }
-
-
-def frozen(surfels: Surfels) -> Surfels:
-    """The surfels with only their materials attached to the gradient."""
-    return surfels.detached(*(name for name in Surfels.names() if name not in LEARNT))
 
 
 @dataclass(frozen=True)

@@ -39,11 +39,6 @@ class Model:
     """Factor on the radiance of all entries of the table."""
 
     @property
-    def vertices(self) -> int:
-        """Number of vertices of each surfel."""
-        return self.vertex_albedo_logit.shape[1]
-
-    @property
     def albedo(self) -> Float[Tensor, "surfels vertices 3"]:
         """Linear diffuse albedo in (0, 1)."""
         return self.vertex_albedo_logit.sigmoid()

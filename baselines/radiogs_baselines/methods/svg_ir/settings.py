@@ -4,11 +4,17 @@ Unless a field says otherwise, defaults are those of the published script for Te
 shares of its iterations.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.settings import (
+    MaterialLearning,
+    NotNegative,
+    SurfelBudget,
+    SurfelVariant,
+    presets,
+)
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 
@@ -27,48 +33,18 @@ class Budget(SurfelBudget):
     """Rays of each surfel in the table of a relit model."""
 
 
-PRESETS = by_name(
-    Budget(
-        name="smoke",
-        geometry=GEOMETRY_PRESETS["smoke"],
-        inverse_iterations=20,
-        incident_samples=8,
-        consistency_surfels=64,
-        light_height=8,
-        relight_samples=8,
-    ),
-    Budget(
-        name="tiny",
-        geometry=GEOMETRY_PRESETS["tiny"],
-        inverse_iterations=600,
-        incident_samples=16,
-        consistency_surfels=1024,
-        light_height=16,
-        relight_samples=64,
-    ),
-    Budget(
-        name="small",
-        geometry=GEOMETRY_PRESETS["small"],
-        inverse_iterations=3000,
-        incident_samples=32,
-        consistency_surfels=8192,
-        light_height=32,
-        relight_samples=128,
-    ),
-    Budget(
-        name="paper",
-        geometry=GEOMETRY_PRESETS["paper"],
-        inverse_iterations=20_000,
-        incident_samples=64,
-        consistency_surfels=2_000_000,
-        light_height=64,
-        relight_samples=384,
-    ),
+PRESETS = presets(
+    Budget,
+    inverse_iterations=(20, 600, 3000, 20_000),
+    incident_samples=(8, 16, 32, 64),
+    consistency_surfels=(64, 1024, 8192, 2_000_000),
+    light_height=(8, 16, 32, 64),
+    relight_samples=(8, 64, 128, 384),
 )
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses; 0 leaves one out."""
 
     shaded: float = 1.0
@@ -93,12 +69,9 @@ class MaterialWeights:
     light_smoothness: float = 0.02
     """Weight of the squared differences of log-radiance between neighbouring texels."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates."""
 
     albedo: float = 0.01
@@ -118,30 +91,11 @@ class MaterialRates:
     radiance_rest: float = 0.00025 / 20
     """Rate of the harmonics of higher degrees."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialStart(StartValues):
-    """Initial materials and light."""
-
-    albedo: float = 0.5
-    """Initial linear diffuse albedo of all channels, under a constant light."""
-    roughness: float = 0.5
-    """Initial perceptual roughness r."""
-
-
-@dataclass(frozen=True)
-class MaterialLearning:
+class Learning(MaterialLearning[MaterialWeights, MaterialRates, StartValues]):
     """How stage 2 learns materials and light."""
 
-    weights: MaterialWeights = field(default_factory=MaterialWeights)
-    """Weights of the losses."""
-    rates: MaterialRates = field(default_factory=MaterialRates)
-    """Learning rates."""
-    start: MaterialStart = field(default_factory=MaterialStart)
-    """Initial materials and light."""
     ratio_until: float = 1_000 / 20_000
     """Share of the stage after which the ratio is frozen."""
 
@@ -183,7 +137,7 @@ class Variant(SurfelVariant):
     """Whether relit images have indirect light."""
     relight_rows: int | None = 32
     """Rows that a new light is downsampled to; None: full resolution."""
-    materials: MaterialLearning = field(default_factory=MaterialLearning)
+    materials: Learning = Learning(MaterialWeights(), MaterialRates(), StartValues(albedo=0.5, roughness=0.5))
     """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:

@@ -62,15 +62,8 @@ def one_bounce(
     """Radiance that the first hits of some rays reflect back along them, linear; lit by visible direct light only.
 
     The material is interpolated at the hit's (u, v); directions and visibility are the hit surfel's entries in the
-    table. Normals have no gradient.
-
-    Args:
-        materials: Materials of all vertices.
-        table: The table of incident light.
-        surfel: Surfel that each ray leaves; the ray must have a first hit.
-        sample: Index of the ray among the surfel's rays.
-        environment: Linear radiance of the light.
-        distance: Distance of the vertices from the surfel's axes (see ``bilinear``).
+    table. Normals have no gradient. ``surfel``, ``sample``: the surfel that each ray leaves, and the ray's index among
+    the surfel's rays; the ray must have a first hit. ``distance``: see ``bilinear``.
     """
     hit, hit_uv = table.hit_surfel[surfel, sample], table.hit_uv[surfel, sample]
     weights = bilinear(hit_uv, distance, materials.shape[1])
@@ -112,12 +105,7 @@ def mirrored(
     return index[found], sample[found]
 
 
-def limited(environment: Float[Tensor, "rows columns 3"], limit: float) -> Float[Tensor, "rows columns 3"]:
-    """Radiance of a light, clamped to [0, limit]."""
-    return environment.clamp(0, limit)
-
-
-def reduced(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
+def downsampled(light: EnvironmentMap, rows: int | None) -> EnvironmentMap:
     """Downsample a light to ``rows`` rows by averaging; a light with no more rows is returned unchanged."""
     if rows is None or rows >= len(light.radiance):
         return light

@@ -1,7 +1,4 @@
-"""Rendering of a trained SVG-IR model, under the recovered light and relit.
-
-Vertices are shaded from a table. Labels state how a run differs from the published method.
-"""
+"""Rendering of a trained SVG-IR model from its table, under the recovered light and relit; labels of a run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,22 +8,28 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
+from radiogs_core.on_surfels.trained import (
+    ARRIVING,
+    SHOWN_WITH_INCIDENT,
+    Shown,
+    TrainedOnSurfels,
+    reduced,
+    unit_or_zero,
+)
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import mean_incident
 from radiogs_core.transport.splatting import splat, towards
 
+from ..labels import length
 from .model import Model
 from .settings import PRESETS, Budget, Variant
-from .shading import Materials, bounced, limited, materials_of, reduced, shade_vertices
+from .shading import Materials, bounced, downsampled, materials_of, shade_vertices
 from .table import Table, Walk, table_of
 from .vertices import blend_vertices
-
-Maps = dict[str, Float[Tensor, "height width _"]]
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
         variant, model = self.run.variant, self.model
         table = table_of(model.cached, self.walk, self.run.budget.incident_samples, self.run.seed)
         factor = model.ratio if variant.indirect else 0.0
-        own = Lit(limited(model.environment, variant.light_limit), table, factor)
+        own = Lit(model.environment.clamp(0, variant.light_limit), table, factor)
         return Shown(self._renderer(model.albedo, own), SHOWN_WITH_INCIDENT)
 
     def relit(
@@ -71,7 +74,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
         """Rendering under ``light`` with a new table, whose radiance is one bounce at the first hits."""
         variant, model = self.run.variant, self.model
         albedo = model.albedo * albedo_scale
-        environment = limited(reduced(light, variant.relight_rows).radiance, variant.light_limit)
+        environment = downsampled(light, variant.relight_rows).radiance.clamp(0, variant.light_limit)
         table = table_of(model.surfels, self.walk, self.run.budget.relight_samples, self.run.seed)
         if variant.relight_indirect:
             materials = materials_of(model, albedo)
@@ -84,14 +87,10 @@ class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
 
 
 class Renderer:
-    """Renders a model under one light.
+    """Renders a model with the materials of its vertices (``shading.materials_of``) under one light.
 
-    Args:
-        model: The trained model.
-        materials: Materials of its vertices (see ``shading.materials_of``).
-        lit: The light.
-        distance: Distance of the vertices from the surfel's axes, in standard deviations.
-        straight: Order of display encoding and coverage (see ``display.displayed``).
+    ``distance``: of the vertices from the surfel's axes, in standard deviations. ``straight``: see
+    ``display.displayed``.
     """
 
     def __init__(self, model: Model, materials: Materials, lit: Lit, distance: float, straight: bool = True) -> None:
@@ -100,13 +99,7 @@ class Renderer:
 
     @torch.no_grad()
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view, [height, width, channels], all composited on black.
-
-        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
-        surfel's hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo:
-        linear. roughness, alpha, depth (world z-depth): one channel. normal: blended vertex normals, unit in the world,
-        zero where empty.
-        """
+        """Maps of one view (see ``on_surfels.trained.Renderer``); ``normal`` has the blended vertex normals."""
         surfels = self.model.surfels
         camera = camera.to(surfels.centre.device, surfels.centre.dtype)
         seen = splat(camera, surfels, {}, depth_unit=1.0)
@@ -146,39 +139,22 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": "surfels of this project in place of flattened 3D Gaussians; no monocular normals",
         "stage1": "shared: novel-view synthesis in place of SVG-IR's own",
-        "light_start": _light_start(variant),
-        "hop": _hop(variant, extent),
-        "ray_start": _ray_start(variant, extent),
+        "light_start": "shared: the light of least albedo variation (published: constant)"
+        if variant.materials.start.light == "least-variation"
+        else "constant, by the images' exposure",
+        "hop": length(
+            variant.hop, extent, "0.2 from hit to hit" if variant.hop is None else "0.2", "rays of full length"
+        ),
+        "ray_start": length(
+            variant.ray_start, extent, "0.042", "one standard deviation of the surfel that a ray leaves"
+        ),
         "attributes": f"vertices {variant.vertex_distance:g} standard deviations from the axes (published: by the size "
         "of the splat in the image)",
     }
     if variant.attributes == "constant":
         labels["attributes"] = "constant-attribute: one material a surfel in place of four vertices"
-    lowered = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "incident_samples", "relight_samples")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }
+    fewer = reduced(budget, PAPER, "inverse_iterations", "incident_samples", "relight_samples")
     if budget.consistency_surfels < budget.geometry.maximum_surfels:
-        lowered.add(f"consistency_surfels {budget.consistency_surfels} (published: all)")
-    if lowered:
-        labels["reduced"] = ", ".join(sorted(lowered))
-    return labels
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: constant)"
-    return "constant, by the images' exposure"
-
-
-def _hop(variant: Variant, extent: float) -> str:
-    if variant.hop is None:
-        return "rays of full length (published: 0.2 from hit to hit)"
-    return f"{variant.hop * extent:.3g} world units (published: 0.2)"
-
-
-def _ray_start(variant: Variant, extent: float) -> str:
-    if variant.ray_start is None:
-        return "one standard deviation of the surfel that a ray leaves (published: 0.042)"
-    return f"{variant.ray_start * extent:.3g} world units (published: 0.042)"
+        surfels = f"consistency_surfels {budget.consistency_surfels} (published: all)"
+        fewer = {"reduced": ", ".join([surfels, *fewer.values()])}
+    return labels | fewer

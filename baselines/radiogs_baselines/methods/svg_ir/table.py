@@ -83,17 +83,14 @@ def table_of(surfels: Surfels, walk: Walk, samples: int, seed: int) -> Table:
     tracer = SurfelTracer(surfels).built()
     chunks = torch.arange(len(surfels), device=weight.device).split(max(1, RAYS_AT_ONCE // samples))
     parts = [_traced(tracer, walk, index, direction[index]) for index in chunks]
-    if not parts:
-        parts = [_empty_entries(direction)]
     found = [torch.cat(column) for column in zip(*parts, strict=True)]
     return Table(direction, weight, *found)
 
 
-TracedEntries = tuple[Tensor, Tensor, Tensor, Tensor]
-"""Visibility, radiance, hit_surfel and hit_uv of a ``Table``."""
-
-
-def _traced(tracer: SurfelTracer, walk: Walk, index: Tensor, direction: Tensor) -> TracedEntries:
+def _traced(
+    tracer: SurfelTracer, walk: Walk, index: Tensor, direction: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Visibility, radiance, hit_surfel and hit_uv of a ``Table``, for the surfels ``index``."""
     surfels, geometry = tracer.surfels, tracer.geometry.detach()
     samples = direction.shape[1]
     origin = geometry.centre[index].repeat_interleave(samples, 0)
@@ -108,11 +105,6 @@ def _traced(tracer: SurfelTracer, walk: Walk, index: Tensor, direction: Tensor) 
     visibility = torch.where(rays.transmittance < walk.opaque, 0.0, rays.transmittance)
     radiance = rays.radiance.clamp(max=walk.radiance_limit)
     return visibility.view(shape), radiance.view(*shape, 3), rays.hit_surfel.view(shape), rays.hit_uv.view(*shape, 2)
-
-
-def _empty_entries(direction: Tensor) -> TracedEntries:
-    empty = direction[..., 0]
-    return empty, direction, empty.long(), direction[..., :2]
 
 
 @dataclass(frozen=True)

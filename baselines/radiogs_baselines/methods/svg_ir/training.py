@@ -1,7 +1,6 @@
 """Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
 
-It starts from the surfels and radiance of stage 1 with new materials and a new light. Materials are fitted to the
-images and to the table's radiance.
+Materials are fitted to the images and to the table's radiance.
 """
 
 from collections.abc import Mapping
@@ -13,8 +12,9 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.kernels.image.edges import edge_aware_smoothness
 from radiogs_core.learning.losses import (
+    edge_weights,
     environment_smoothness,
     normal_consistency,
     reconstruction,
@@ -29,7 +29,7 @@ from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
 
 from .model import LEARNT, Model
 from .settings import Budget, MaterialRates, Variant
-from .shading import limited, materials_of, mirrored, one_bounce, shade_vertices
+from .shading import materials_of, mirrored, one_bounce, shade_vertices
 from .table import Table, Walk, table_of
 from .vertices import blend_vertices
 
@@ -54,7 +54,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def model(self) -> Model:
         """The model at the current iteration."""
         learnt = {name: self.optimiser.tensors[name] for name in LEARNT}
-        return Model(frozen(self.optimiser.surfels), self.cached, **learnt)
+        return Model(self.optimiser.surfels.detached(*FROZEN), self.cached, **learnt)
 
     def begin_step(self) -> None:
         """Freeze the ratio after ``ratio_until`` of the stage."""
@@ -83,7 +83,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         index = torch.nonzero(seen.lists.touched)[:, 0]
         materials = materials_of(model, model.albedo)
         arriving = self.table.incident(index, model.ratio if self.variant.indirect else 0.0)
-        light = limited(model.environment, self.variant.light_limit)
+        light = model.environment.clamp(0, self.variant.light_limit)
         outgoing = towards(camera, surfels)[index]
         direct, indirect = shade_vertices(materials.index_select(0, index), arriving, outgoing, light)
         radiance = torch.zeros_like(model.vertex_offset).index_copy(0, index, direct + indirect)
@@ -99,8 +99,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """Losses of the smoothness of material maps, and of vertex normals against the depth map."""
         weights, geometry = self.variant.materials.weights, self.variant.geometry
         albedo, roughness, normal = materials.split([3, 1, 3], -1)
-        inside = None if geometry.across_silhouettes else view.mask
-        allowance, mask = edge_allowance(view.over(0.0), geometry.edge_sharpness, inside), view.mask[..., None]
+        allowance = edge_weights(view, geometry.edge_sharpness, geometry.across_silhouettes)
+        mask = view.mask[..., None]
         target = seen.depth_normal(view.camera, geometry.normal_target == "one-sided")
         return {
             "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * albedo, allowance),
@@ -113,7 +113,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         if weight == 0:
             return {}
         order = torch.randperm(len(model.surfels), generator=self.generator, device=model.vertex_offset.device)
-        light = limited(model.environment, self.variant.light_limit)
+        light = model.environment.clamp(0, self.variant.light_limit)
         index, distance = order[: self.budget.consistency_surfels], self.variant.vertex_distance
         return {"consistency": weight * radiance_consistency(
             model, self.table, index, view.camera.centre, light, distance
@@ -178,8 +178,3 @@ def rates_of(rates: MaterialRates) -> dict[str, float]:
         "log_environment": rates.light,
         "ratio": rates.ratio,
     }
-
-
-def frozen(surfels: Surfels) -> Surfels:
-    """The surfels with the ``FROZEN`` parameters detached: they get no gradient and do not change."""
-    return surfels.detached(*FROZEN)

@@ -79,7 +79,8 @@ def box_of(scene: Scene, views: Sequence[TrainingView], cells: int) -> Box:
     """
     device = views[0].device
     centre = scene.centre.to(device, torch.float32)
-    whole = _allowed(Box(centre, seen_radius(scene), _all(cells, device)), views)
+    everywhere = torch.ones(cells, cells, cells, dtype=torch.bool, device=device)
+    whole = _allowed(Box(centre, seen_radius(scene), everywhere), views)
     position = cell_centres(cells, device=device)[whole.occupied.flatten()]
     if not len(position):
         raise DataError(
@@ -101,10 +102,6 @@ def seen_radius(scene: Scene) -> float:
         * math.sin(math.atan(min(view.camera.width / view.camera.fx, view.camera.height / view.camera.fy) / 2))
         for view in scene.train
     )
-
-
-def _all(cells: int, device: torch.device) -> Bool[Tensor, "cells cells cells"]:
-    return torch.ones(cells, cells, cells, dtype=torch.bool, device=device)
 
 
 def _allowed(box: Box, views: Sequence[TrainingView]) -> Box:

@@ -40,13 +40,8 @@ def ray_batch(
 ) -> RayBatch:  # fmt: skip
     """Draw ``budget.rays`` rays, divided evenly among ``budget.views`` views; every epoch contains each view once.
 
-    Args:
-        views: The training views.
-        box: Box whose local coordinates the rays have.
-        budget: Numbers of rays and views.
-        order: Iteration and seed, which select the views.
-        generator: Source of the pixels and backgrounds.
-        random_background: Whether each ray has a random grey background; otherwise all are white.
+    Rays have the local coordinates of ``box``. ``order``: iteration and seed, which select the views; ``generator``
+    draws pixels and, if ``random_background``, a grey background of each ray, which is white otherwise.
     """
     iteration, seed = order
     count = min(budget.views, len(views))

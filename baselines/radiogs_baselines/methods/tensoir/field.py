@@ -105,10 +105,7 @@ class Field:
     @torch.no_grad()
     def finer(self, size: int) -> "Field":
         """The field resampled to a grid with ``size`` nodes along an edge, without gradient."""
-        changed = {
-            name: (finer_planes if name.endswith("plane") else finer_lines)(self.parameters[name].detach(), size)
-            for name in GRIDS
-        }
+        changed = {name: resampled(self.parameters[name].detach(), size) for name in GRIDS}
         return replace(self, parameters={**self.parameters, **changed})
 
     @torch.no_grad()
@@ -220,16 +217,11 @@ def slope_of_sum(
     return torch.stack(slope, -1)
 
 
-def finer_planes(planes: Float[Tensor, "3 size size components"], size: int) -> Float[Tensor, "3 _ _ components"]:
-    """Resample planes to ``size`` nodes; the function is unchanged if the old nodes are among the new ones."""
-    moved = planes.permute(0, 3, 1, 2)
-    return interpolate(moved, size=(size, size), mode="bilinear", align_corners=True).permute(0, 2, 3, 1).contiguous()
-
-
-def finer_lines(lines: Float[Tensor, "3 size components"], size: int) -> Float[Tensor, "3 _ components"]:
-    """Resample lines to ``size`` nodes, like ``finer_planes``."""
-    moved = lines.permute(0, 2, 1)
-    return interpolate(moved, size=size, mode="linear", align_corners=True).permute(0, 2, 1).contiguous()
+def resampled(grids: Float[Tensor, "3 *size components"], size: int) -> Float[Tensor, "3 *resampled components"]:
+    """Planes or lines on ``size`` nodes along an edge; unchanged functions if the old nodes are among the new ones."""
+    moved, sizes = grids.movedim(-1, 1), (size,) * (grids.dim() - 2)
+    mode = "linear" if len(sizes) == 1 else "bilinear"
+    return interpolate(moved, size=sizes, mode=mode, align_corners=True).movedim(1, -1).contiguous()
 
 
 FREQUENCIES = 2

@@ -62,14 +62,8 @@ class RecoveredLight:
 class NewLight:
     """A new light with constant texels, sampled in proportion to its radiance; direct light only.
 
-    Args:
-        light: The new light.
-        count: Directions drawn for each point.
-        samples: Samples of the field along each direction.
-        visibility: Whether density occludes the light.
-
-    Raises:
-        DataError: The light is not finite.
+    ``count`` directions are drawn for each point, with ``samples`` samples of the field along each if density occludes
+    the light (``visibility``). Raises DataError for a light that is not finite.
     """
 
     def __init__(self, light: EnvironmentMap, count: int, samples: int, visibility: bool) -> None:

@@ -43,15 +43,10 @@ def arriving(
     samples: int,
     indirect: bool = True,
 ) -> Arriving:
-    """March rays from local positions; V is the ray's transmittance and L_ind the field's radiance along it.
+    """March rays from local positions along unit directions, with ``samples`` samples each.
 
-    Args:
-        field: The field.
-        position: Local positions of the points.
-        direction: Unit directions.
-        traced: Whether to march each ray; the others have V = 1 and L_ind = 0.
-        samples: Samples of each ray.
-        indirect: Whether to compute L_ind; otherwise it is 0.
+    V is the ray's transmittance and L_ind the field's radiance along it, or 0 unless ``indirect``. Rays that are not
+    ``traced`` have V = 1 and L_ind = 0.
     """
     visibility = torch.ones_like(direction[..., 0])
     radiance = torch.zeros_like(direction)

@@ -4,6 +4,7 @@ Unless a field says otherwise, defaults are those of the published configuration
 stage 2's iterations.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -56,31 +57,30 @@ BUDGET_SHOWN_ONLY = ("relight_samples",)
 BUDGET_INVERSE_ONLY = ("grid_end", "lobes", "light_rows", "secondary_samples", *BUDGET_SHOWN_ONLY)
 """Fields of ``Budget`` that stage 1 does not read; it reads ``inverse_iterations``: rates decay over both stages."""
 
+NUMBERS: Mapping[str, tuple[float, float, float, float]] = {
+    "field_iterations": (20, 1500, 5000, 10_000),
+    "inverse_iterations": (20, 1500, 10_000, 70_000),
+    "rays": (64, 256, 1024, 4096),
+    "views": (4, 8, 8, 32),
+    "grid_start": (12, 32, 64, 128),
+    "grid_end": (16, 40, 128, 300),
+    "cells": (16, 64, 96, 256),
+    "density_components": (4, 8, 12, 16),
+    "appearance_components": (6, 12, 24, 48),
+    "features": (8, 12, 18, 27),
+    "hidden": (16, 32, 64, 128),
+    "lobes": (8, 32, 64, 128),
+    "light_rows": (4, 4, 8, 16),
+    "secondary_samples": (8, 16, 48, 96),
+    "relight_samples": (8, 64, 128, 512),
+    "network_rate": (3.0, 3.0, 2.0, 1.0),
+}
+"""Values of the fields of ``Budget`` in the presets smoke, tiny, small and paper."""
+
 PRESETS = {
-    preset.name: preset
-    for preset in (
-        Budget(
-            name="smoke", field_iterations=20, inverse_iterations=20, rays=64, views=4, grid_start=12, grid_end=16,
-            cells=16, density_components=4, appearance_components=6, features=8, hidden=16, lobes=8, light_rows=4,
-            secondary_samples=8, relight_samples=8, network_rate=3.0,
-        ),
-        Budget(
-            name="tiny", field_iterations=1500, inverse_iterations=1500, rays=256, views=8, grid_start=32, grid_end=40,
-            cells=64, density_components=8, appearance_components=12, features=12, hidden=32, lobes=32, light_rows=4,
-            secondary_samples=16, relight_samples=64, network_rate=3.0,
-        ),
-        Budget(
-            name="small", field_iterations=5000, inverse_iterations=10_000, rays=1024, views=8, grid_start=64,
-            grid_end=128, cells=96, density_components=12, appearance_components=24, features=18, hidden=64, lobes=64,
-            light_rows=8, secondary_samples=48, relight_samples=128, network_rate=2.0,
-        ),
-        Budget(
-            name="paper", field_iterations=10_000, inverse_iterations=70_000, rays=4096, views=32, grid_start=128,
-            grid_end=300, cells=256, density_components=16, appearance_components=48, features=27, hidden=128,
-            lobes=128, light_rows=16, secondary_samples=96, relight_samples=512, network_rate=1.0,
-        ),
-    )
-}  # fmt: skip
+    name: Budget(name=name, **{field: values[index] for field, values in NUMBERS.items()})  # type: ignore[arg-type]
+    for index, name in enumerate(("smoke", "tiny", "small", "paper"))
+}
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
-"""Surface points and their shading: L_o = sum_w (a / pi + f_GGX) L_i (n.w) dA."""
+"""Materials along marched rays, their surface points, and shading: L_o = sum_w (a / pi + f_GGX) L_i (n.w) dA."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from radiogs_core.kernels.shade.brdf import diffuse, specular
 
+from .field import Field
 from .marching import Marched, Rays
 
 SOLID = 0.5
@@ -24,6 +26,45 @@ class Materials:
     """Perceptual roughness r."""
     normal: Float[Tensor, "rays 3"]
     """Normals of any length, world axes."""
+
+
+@dataclass(frozen=True)
+class SampleValues:
+    """Radiance, materials and normals at the counted samples of marched rays."""
+
+    marched: Marched
+    """The marched rays."""
+    radiance: Float[Tensor, "counted 3"]
+    """Radiance towards the ray's origin, linear."""
+    albedo: Float[Tensor, "counted 3"]
+    """Linear diffuse albedo."""
+    roughness: Float[Tensor, " counted"]
+    """Perceptual roughness r."""
+    predicted: Float[Tensor, "counted 3"]
+    """Normals of the network (``Field.predicted_normal``)."""
+    derived: Float[Tensor, "counted 3"]
+    """Normals of the density (``Field.derived_normal``)."""
+
+    def materials(self, normals: Literal["predicted", "derived"]) -> Materials:
+        """Materials blended along each ray, with the selected normals."""
+        blended = self.marched.blended
+        normal = self.predicted if normals == "predicted" else self.derived
+        return Materials(blended(self.albedo), blended(self.roughness), blended(normal))
+
+
+def sample_values(field: Field, rays: Rays, marched: Marched) -> SampleValues:
+    """Evaluate all networks at the counted samples."""
+    position = marched.positions
+    features = field.features(position)
+    albedo, roughness = field.materials(features, position)
+    return SampleValues(
+        marched=marched,
+        radiance=field.radiance(features, rays.direction[marched.ray]),
+        albedo=albedo,
+        roughness=roughness,
+        predicted=field.predicted_normal(features, position),
+        derived=field.derived_normal(position),
+    )
 
 
 @dataclass(frozen=True)

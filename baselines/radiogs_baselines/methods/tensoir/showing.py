@@ -1,12 +1,12 @@
 """Rendering of a trained TensoIR model, under the recovered light and relit.
 
-A ray is marched for every pixel, and shaded where its coverage is above ``shading.SOLID``. Labels state how a run
-differs from the published method.
+A ray is marched for every pixel, and shaded where its coverage is above ``shading.SOLID``.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,14 +20,13 @@ from radiogs_core.scene.light import EnvironmentMap
 
 from .drawing import camera_rays
 from .field import UNITS, Field
-from .lighting import NewLight, RecoveredLight, Shaded
+from .lighting import NewLight, RecoveredLight
 from .losses import on_background
 from .marching import Marched, Rays, march
 from .model import Model
-from .sample_values import sample_values
 from .secondary import NEAR, NEAREST_SPACINGS
 from .settings import PRESETS, Budget, Variant
-from .shading import Materials, SurfacePoints, surface_points, unit
+from .shading import Materials, sample_values, surface_points, unit
 
 RAYS_AT_ONCE = 2048
 """Camera rays marched and shaded in one batch."""
@@ -82,7 +81,7 @@ class TrainedTensoIR:
             samples = (budget.light_rows, budget.secondary_samples)
             own = RecoveredLight(self.model.light, variant, *samples, displaced=False)
             scale, shaded = torch.ones(3, device=device), variant.shown == "shaded"
-            return _Shown(Renderer(field, variant, own, self.run.seed, shaded, scale))
+            return Renderer(field, variant, own, self.run.seed, shaded, scale)
         scale = torch.ones(3, device=device) if albedo_scale is None else albedo_scale.to(device)
         new = NewLight(
             EnvironmentMap(light.radiance.to(device)),
@@ -90,37 +89,32 @@ class TrainedTensoIR:
             budget.secondary_samples,
             variant.relight_visibility,
         )
-        return _Shown(Renderer(field, variant, new, self.run.seed, True, scale))
+        return Renderer(field, variant, new, self.run.seed, True, scale)
 
 
-@runtime_checkable
-class Light(Protocol):
-    """The light that the renderer shades points with."""
-
-    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
-        """Outgoing radiance of surface points."""
-
-
+@dataclass(frozen=True)
 class Renderer:
-    """Renders a field under a light. The image of a camera does not depend on earlier images.
+    """Renders a field under a light (``contract.Prepared``). A camera's image does not depend on earlier images."""
 
-    Args:
-        field: The field.
-        variant: The run's variant.
-        light: The light.
-        seed: Seed of the random directions of each image.
-        shaded: Whether the image is shaded; otherwise it is the marched radiance field.
-        albedo_scale: Factor on the recovered albedo, linear RGB.
-    """
+    field: Field
+    """The field."""
+    variant: Variant
+    """The run's variant."""
+    light: RecoveredLight | NewLight
+    """The light."""
+    seed: int
+    """Seed of the random directions of each image."""
+    shaded: bool
+    """Whether the image is shaded; otherwise it is the marched radiance field."""
+    albedo_scale: Float[Tensor, "3"]
+    """Factor on the recovered albedo, linear RGB."""
 
-    def __init__(
-        self, field: Field, variant: Variant, light: Light, seed: int, shaded: bool, albedo_scale: Float[Tensor, "3"]
-    ) -> None:
-        self.field, self.variant, self.light, self.seed = field, variant, light, seed
-        self.shaded, self.albedo_scale = shaded, albedo_scale
+    timed = True
+    default = frozenset(STANDARD_MAPS)
+    offers = STANDARD_MAPS
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+    def render(self, camera: Camera, *further: str) -> Maps:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance of solid pixels, zero
@@ -174,21 +168,6 @@ def on_black(blended: Float[Tensor, "rays 3"], marched: Marched) -> Float[Tensor
     return torch.where(alpha[:, None] > 0, image, 0.0)
 
 
-class _Shown:
-    """A rendering under one light; see ``contract.Prepared``."""
-
-    timed = True
-    default = frozenset(STANDARD_MAPS)
-    offers = STANDARD_MAPS
-
-    def __init__(self, renderer: Renderer) -> None:
-        self.renderer = renderer
-
-    def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps of one view; see ``Renderer.render``."""
-        return self.renderer.render(camera)
-
-
 PAPER = PRESETS["paper"]
 
 LABELLED_FIELDS = (
@@ -203,7 +182,9 @@ def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
     labels = {
         "geometry": "a field of its own, no surfels",
         "box": "the cube around the cells inside all silhouettes (published: around the learnt density)",
-        "nvs": _shown(variant),
+        "nvs": "images under the recovered light are the radiance field's, not shaded (as TensoIR reports them)"
+        if variant.shown == "field"
+        else "images under the recovered light are shaded (TensoIR reports the radiance field's)",
         "background": "random greys in stage 2 (published: white)"
         if variant.background == "random-later"
         else "white, as published",
@@ -222,9 +203,3 @@ def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
     if budget.network_rate != PAPER.network_rate:
         labels["network_rate"] = f"{budget.network_rate:g} times the published one"
     return labels
-
-
-def _shown(variant: Variant) -> str:
-    if variant.shown == "field":
-        return "images under the recovered light are the radiance field's, not shaded (as TensoIR reports them)"
-    return "images under the recovered light are shaded (TensoIR reports the radiance field's)"

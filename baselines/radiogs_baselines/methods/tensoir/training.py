@@ -25,9 +25,8 @@ from .lighting import RecoveredLight
 from .losses import facing_away, mean_along_rays, on_background, relative_difference, sparsity, squared_error, variation
 from .marching import Rays, march
 from .model import LIGHT, Model
-from .sample_values import SampleValues, sample_values
 from .settings import Budget, Rates, Variant
-from .shading import surface_points
+from .shading import SampleValues, sample_values, surface_points
 
 
 class _Learning(ABC):
@@ -198,16 +197,13 @@ def shaded_on_background(
 
 def _normal_losses(values: SampleValues, rays: Rays, variant: Variant) -> dict[str, Tensor]:
     """Orientation loss of the shading normals, and the distance of predicted from derived normals."""
-    weights, direction = variant.learning.inverse, rays.direction[values.marched.ray]
-    if variant.normals == "derived":
-        away = facing_away(values.derived, direction)
-        return {"orientation": weights.orientation * mean_along_rays(values.marched, away)}
-    apart = (values.predicted - values.derived).square().sum(-1)
-    away = facing_away(values.predicted, direction)
-    return {
-        "normal difference": weights.normal_difference * mean_along_rays(values.marched, apart),
-        "orientation": weights.orientation * mean_along_rays(values.marched, away),
-    }
+    weights, normal, losses = variant.learning.inverse, values.derived, {}
+    if variant.normals == "predicted":
+        normal = values.predicted
+        apart = (values.predicted - values.derived).square().sum(-1)
+        losses["normal difference"] = weights.normal_difference * mean_along_rays(values.marched, apart)
+    away = facing_away(normal, rays.direction[values.marched.ray])
+    return losses | {"orientation": weights.orientation * mean_along_rays(values.marched, away)}
 
 
 def _smoothness(field: Field, values: SampleValues, variant: Variant, generator: torch.Generator) -> dict[str, Tensor]:

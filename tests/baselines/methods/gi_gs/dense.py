@@ -8,12 +8,12 @@ import math
 import torch
 from torch import Tensor
 
+from baselines.methods.dense import encode, seen
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import tangent_frame
 from radiogs_core.transport.splitsum import PrefilteredLight, brdf_table
-from reference.rasterize import rasterize
 from reference.shade import environment_radiance
 
 HEIGHTS, AZIMUTHS = 5, 8
@@ -23,19 +23,10 @@ PUBLISHED = sum(math.cos(b * math.pi / 32) * math.sin(b * math.pi / 32) for b in
 """Irradiance over pi that the published grid of 32 x 17 gathers from a constant radiance of 1."""
 
 
-def encode(linear: Tensor) -> Tensor:
-    """The sRGB curve, not clipped."""
-    return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
-
-
 def materials(camera: Camera, surfels: Surfels, metallic: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Straight normal, albedo, roughness and metallic of each pixel (columns 0:3, 3:6, 6, 7), alpha, and depth."""
-    drawn = surfels.geometry_for(camera)
-    columns = torch.cat([drawn.normal, surfels.albedo, surfels.roughness[:, None], metallic[:, None]], -1)
-    features, alpha, depth, _ = rasterize(
-        camera.axes, camera.centre, camera.ray_directions().flatten(0, 1), drawn.centre, drawn.axis_u, drawn.axis_v,
-        drawn.normal, drawn.opacity, columns, 1.0,
-    )  # fmt: skip
+    columns = surfels.albedo, surfels.roughness[:, None], metallic[:, None]
+    features, alpha, depth = seen(camera, surfels, *columns)
     whole = torch.where(alpha > 0, alpha, 1.0)
     return features / whole[:, None], alpha, (depth / whole).detach()
 

@@ -5,7 +5,6 @@ import math
 import pytest
 import torch
 
-from baselines.methods.gi_gs.training import stage_of, variant
 from baselines.methods.gi_gs.world import (
     DISTANCE,
     EDGE,
@@ -27,10 +26,10 @@ from baselines.methods.gi_gs.world import (
     shown,
 )
 from baselines.methods.irgs.world import sheet, together
-from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
-from radiogs_baselines.methods.gi_gs.marching import NO_HIT, March
+from baselines.methods.stage_two import GI_GS
+from radiogs_baselines.methods.gi_gs.marching import GATHERED, NO_HIT, Grid, March
 from radiogs_baselines.methods.gi_gs.settings import Variant
-from radiogs_baselines.methods.gi_gs.shading import bounce, gathered, mean_radiance, median, openness, summed
+from radiogs_baselines.methods.gi_gs.shading import bounce, median, openness, summed, weighted
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 
@@ -150,7 +149,8 @@ def test_gathered_radiance_of_a_wall_equals_the_published_sum(azimuths: int, hei
     buffer, colour = only_beside_a_wall(2.0), torch.tensor([0.9, 0.4, 0.1], dtype=F64)
     radiance = torch.where(buffer.depth[..., None] < DISTANCE, colour, 0.3)
     hits = marches.hit_pixels(buffer)
-    found = of_middle(gathered(hits, radiance, marches.grid), buffer)
+    gathered = GATHERED * weighted(hits, radiance, marches.grid.cosine_weight)
+    found = of_middle(gathered, buffer)
     published = sum(
         math.cos(theta) * math.sin(theta)
         for phi in (index * math.pi / 16 for index in range(32))
@@ -161,9 +161,9 @@ def test_gathered_radiance_of_a_wall_equals_the_published_sum(azimuths: int, hei
     if azimuths == 32:
         torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
     torch.testing.assert_close(found, GATHERED * share_towards(azimuths) * colour, rtol=1e-12, atol=0)
-    sent = of_middle(bounce(buffer, gathered(hits, radiance, marches.grid)), buffer)
+    sent = of_middle(bounce(buffer, gathered), buffer)
     torch.testing.assert_close(sent, (1 - 0.04) * 0.5 * found, rtol=1e-12, atol=0)
-    mean = of_middle(mean_radiance(hits, radiance, marches.grid), buffer)
+    mean = of_middle(weighted(hits, radiance, marches.grid.uniform_weight), buffer)
     torch.testing.assert_close(mean, share_towards(azimuths) * colour, rtol=1e-12, atol=0)
 
 
@@ -210,7 +210,8 @@ def test_the_bounce_is_median_filtered() -> None:
     buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
     marches = march(thick=SOLID)
     maps = shader(marches=marches, occlusion=False).shade(buffer, alpha, light_of(0.5))
-    raw = bounce(buffer, gathered(marches.hit_pixels(buffer), maps["direct"].clamp(0, 1), marches.grid.like(alpha)))
+    sent, weight = maps["direct"].clamp(0, 1), marches.grid.like(alpha).cosine_weight
+    raw = bounce(buffer, GATHERED * weighted(marches.hit_pixels(buffer), sent, weight))
     torch.testing.assert_close(maps["indirect"], median(buffer.image(raw)))
 
 
@@ -230,18 +231,19 @@ def test_the_specular_lobe_is_not_occluded() -> None:
 def test_the_readme_variant_trains_without_occlusion_but_renders_with_it() -> None:
     """Marches from step 64 of 16 find nothing: training equals training without occlusion and indirect light."""
     bug, without, full = (
-        stage_of(variant(**turned)) for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
+        GI_GS.stage_of(GI_GS.variant(**turned))
+        for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
     )
     for _ in range(3):
         assert bug.step() == without.step() != full.step()
-    beyond = stage_of(variant(start=16))
-    assert beyond.step() == stage_of(variant(readme_bug=True)).step()
+    beyond = GI_GS.stage_of(GI_GS.variant(start=16))
+    assert beyond.step() == GI_GS.stage_of(GI_GS.variant(readme_bug=True)).step()
 
 
 def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:
     """F0 = 0.04 (1 - m) + m albedo, as published; the diffuse light does not change."""
     surfels = together(sheet(0.0, albedo=0.6, roughness=0.5))
-    maps = [buffer_of(above(), surfels, torch.full((1,), metal)) for metal in (0.0, 1.0)]
+    maps = [buffer_of(above(), surfels, torch.full((1,), logit)) for logit in (-100.0, 100.0)]
     dielectric, metal = (shader(indirect=False).shade(*each, light_of(1.0))["direct"][15, 15] for each in maps)
     low, high = (
         shader(indirect=False).shade(*buffer_of(above(), sheet(0.0, albedo=albedo, roughness=0.5)), light_of(1.0))

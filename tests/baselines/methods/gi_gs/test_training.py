@@ -1,99 +1,19 @@
-"""Stage 2 of GI-GS: which parameters its losses change and which they do not, and that it resumes bit for bit."""
-
-from dataclasses import replace
+"""What is particular to stage 2 of GI-GS; ``test_stage_two`` tests what all methods share."""
 
 import pytest
-import torch
 
-from baselines.methods.gi_gs.training import (
-    BUDGET,
-    CONSTANT,
-    GEOMETRY,
-    only,
-    stage_of,
-    tensors_of,
-    variant,
-)
-from known_ball import BALL, COLOUR, SCENE, noise
+from baselines.methods.stage_two import GI_GS
 from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.settings import README_START, Budget, Variant
-from radiogs_baselines.methods.gi_gs.training import InverseRendering
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 
-def with_values(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
-    """The stage with some of its learnt tensors replaced."""
-    state = stage.state()
-    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | tensors
-    stage.restore(state)
-    return stage
-
-
-@pytest.mark.parametrize("scale", [0.0, 1.0])
-def test_geometry_is_frozen_without_a_rate_and_radiance_always(scale: float) -> None:
-    stage = stage_of(variant(lr_scale=scale))
-    before = tensors_of(stage)
-    for _ in range(4):
-        stage.step()
-    after = tensors_of(stage)
-    for name in GEOMETRY:
-        assert torch.equal(after[name], before[name]) == (scale == 0), name
-    for name in ("sh", "sh_rest"):
-        assert torch.equal(after[name], before[name]), name
-    for name in ("albedo_logit", "roughness_logit", "log_environment"):
-        assert not torch.equal(after[name], before[name]), name
-
-
-def test_geometry_moves_at_its_share_of_the_final_rates_of_stage_one() -> None:
-    stage = stage_of(variant(lr_scale=0.25))
-    before, first = tensors_of(stage), Variant().geometry.rates
-    stage.step()
-    after = tensors_of(stage)
-    rates = {
-        "centre": first.position_end * SCENE.extent,
-        "log_scale": first.end_share * first.scale,
-        "opacity_logit": first.end_share * first.opacity,
-    }
-    for name, rate in rates.items():
-        # Adam's first step is the rate itself.
-        moved = float((after[name] - before[name]).abs().max())
-        assert moved == pytest.approx(0.25 * rate, rel=0.03), name
-
-
-@pytest.mark.parametrize(
-    ("weight", "moved"),
-    [
-        ("shaded", {"albedo_logit", "roughness_logit", "metallic_logit", "log_environment"}),
-        ("plainness", {"roughness_logit", "metallic_logit"}),
-        ("light_smoothness", {"log_environment"}),
-    ],
-)
-def test_each_loss_changes_the_parameters_it_depends_on(weight: str, moved: set[str]) -> None:
-    """The variation loss has its own test below, because the ball's materials are smooth."""
-    stage = stage_of(variant(materials=only(**{weight: 1.0}), lr_scale=0.0, metallic=True))
-    light = 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))
-    before = tensors_of(with_values(stage, log_environment=light))
-    stage.step()
-    after = tensors_of(stage)
-    assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
-
-
-@pytest.mark.parametrize("name", ["albedo_logit", "roughness_logit", "metallic_logit"])
-def test_the_variation_loss_evens_out_a_material(name: str) -> None:
-    stage = stage_of(variant(materials=only(variation=1.0), lr_scale=0.0, metallic=True))
-    even = tensors_of(stage)[name]
-    with_values(stage, **{name: even + noise(even, 1.0)})
-    losses = [stage.step()["variation"] for _ in range(20)]
-    assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
-
-
 def test_metalness_is_learnt_only_if_the_variant_says_so() -> None:
-    plain, metal = (stage_of(variant(metallic=metallic)) for metallic in (False, True))
+    plain, metal = (GI_GS.stage_of(GI_GS.variant(metallic=metallic)) for metallic in (False, True))
     assert "metallic_logit" not in plain.optimiser.tensors
-    assert plain.model.metallic_logit is None
-    assert not plain.model.metallic.any()
+    assert plain.model.metallic is None
     assert float(metal.model.metallic.detach().mean()) == pytest.approx(0.73)
     for _ in range(6):
         metal.step()
@@ -101,7 +21,7 @@ def test_metalness_is_learnt_only_if_the_variant_says_so() -> None:
 
 
 def test_only_the_rate_of_albedo_decays() -> None:
-    stage = stage_of(variant(lr_scale=0.0))
+    stage = GI_GS.stage_of(GI_GS.variant(lr_scale=0.0))
     rates = stage.variant.materials.rates
 
     def rate(name: str) -> float:
@@ -118,10 +38,10 @@ def test_only_the_rate_of_albedo_decays() -> None:
 
 def test_every_training_view_shows_indirect_light() -> None:
     """Without hits the tests of this folder would only test the split sum."""
-    stage = stage_of()
+    stage = GI_GS.stage_of()
     for view in stage.views:
         model = stage.model
-        seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
+        seen = seen_materials(view.camera, model, model.surfels.albedo)
         maps = stage.shader.shade(
             gbuffer(view.camera, seen), seen.alpha, SplitSumLight(PrefilteredLight(model.environment))
         )
@@ -133,44 +53,14 @@ def test_training_uses_the_shader_settings_of_the_variant(part: str) -> None:
     changed = {
         "occlusion": False, "indirect": False, "sum": "linear", "masking": "schlick", "start": 12, "radius": 0.1,
     }[part]  # fmt: skip
-    assert stage_of(variant(**{part: changed})).step() != stage_of().step()
-
-
-def test_materials_are_recovered_under_known_light_and_shape() -> None:
-    """Under a light of 1 the ball sends COLOUR, so its albedo is COLOUR minus the lobe.
-
-    The lobe is 0.013 seen from the front, and 0.03 where n.wo is 0.3.
-    """
-    learning = replace(
-        CONSTANT,
-        rates=replace(CONSTANT.rates, light=0.0, roughness=0.0, albedo_end=0.02),
-        start=replace(CONSTANT.start, albedo=0.3),
-    )
-    stage = stage_of(variant(materials=learning, lr_scale=0.0), BALL)
-    with_values(stage, log_environment=torch.zeros(8, 16, 3))
-    for _ in range(100):
-        stage.step()
-    surfels = stage.model.surfels
-    seen = (surfels.albedo - 0.3).abs().sum(-1) > 1e-3
-    found = surfels.albedo[seen].median(0).values
-    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.02, rtol=0, atol=0.01)
-
-
-def test_a_constant_start_has_the_exposure_and_the_shared_start_is_searched() -> None:
-    constant = stage_of().model
-    assert torch.equal(constant.log_environment, constant.log_environment[:1, :1].expand(8, 16, 3))
-    torch.testing.assert_close(constant.surfels.albedo, torch.full_like(constant.surfels.albedo, 0.73))
-    torch.testing.assert_close(constant.surfels.roughness, torch.full_like(constant.surfels.roughness, 0.73))
-    shared = stage_of(Variant(), BALL).model
-    assert float(shared.log_environment.detach().std()) > 1e-3
-    assert float(shared.surfels.albedo.detach().std()) > 1e-3
+    assert GI_GS.stage_of(GI_GS.variant(**{part: changed})).step() != GI_GS.stage_of().step()
 
 
 def test_a_grid_without_weighted_directions_is_refused() -> None:
     for name in ("heights", "render_heights"):
         with pytest.raises(UsageError, match=f"^{name}"):
-            replace(BUDGET, **{name: 2})
-    assert isinstance(replace(BUDGET, heights=3), Budget)
+            GI_GS.numbered(**{name: 2})
+    assert isinstance(GI_GS.numbered(heights=3), Budget)
 
 
 def test_the_march_of_the_readme_starts_beyond_its_end() -> None:

@@ -9,12 +9,11 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import UP, looking_down, sheet
 from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_materials
-from radiogs_baselines.methods.gi_gs.grid import Grid
-from radiogs_baselines.methods.gi_gs.marching import March
-from radiogs_baselines.methods.gi_gs.model import Model
+from radiogs_baselines.methods.gi_gs.marching import Grid, March
 from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
 from radiogs_baselines.methods.gi_gs.showing import Renderer
+from radiogs_baselines.methods.metallic import MetallicSurfels
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
@@ -100,14 +99,18 @@ def light_of(radiance: float | Tensor, rows: int = 8, dtype: torch.dtype = torch
 
 def shown(surfels: Surfels, camera: Camera, light: SplitSumLight, how: Shader | None = None) -> dict[str, Tensor]:
     """All maps of a view."""
-    model = Model(surfels, torch.zeros(4, 8, 3, dtype=surfels.centre.dtype))
+    model = unlit(surfels)
     return Renderer(model, surfels.albedo, light, how or shader()).render(camera)
 
 
-def buffer_of(camera: Camera, surfels: Surfels, metallic: Tensor | None = None) -> tuple[GBuffer, Tensor]:
+def unlit(surfels: Surfels, metallic_logit: Tensor | None = None) -> MetallicSurfels:
+    """A model whose own light is not read."""
+    return MetallicSurfels(surfels, torch.zeros(4, 8, 3, dtype=surfels.centre.dtype), metallic_logit)
+
+
+def buffer_of(camera: Camera, surfels: Surfels, metallic_logit: Tensor | None = None) -> tuple[GBuffer, Tensor]:
     """G-buffer of a camera's frame, and its coverage."""
-    metallic = torch.zeros_like(surfels.roughness_logit) if metallic is None else metallic
-    seen = seen_materials(camera, surfels, surfels.albedo, metallic)
+    seen = seen_materials(camera, unlit(surfels, metallic_logit), surfels.albedo)
     return gbuffer(camera, seen), seen.alpha
 
 

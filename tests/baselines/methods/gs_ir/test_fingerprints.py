@@ -8,13 +8,12 @@ from baselines.methods.gs_ir.world import (
     baked,
     closed_form,
     lit,
-    middle,
     model_of,
     openness,
     roof,
     trained,
 )
-from baselines.methods.irgs.world import grey, sheet, together
+from baselines.methods.irgs.world import grey, middle, sheet, together
 from radiogs_baselines.methods.gs_ir.model import Model
 from radiogs_baselines.methods.gs_ir.training import Reach
 

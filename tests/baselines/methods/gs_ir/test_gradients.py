@@ -8,25 +8,21 @@ import pytest
 import torch
 from torch import Tensor
 
+from baselines.methods.dense import F64, encode, floor, gradients, seen, surfels_of
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.model import Model
-from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
 from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.settings import TexelAreas
 from radiogs_baselines.methods.gs_ir.shading import View
 from radiogs_baselines.methods.gs_ir.training import Reach, bake, image_loss, material_prior, material_smoothness
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice, OcclusionVolume
 from radiogs_bench.lab.kernels import plain
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 from reference.differences import Values, assert_gradients
-from reference.rasterize import rasterize
 from reference.shade import environment_radiance
 
-F64 = torch.float64
 CAMERA = looking_down(1.5, size=4, dtype=F64)
 LATTICE = Lattice(torch.full((3,), -1.9, dtype=F64), 3.8, 10)
 SAMPLES = 12
@@ -43,8 +39,7 @@ def start() -> Values:
     """A floor of three overlapping surfels, and a sheet outside the camera's view 0.6 above it."""
     torch.manual_seed(3)
     surfels = together(
-        sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
-        sheet(-0.1, (0, -0.1, 0.995), 1.5, 0.9, dtype=F64),
+        *floor(),
         sheet(0.05, (-0.2, 0.1, 0.97), 0.2, 0.8, dtype=F64),
         sheet(0.6, DOWN, 0.5, 0.8, dtype=F64),
     )
@@ -58,10 +53,6 @@ def start() -> Values:
         "irradiance": 0.5 * torch.randn(64, 9, dtype=F64) + torch.eye(9, dtype=F64)[0],
     }
     return given | further
-
-
-def surfels_of(values: Values) -> Surfels:
-    return Surfels.of({name: values[name] for name in Surfels.names()})
 
 
 @cache
@@ -149,15 +140,10 @@ def dense_openness(position: Tensor, normal: Tensor) -> float:
 def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The image, blended and straight maps of albedo, roughness and metalness, and coverage, from the formulas."""
     surfels = surfels_of(values)
-    drawn = surfels.geometry_for(CAMERA)
-    metallic = values["metallic_logit"].sigmoid()[:, None]
-    columns = torch.cat([drawn.normal, surfels.albedo, surfels.roughness[:, None], metallic], -1)
-    rays, eye = CAMERA.ray_directions().flatten(0, 1), CAMERA.centre
-    features, alpha, depth, _ = rasterize(
-        CAMERA.axes, eye, rays, drawn.centre, drawn.axis_u, drawn.axis_v, drawn.normal, drawn.opacity, columns, 1.0
-    )
-    straight = features / alpha[:, None]
-    position = (eye + rays * (depth / alpha)[:, None]).detach()
+    columns = surfels.albedo, surfels.roughness[:, None], values["metallic_logit"].sigmoid()[:, None]
+    features, alpha, depth = seen(CAMERA, surfels, *columns)
+    straight, rays = features / alpha[:, None], CAMERA.ray_directions().flatten(0, 1)
+    position = (CAMERA.centre + rays * (depth / alpha)[:, None]).detach()
     normal = (features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)).detach()
     outgoing = -rays / rays.norm(dim=-1, keepdim=True)
     albedo, roughness, metal = straight[:, 3:6], straight[:, 6], straight[:, 7, None]
@@ -178,8 +164,7 @@ def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     assert bool((arriving > 0).any())
     direct_and_indirect = opened * environment_radiance(light.diffuse, normal) + (1 - opened) * arriving
     linear = albedo * direct_and_indirect + specular
-    display = torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
-    return display * alpha[:, None], features[:, 3:], straight[:, 3:], alpha
+    return encode(linear) * alpha[:, None], features[:, 3:], straight[:, 3:], alpha
 
 
 def dense_terms(values: Values) -> dict[str, Tensor]:
@@ -205,12 +190,6 @@ def dense_terms(values: Values) -> dict[str, Tensor]:
     }
 
 
-def gradients(of: object, values: Values, term: str, names: tuple[str, ...]) -> Values:
-    leaves = {name: value.clone().requires_grad_(name in names) for name, value in values.items()}
-    of(leaves)[term].backward()  # type: ignore[operator]
-    return {name: leaves[name].grad for name in names if leaves[name].grad is not None}  # type: ignore[misc]
-
-
 REACHED = {
     "shaded": set(MOVED),
     "smoothness": {*MATERIALS, "centre", "opacity_logit", "log_scale"},
@@ -223,7 +202,7 @@ REACHED = {
 def test_each_loss_and_its_gradients_equal_the_formulas(term: str) -> None:
     """Geometry has gradients only through the blending: normals and positions have none."""
     torch.testing.assert_close(terms(start())[term], dense_terms(start())[term], rtol=1e-7, atol=0)
-    ours, theirs = (gradients(of, start(), term, MOVED) for of in (terms, dense_terms))
+    ours, theirs = (gradients(lambda values, of=of: of(values)[term], start(), MOVED) for of in (terms, dense_terms))
     reached = {name for name, value in ours.items() if value.any()}
     assert reached == {name for name, value in theirs.items() if value.any()} == REACHED[term]
     for name in reached:
@@ -236,7 +215,7 @@ def test_each_loss_and_its_gradients_equal_the_formulas(term: str) -> None:
 def test_gradients_equal_central_differences(term: str, areas: TexelAreas) -> None:
     """Materials, light and irradiance. (Moving geometry would move positions and normals, which have no gradient.)"""
     names = tuple(name for name in LEARNT if name in REACHED[term])
-    found = gradients(lambda values: terms(values, areas), start(), term, names)
+    found = gradients(lambda values: terms(values, areas)[term], start(), names)
     assert set(found) == set(names)
     assert_gradients(lambda values: float(terms(values, areas)[term]), start(), found, 1e-4, directions=4)
 

@@ -8,16 +8,15 @@ import torch
 from baselines.methods.gs_ir.world import LATTICE, UPWARDS, baked, closed_form, lit
 from baselines.methods.irgs.world import UP, sheet, together
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
-from radiogs_baselines.methods.gs_ir.occlusion import (
+from radiogs_baselines.methods.gs_ir.training import Reach, bake, corners_near, inherited
+from radiogs_baselines.methods.gs_ir.volumes import (
+    IrradianceVolume,
+    Lattice,
     OcclusionVolume,
     cosine_directions,
-    mean_openness,
     projection,
     sphere_directions,
 )
-from radiogs_baselines.methods.gs_ir.training import Reach, bake, corners_near, inherited
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
 
@@ -122,46 +121,10 @@ def test_directions_about_a_normal_are_cosine_distributed() -> None:
     torch.testing.assert_close(direction.mean(1), 2 / 3 * normal, rtol=0, atol=2e-3)
 
 
-def test_openness_is_clamped_for_each_direction() -> None:
-    """M = 1 + 3 cos is clamped to 1 on the hemisphere; 2 cos - 1/2 is clamped for cosines below 1/4 and above 3/4."""
-    linear = math.sqrt(3 / (4 * math.pi))  # Y_10 = linear * z, of positive sign in 3DGS's basis
-    over, cut = OPEN.double().clone(), -0.5 * OPEN.double()
-    over[2], cut[2] = 3 / linear, 2 / linear
-    normal = UPWARDS.double()
-    assert float(mean_openness(over[None], normal, 2048)) == pytest.approx(1.0)
-    quarter, three = 0.25, 0.75
-    between = 4 * (three**3 - quarter**3) / 3 - 0.5 * (three**2 - quarter**2)
-    assert float(mean_openness(cut[None], normal, 4096)) == pytest.approx(between + 1 - three**2, abs=1e-4)
-
-
 def halves(axis: int) -> OcclusionVolume:
     """A volume that is closed on the lower half of the lattice along one axis, and open on the upper half."""
     upper = LATTICE.positions(torch.arange(8**3))[:, axis] > 0
     return OcclusionVolume(LATTICE, upper.long(), torch.stack([torch.zeros(16), OPEN]))
-
-
-def test_corners_behind_the_tangent_plane_do_not_count() -> None:
-    """Between a closed layer and an open one, a floor anywhere in the cell reads the layer ahead of it."""
-    position = torch.tensor([[0.03, -0.02, height] for height in (-0.08, -0.03, 0.0)])
-    up = UPWARDS.expand(3, 3)
-    assert torch.equal(halves(2).openness(position, up, 64), torch.ones(3))
-    assert torch.equal(halves(2).openness(-position, -up, 64), torch.zeros(3))
-
-
-def test_corners_ahead_count_by_their_normalised_trilinear_weights() -> None:
-    """Closed to the left and open to the right: O goes from 0 to 1 across the cell."""
-    position = torch.tensor([[-0.1, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.0, 0.02, 0.0], [0.1, 0.0, 0.0]])
-    found = halves(0).openness(position, UPWARDS.expand(4, 3), 64)
-    torch.testing.assert_close(found, torch.tensor([0.0, 0.25, 0.5, 1.0]), rtol=0, atol=1e-5)
-
-
-def test_a_point_is_read_half_a_cell_ahead() -> None:
-    """A floor reads the first layer of corners beyond half a cell (0.0875) ahead; it changes at height 0.0125."""
-    layers = OcclusionVolume(LATTICE, torch.arange(8**3) % 8, torch.linspace(0, 1, 8)[:, None] * OPEN)
-    for height in (-0.09, 0.0, 0.011, 0.013):
-        ahead = math.ceil((height + 0.0875 + 0.7) / 0.2 - 1e-9)
-        found = layers.openness(torch.tensor([[0.0, 0.0, height]]), UPWARDS, 16)
-        assert float(found) == pytest.approx(ahead / 7, abs=1e-5), height
 
 
 def test_points_outside_the_cube_read_the_nearest_corners() -> None:

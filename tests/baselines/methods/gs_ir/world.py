@@ -5,18 +5,15 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.polynomial import legendre
-from torch import Tensor
 
-from baselines.methods.irgs.world import DOWN, grey, looking_down, sheet
+from baselines.methods.irgs.world import DOWN, grey, sheet
 from known_ball import CPU, SCENE
-from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.model import Model
-from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
 from radiogs_baselines.methods.gs_ir.settings import PRESETS, Variant
 from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
-from radiogs_core.contract import Prepared, Run
+from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice, OcclusionVolume
+from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
@@ -82,10 +79,3 @@ def model_of(surfels: Surfels, light: EnvironmentMap | None = None, **volumes: A
 def trained(model: Model, **turned: Any) -> TrainedGSIR:
     """``model_of`` with a run; ``turned``: changed fields of the variant."""
     return TrainedGSIR(model, Run(SCENE, Variant(**turned), PRESETS["smoke"], 0, CPU))
-
-
-def middle(shown: Prepared) -> dict[str, Tensor]:
-    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
-    maps = shown.render(looking_down())
-    seen = {name: values[1, 1] for name, values in maps.items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect")}

@@ -7,21 +7,19 @@ import pytest
 import torch
 from torch import Tensor
 
+from baselines.methods.dense import F64, assert_same_gradients, encode, floor, gradients, seen, surfels_of
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.irgs.rays import RaySettings
+from radiogs_baselines.methods.irgs.rays import RaySettings, shade_points
 from radiogs_baselines.methods.irgs.settings import Indirect
-from radiogs_baselines.methods.irgs.shading import shade_points
 from radiogs_baselines.methods.irgs.training import neutrality, pixel_loss
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer
 from reference.differences import Values, assert_gradients
-from reference.rasterize import rasterize
 from reference.shade import environment_radiance, shade
 from reference.trace import trace
 
-F64 = torch.float64
 CAMERA = looking_down(1.5, size=4, dtype=F64)
 RAYS = RaySettings(0.05, two_sided=True)
 SAMPLES = 24
@@ -35,13 +33,8 @@ their start follows the width, both without gradient."""
 def start() -> Values:
     """A floor of two overlapping surfels that the camera sees, and two sheets above the camera that it does not see."""
     torch.manual_seed(3)
-    low = [
-        sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
-        sheet(-0.1, (0, -0.1, 0.995), 1.5, 0.9, dtype=F64),
-    ]
     high = [sheet(2.2, DOWN, 2.0, 0.6, dtype=F64), sheet(2.6, DOWN, 3.0, 0.8, dtype=F64)]
-    surfels = together(*low, *high)
-    given = surfels.parameters()
+    given = together(*floor(), *high).parameters()
     given["sh"] = given["sh"] + 0.1 * torch.randn_like(given["sh"])
     given["sh"][:, 0] += 1.0
     given["albedo_logit"] = given["albedo_logit"] + 0.3 * torch.randn_like(given["albedo_logit"])
@@ -53,29 +46,25 @@ def start() -> Values:
 def fixed() -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Pixels, directions, weights and targets, drawn once."""
     torch.manual_seed(4)
-    seen, points = points_of(surfels_of(start()))
+    drawn, points = points_of(surfels_of(start()))
     # A seed whose directions leave the kinks of l1 and of the clamps at zero outside all stencils.
     direction, weight = hemisphere_directions(points.normal, SAMPLES, torch.Generator().manual_seed(2))
-    return covered_pixels(seen), direction, weight, torch.rand(len(points), 3, dtype=F64)
-
-
-def surfels_of(values: Values) -> Surfels:
-    return Surfels.of({name: values[name] for name in Surfels.names()})
+    return covered_pixels(drawn), direction, weight, torch.rand(len(points), 3, dtype=F64)
 
 
 def points_of(surfels: Surfels) -> tuple[object, SeenPoints]:
-    seen = seen_surfels(CAMERA, surfels, surfels.albedo, {})
-    return seen, seen_points(CAMERA, seen, covered_pixels(seen))
+    drawn = seen_surfels(CAMERA, surfels, surfels.albedo, {})
+    return drawn, seen_points(CAMERA, drawn, covered_pixels(drawn))
 
 
 def losses(values: Values, indirect: Indirect = "traced") -> tuple[Tensor, Tensor]:
     """The image loss and the neutrality loss, as stage 2 computes them."""
     _, direction, weight, target = fixed()
     surfels = surfels_of(values)
-    seen, points = points_of(surfels)
+    drawn, points = points_of(surfels)
     incident = RAYS.incident(SurfelTracer(surfels), points, direction, weight, indirect)
     shaded = shade_points(points, incident, values["environment"])
-    alpha = seen.alpha.flatten()[fixed()[0]]  # type: ignore[attr-defined]
+    alpha = drawn.alpha.flatten()[fixed()[0]]  # type: ignore[attr-defined]
     return pixel_loss(shaded.radiance, alpha, target), neutrality(incident, values["environment"])
 
 
@@ -83,16 +72,11 @@ def dense_losses(values: Values) -> tuple[Tensor, Tensor]:
     """Both losses from the formulas: rasterization, tracing, shading and encoding as dense loops."""
     pixels, direction, weight, target = fixed()
     surfels = surfels_of(values)
-    drawn, traced = surfels.geometry_for(CAMERA), surfels.geometry()
-    columns = torch.cat([drawn.normal, surfels.albedo, surfels.roughness[:, None], surfels.scale.amax(-1, True)], -1)
-    eye = CAMERA.centre
-    features, alpha, depth, _ = rasterize(
-        CAMERA.axes, eye, CAMERA.ray_directions().flatten(0, 1)[pixels], drawn.centre, drawn.axis_u, drawn.axis_v,
-        drawn.normal, drawn.opacity, columns, 1.0,
-    )  # fmt: skip
+    traced, columns = surfels.geometry(), (surfels.albedo, surfels.roughness[:, None], surfels.scale.amax(-1, True))
+    features, alpha, depth = (column[pixels] for column in seen(CAMERA, surfels, *columns))
     straight = features / alpha[:, None]
     to_pixels = CAMERA.ray_directions().flatten(0, 1)[pixels]
-    position = eye + to_pixels * (depth / alpha)[:, None]
+    position = CAMERA.centre + to_pixels * (depth / alpha)[:, None]
     normal = features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)
     arrived = [
         trace(
@@ -111,28 +95,20 @@ def dense_losses(values: Values) -> tuple[Tensor, Tensor]:
         normal, straight[:, 3:6], straight[:, 6], outgoing, direction, weight, visibility, radiance,
         values["environment"],
     )  # fmt: skip
-    linear = parts.sum(2)[:, 0]
-    display = torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
+    display = encode(parts.sum(2)[:, 0])
     light = (visibility[..., None] * environment_radiance(values["environment"], direction)).mean(1)
     apart = (light - light.mean(-1, keepdim=True)).abs().mean()
     return (display * alpha[:, None] - target).abs().mean(), apart
-
-
-def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
-    leaves = {name: value.clone().requires_grad_(name in names) for name, value in values.items()}
-    sum(of(leaves)).backward()  # type: ignore[operator]
-    return {name: leaves[name].grad for name in names if leaves[name].grad is not None}  # type: ignore[misc]
 
 
 def test_both_losses_and_their_gradients_equal_the_formulas() -> None:
     found, expected = losses(start()), dense_losses(start())
     for mine, theirs in zip(found, expected, strict=True):
         torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=0)
-    ours, theirs = gradients(losses, start(), MOVED), gradients(dense_losses, start(), MOVED)
-    assert set(ours) == set(theirs) == set(MOVED)
-    for name, gradient in theirs.items():
-        assert gradient.abs().max() > 0, name
-        assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
+    ours, theirs = (
+        gradients(lambda values, of=of: torch.stack(of(values)).sum(), start(), MOVED) for of in (losses, dense_losses)
+    )
+    assert_same_gradients(ours, theirs, MOVED)
 
 
 def hit_surfels(values: Values) -> list[bool]:
@@ -154,15 +130,16 @@ def test_gradients_equal_central_differences() -> None:
     """Centres are compared with the formulas above: pixels' footprints follow them without gradient."""
     names = (*LEARNT, "opacity_logit")
 
-    def total(values: Values) -> float:
-        return float(sum(losses(values)))
+    def total(values: Values) -> Tensor:
+        return torch.stack(losses(values)).sum()
 
-    assert_gradients(total, start(), gradients(losses, start(), names), 2e-4, hit_surfels, directions=4)
+    found = gradients(total, start(), names)
+    assert_gradients(lambda values: float(total(values)), start(), found, 2e-4, hit_surfels, directions=4)
 
 
 def test_the_image_loss_reaches_only_the_harmonics_of_the_unseen_sheets() -> None:
     """The camera is below the sheets: only their radiance along rays acts on the image."""
-    found = gradients(lambda values: losses(values)[:1], start(), LEARNT)
+    found = gradients(lambda values: losses(values)[0], start(), LEARNT)
     assert (found["sh"][2:].abs().amax((1, 2)) > 0).all()
     assert torch.equal(found["albedo_logit"][2:], torch.zeros(2, 3, dtype=F64))
     assert torch.equal(found["roughness_logit"][2:], torch.zeros(2, dtype=F64))
@@ -170,9 +147,9 @@ def test_the_image_loss_reaches_only_the_harmonics_of_the_unseen_sheets() -> Non
 
 @pytest.mark.parametrize("indirect", ["detached", "none"])
 def test_detached_indirect_light_gives_the_harmonics_no_gradient(indirect: Indirect) -> None:
-    kept = gradients(lambda values: losses(values, indirect)[:1], start(), MOVED)
+    kept = gradients(lambda values: losses(values, indirect)[0], start(), MOVED)
     assert kept.get("sh") is None or not kept["sh"].any()
-    whole = gradients(lambda values: losses(values)[:1], start(), MOVED)
+    whole = gradients(lambda values: losses(values)[0], start(), MOVED)
     assert kept["albedo_logit"].any()
     if indirect == "detached":
         assert torch.equal(losses(start(), indirect)[0], losses(start())[0])

@@ -3,28 +3,14 @@
 import pytest
 import torch
 
-from baselines.methods.irgs.world import UP, grey, looking_down, own, sheet
+from baselines.methods.irgs.world import UP, grey, looking_down, own, sheet, tiles, trained
 from hard_cases.constructions import looking_along_z, two_balls
-from radiogs_baselines.methods.irgs.rays import RaySettings
-from radiogs_baselines.methods.irgs.showing import RecoveredLight, Renderer
-from radiogs_core.on_surfels.model import LitSurfels as Model
-from radiogs_core.surfels.surfels import Surfels
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
     """A floor of overlapping coplanar surfels receives all of the light and no indirect light."""
-    coordinate = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
-    centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
-    tile = sheet(0.0, UP, scale=0.1, opacity=0.9, radiance=0.5)
-    floor = Surfels.of(
-        {name: value.expand(len(centre), *value.shape[1:]).contiguous() for name, value in tile.parameters().items()}
-        | {"centre": centre}
-    )
-    model = Model(floor, torch.zeros(8, 16, 3))
-    maps = Renderer(floor, floor.albedo, RecoveredLight(model, RaySettings(), 64, "traced"), 0).render(
-        looking_down(0.5)
-    )
+    floor = tiles(radiance=0.5)
+    maps = trained(floor, ray_start=None, two_sided=True).prepare().render(looking_down(0.5))
     assert bool((maps["indirect"] == 0).all())
     alone = own(sheet(0.0, UP, opacity=0.9), grey())["direct"]
     torch.testing.assert_close(maps["direct"][1, 1] / maps["alpha"][1, 1], alone, rtol=0.02, atol=0)
@@ -42,9 +28,8 @@ def test_case_37_surfels_without_radiance_equal_indirect_light_off() -> None:
     surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 5.0])
     surfels.sh = torch.zeros_like(surfels.sh)
     surfels.sh[:, 0] = -10.0  # far below zero: clamped
-    camera, model = looking_along_z(), Model(surfels, torch.zeros(8, 16, 3))
     traced, off = (
-        Renderer(surfels, surfels.albedo, RecoveredLight(model, RaySettings(), 16, indirect), 0).render(camera)
+        trained(surfels, samples=16, indirect=indirect).prepare().render(looking_along_z())
         for indirect in ("traced", "none")
     )
     assert all(torch.equal(traced[name], off[name]) for name in traced)

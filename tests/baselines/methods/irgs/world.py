@@ -1,21 +1,24 @@
 """A floor seen from above, and sheets above the camera, which it does not see."""
 
+from dataclasses import replace
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from radiogs_baselines.methods.irgs.rays import RaySettings
-from radiogs_baselines.methods.irgs.settings import PRESETS, Indirect
-from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
-from radiogs_core.on_surfels.model import LitSurfels as Model
+from known_ball import CPU, SCENE
+from radiogs_baselines.methods.irgs.settings import PRESETS, Variant
+from radiogs_baselines.methods.irgs.showing import TrainedIRGS
+from radiogs_core.contract import Run
+from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh, roughness_to_logit
 
-CPU = torch.device("cpu")
 SMOKE = PRESETS["smoke"]
+NEAR = 1e-3 / SCENE.extent
+"""Start of rays so near to their surfel that they skip only this one."""
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 ENDLESS = 1e4
 """Scale of a sheet whose opacity is nearly constant up to where rays one degree above the floor's plane hit it."""
@@ -56,6 +59,27 @@ def together(*surfels: Surfels) -> Surfels:
     return Surfels.of({name: torch.cat([part[name] for part in parts]) for name in parts[0]})
 
 
+def tiles(**looks: float) -> Surfels:
+    """A floor of overlapping coplanar surfels."""
+    coordinate = torch.arange(-6, 7) * 0.1
+    x, y = (values.flatten() for values in torch.meshgrid(coordinate, coordinate, indexing="ij"))
+    tile = sheet(0.0, UP, scale=0.1, opacity=0.9, **looks).take(torch.zeros(len(x), dtype=torch.long))
+    return Surfels.of(tile.parameters() | {"centre": torch.stack([x, y, 0 * x], -1)})
+
+
+def leaning(*albedo: float) -> Surfels:
+    """Two surfels of nearly equal weight that lean 60 degrees to either side."""
+    lean = 3**0.5 / 2
+    return together(
+        sheet(0.0, (lean, 0.0, 0.5), scale=1.0, opacity=0.5, albedo=albedo[0]),
+        sheet(0.0, (-lean, 0.0, 0.5), scale=1.0, albedo=albedo[1]),
+    )
+
+
+RISING = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
+"""A light of 1 + w_z, under which a Lambert surface of albedo a sends a (1 + 2/3 n_z)."""
+
+
 def looking_down(height: float = 0.05, size: int = 3, dtype: torch.dtype = torch.float32) -> Camera:
     """A camera above the origin whose middle pixel looks straight down."""
     matrix = torch.eye(4, dtype=dtype)
@@ -69,25 +93,30 @@ def grey(radiance: float = 1.0, rows: int = 8) -> EnvironmentMap:
     return EnvironmentMap(torch.full((rows, 2 * rows, 3), radiance))
 
 
-def rays(start: float = 1e-3) -> RaySettings:
-    """Ray settings with a start so near that rays skip only the floor itself."""
-    return RaySettings(start, two_sided=False)
+def trained(surfels: Surfels, light: EnvironmentMap | None = None, samples: int = 64, **turned: Any) -> TrainedIRGS:
+    """A model with these surfels, without training; rays skip only the surfel that they leave.
+
+    Relit by 64 rays over the hemisphere and 32 from the light. ``turned``: changed fields of the variant.
+    """
+    variant = Variant(**{"ray_start": NEAR, "two_sided": False, **turned})
+    budget = replace(SMOKE, render_samples=samples, relight_hemisphere_samples=64, relight_light_samples=32)
+    model = LitSurfels(surfels, (light or grey()).radiance.to(surfels.centre).log())
+    return TrainedIRGS(model, Run(SCENE, variant, budget, 0, CPU))
 
 
-def own(surfels: Surfels, light: EnvironmentMap, indirect: Indirect = "traced", samples: int = 64) -> dict[str, Tensor]:
+def own(surfels: Surfels, light: EnvironmentMap, samples: int = 64, **turned: Any) -> dict[str, Tensor]:
     """The middle pixel of every map, under the recovered light."""
-    model = Model(surfels, light.radiance.to(surfels.centre).log())
-    return middle(Renderer(surfels, surfels.albedo, RecoveredLight(model, rays(), samples, indirect), 0))
+    return middle(trained(surfels, light, samples, **turned).prepare())
 
 
-def relit(surfels: Surfels, light: EnvironmentMap, hit_albedo: Tensor, indirect: bool = True) -> dict[str, Tensor]:
-    """The middle pixel of every map, relit by 64 rays over the hemisphere and 32 from the light."""
-    new = NewLight(surfels, hit_albedo, light, rays(), (64, 32), indirect)
-    return middle(Renderer(surfels, surfels.albedo, new, 0))
+def relit(surfels: Surfels, light: EnvironmentMap, **turned: Any) -> dict[str, Tensor]:
+    """The middle pixel of every map under a new light."""
+    return middle(trained(surfels, **turned).prepare(light))
 
 
-def middle(renderer: Renderer) -> dict[str, Tensor]:
-    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
-    maps = renderer.render(looking_down(dtype=renderer.surfels.centre.dtype), "incident")
+def middle(shown: Any, height: float = 0.05) -> dict[str, Tensor]:
+    """Values of the middle pixel of ``looking_down``, divided by its coverage; ``shown``: prepared, or a renderer."""
+    maps = getattr(shown, "renderer", shown).render(looking_down(height), "incident")
     seen = {name: values[1, 1] for name, values in maps.items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident", "incident_direct")}
+    straight = ("direct", "indirect", "incident", "incident_direct")
+    return seen | {name: seen[name] / seen["alpha"] for name in straight if name in seen}

@@ -6,24 +6,21 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from baselines.methods.dense import F64, floor, seen, surfels_of
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
-from radiogs_baselines.methods.r3dg.local_light import arriving, local_radiance
+from radiogs_baselines.methods.r3dg.incident import RaySettings, VisibilityTable, arriving, local_radiance
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
 from radiogs_baselines.methods.r3dg.settings import LocalLight, MaterialWeights
 from radiogs_baselines.methods.r3dg.training import Lit, blended, bounded, image_losses, light_losses, light_surfels
-from radiogs_baselines.methods.r3dg.visibility import RaySettings, VisibilityTable
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import Splat
 from reference.differences import Values, assert_gradients
 from reference.images import sobel
-from reference.rasterize import rasterize
 from reference.shade import shade
 from reference.trace import harmonics, trace
 
-F64 = torch.float64
 CAMERA = looking_down(1.5, size=4, dtype=F64)
 SAMPLES = 24
 START = 0.05
@@ -37,22 +34,14 @@ GEOMETRY = GeometryLearning()
 def given() -> Values:
     """A floor of two overlapping surfels, sheets above the camera that shadow part of it, and one facing away."""
     torch.manual_seed(3)
-    low = [
-        sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
-        sheet(-0.1, (0, -0.1, 0.995), 1.5, 0.9, dtype=F64),
-    ]
     high = [sheet(2.2, DOWN, 0.8, 0.6, dtype=F64), sheet(2.6, DOWN, 2.0, 0.08, dtype=F64)]
-    surfels = together(*low, *high)
+    surfels = together(*floor(), *high)
     values = surfels.parameters()
     values["albedo_logit"] = values["albedo_logit"] + torch.randn_like(values["albedo_logit"])
     values["roughness_logit"] = values["roughness_logit"] + torch.randn_like(values["roughness_logit"])
     local = 0.1 * torch.randn(4, 16, 3, dtype=F64)
     local[:, 0] += 0.5
     return values | {"local": local, "raw_environment": before_softplus(0.2 + torch.rand(6, 12, 3, dtype=F64))}
-
-
-def surfels_of(values: Values) -> Surfels:
-    return Surfels.of({name: values[name] for name in Surfels.names()})
 
 
 @cache
@@ -76,8 +65,8 @@ def lit(values: Values, mode: LocalLight = "free") -> tuple[Model, Lit]:
 def losses(values: Values) -> Tensor:
     """The sum of the losses, as stage 2 computes it."""
     model, light = lit(values)
-    seen = blended(CAMERA, model.surfels, light)
-    parts = image_losses(seen, *target(), WEIGHTS, GEOMETRY)
+    drawn = blended(CAMERA, model.surfels, light)
+    parts = image_losses(drawn, *target(), WEIGHTS, GEOMETRY)
     return torch.stack([*(parts | light_losses(light.irradiance, model.environment, WEIGHTS)).values()]).sum()
 
 
@@ -102,22 +91,19 @@ def dense_maps(values: Values, mode: LocalLight) -> dict[str, Tensor]:
     args = (direction, weight, visibility, local, environment)
     radiance = shade(frame.normal, albedo, roughness, outgoing, *args).sum(2)[:, 0]
     white = shade(frame.normal, torch.ones_like(albedo), roughness, frame.normal[:, None], *args)[:, 0, :2].sum(1)
-    drawn = surfels.geometry_for(CAMERA)
-    columns = torch.cat([radiance, torch.pi * white, albedo, roughness[:, None]], -1)
-    features, alpha, _, _ = rasterize(
-        CAMERA.axes, CAMERA.centre, CAMERA.ray_directions().flatten(0, 1), drawn.centre, drawn.axis_u, drawn.axis_v,
-        drawn.normal, drawn.opacity, columns, 1.0,
-    )  # fmt: skip
-    maps = dict(zip(("radiance", "irradiance", "albedo", "roughness"), features.split([3, 3, 3, 1], -1), strict=True))
+    features, alpha, _ = seen(CAMERA, surfels, radiance, torch.pi * white, albedo, roughness[:, None])
+    names = ("normal", "radiance", "irradiance", "albedo", "roughness")
+    maps = dict(zip(names, features.split([3, 3, 3, 3, 1], -1), strict=True))
+    del maps["normal"]
     return maps | {"alpha": alpha, "sent": radiance, "received": torch.pi * white}
 
 
 def maps(values: Values, mode: LocalLight) -> dict[str, Tensor]:
     """The values of ``dense_maps`` as stage 2 computes them."""
     model, light = lit(values, mode)
-    seen = blended(CAMERA, model.surfels, light)
-    images = {name: image.flatten(0, 1) for name, image in seen.images.items()}
-    return images | {"alpha": seen.alpha.flatten(), "sent": light.radiance, "received": light.irradiance}
+    drawn = blended(CAMERA, model.surfels, light)
+    images = {name: image.flatten(0, 1) for name, image in drawn.images.items()}
+    return images | {"alpha": drawn.alpha.flatten(), "sent": light.radiance, "received": light.irradiance}
 
 
 def total(of: dict[str, Tensor]) -> Tensor:
@@ -158,11 +144,11 @@ def test_maps_and_their_gradients_equal_the_formulas() -> None:
 def kinks(values: Values) -> list[bool]:
     """The branch of every absolute value and clamp of the losses; where it changes there is no derivative."""
     model, light = lit(values)
-    seen = blended(CAMERA, model.surfels, light)
-    shown = displayed(seen.images["radiance"], seen.alpha)
-    slopes = [sobel(displayed(seen.images[name], seen.alpha)) for name in ("albedo", "irradiance")]
+    drawn = blended(CAMERA, model.surfels, light)
+    shown = displayed(drawn.images["radiance"], drawn.alpha)
+    slopes = [sobel(displayed(drawn.images[name], drawn.alpha)) for name in ("albedo", "irradiance")]
     signs = [
-        local_radiance(model.local, table().direction), shown - target()[0], sobel(seen.images["roughness"]), *slopes,
+        local_radiance(model.local, table().direction), shown - target()[0], sobel(drawn.images["roughness"]), *slopes,
         light.irradiance - light.irradiance.mean(-1, keepdim=True),
     ]  # fmt: skip
     return torch.cat([(sign > 0).flatten() for sign in signs]).tolist()  # type: ignore[no-any-return]
@@ -192,12 +178,12 @@ def test_before_softplus_inverts_softplus_for_faint_and_strong_light() -> None:
 def test_smoothness_compares_display_values() -> None:
     """Albedo and irradiance are compared as display values of the covered part of pixels."""
     model, light = lit(given())
-    seen = blended(CAMERA, model.surfels, light)
+    drawn = blended(CAMERA, model.surfels, light)
     only = MaterialWeights(**(dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0) | {"albedo_smoothness": 1.0}))
     flat, mask = torch.full((4, 4, 3), 0.5, dtype=F64), torch.ones(4, 4, dtype=F64)
-    alpha = seen.alpha[..., None]
-    shown = srgb_encode(seen.images["albedo"] / alpha) * alpha
-    found = image_losses(seen, flat, mask, only, GEOMETRY)["albedo smoothness"]
+    alpha = drawn.alpha[..., None]
+    shown = srgb_encode(drawn.images["albedo"] / alpha) * alpha
+    found = image_losses(drawn, flat, mask, only, GEOMETRY)["albedo smoothness"]
     # On a flat image every slope counts, except beside the border of what is covered: here nothing is.
     torch.testing.assert_close(found, sobel(shown).abs().sum(0).mean(), rtol=1e-9, atol=0)
 
@@ -205,7 +191,7 @@ def test_smoothness_compares_display_values() -> None:
 def test_smoothness_of_irradiance_follows_normal_edges_and_not_image_edges() -> None:
     """An edge of the image does not lower the weight; an edge of the normals does."""
     model, light = lit(given())
-    seen = blended(CAMERA, model.surfels, light)
+    drawn = blended(CAMERA, model.surfels, light)
     none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
     only = MaterialWeights(**(none | {"irradiance_smoothness": 1.0}))
     image, mask = target()
@@ -213,9 +199,9 @@ def test_smoothness_of_irradiance_follows_normal_edges_and_not_image_edges() -> 
     def smoothness(shown: Splat, guide: Tensor) -> Tensor:
         return image_losses(shown, guide, mask, only, GEOMETRY)["irradiance smoothness"]
 
-    found = smoothness(seen, image)
-    torch.testing.assert_close(found, smoothness(seen, torch.full_like(image, 0.5)), rtol=0, atol=0)
-    creased = replace(seen, normal=seen.normal * torch.linspace(-3, 3, 4, dtype=F64)[:, None, None])
+    found = smoothness(drawn, image)
+    torch.testing.assert_close(found, smoothness(drawn, torch.full_like(image, 0.5)), rtol=0, atol=0)
+    creased = replace(drawn, normal=drawn.normal * torch.linspace(-3, 3, 4, dtype=F64)[:, None, None])
     assert float(smoothness(creased, image)) < 0.9 * float(found)
 
 
@@ -225,11 +211,11 @@ def test_irradiance_does_not_depend_on_the_camera() -> None:
     below[2, 3] = -5.0
     model = Model(bounded(surfels_of(given())), given()["local"], given()["raw_environment"])
     incident = arriving(table(), model.local, "free")
-    seen, unseen = (
+    facing, unseen = (
         light_surfels(camera, model.surfels, incident, model.environment)
         for camera in (CAMERA, replace(CAMERA, camera_to_world=below))
     )
-    assert float(seen.irradiance[:2].min()) > 0
-    assert float(seen.radiance[:2].min()) > 0
+    assert float(facing.irradiance[:2].min()) > 0
+    assert float(facing.radiance[:2].min()) > 0
     assert float(unseen.radiance[:2].abs().max()) == 0
-    torch.testing.assert_close(unseen.irradiance, seen.irradiance)
+    torch.testing.assert_close(unseen.irradiance, facing.irradiance)

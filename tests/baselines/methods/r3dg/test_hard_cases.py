@@ -4,22 +4,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.methods.irgs.world import UP, looking_down, sheet
-from baselines.methods.r3dg.world import around, middle, trained
+from baselines.methods.irgs.world import UP, looking_down, middle, sheet, tiles
+from baselines.methods.r3dg.world import around, trained
 from hard_cases.constructions import looking_along_z, two_balls
-from radiogs_core.surfels.surfels import Surfels
 
 
 def test_case_24_a_plane_never_shadows_itself() -> None:
     """In a floor of overlapping coplanar surfels V is 1, although one of them would hide everything."""
-    coordinate = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
-    centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
-    tile = sheet(0.0, UP, scale=0.1, opacity=0.9)
-    floor = Surfels.of(
-        {name: value.expand(len(centre), *value.shape[1:]).contiguous() for name, value in tile.parameters().items()}
-        | {"centre": centre}
-    )
+    floor = tiles()
     shown = trained(floor, ray_start=None, two_sided=True).prepare()
     assert bool((shown.renderer.incident.visibility == 1).all())  # type: ignore[attr-defined]
     alone = trained(sheet(0.0, UP, opacity=0.9)).prepare()

@@ -5,18 +5,15 @@ from typing import Any
 
 from torch import Tensor
 
-from baselines.methods.irgs.world import grey, looking_down
+from baselines.methods.irgs.world import NEAR, grey
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
 from radiogs_baselines.methods.r3dg.settings import PRESETS, Variant
 from radiogs_baselines.methods.r3dg.showing import TrainedR3DG
-from radiogs_core.contract import Prepared, Run
+from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
-
-NEAR = 1e-3 / SCENE.extent
-"""Start of rays so near to their surfel that they skip only this one."""
 
 
 def around(surfels: Surfels, radiance: float) -> Tensor:
@@ -40,10 +37,3 @@ def trained(
     local = around(surfels, 0.0) if local is None else local
     model = Model(surfels, local, before_softplus(light))
     return TrainedR3DG(model, Run(SCENE, variant, budget, 0, CPU))
-
-
-def middle(shown: Prepared) -> dict[str, Tensor]:
-    """Values of the middle pixel of ``looking_down``, divided by its coverage."""
-    maps = shown.render(looking_down(), "incident")
-    seen = {name: values[1, 1] for name, values in maps.items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident") if name in seen}

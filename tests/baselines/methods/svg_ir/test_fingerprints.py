@@ -5,13 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, sheet, together
+from baselines.methods.irgs.world import DOWN, RISING, grey, leaning, looking_down, sheet, together
 from baselines.methods.svg_ir.world import DISTANCE, above, first_ray, floor, model_of, own, relit, shown, walk
 from radiogs_baselines.methods.svg_ir.shading import materials_of, mirrored, one_bounce
 from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.table import table_of
-from radiogs_core.scene.light import EnvironmentMap, texel_directions
-from radiogs_core.surfels.surfels import Surfels
 
 
 @pytest.mark.parametrize(("way", "visibility"), [(0.19, 0.0), (0.21, 1.0)])
@@ -69,22 +67,15 @@ def test_direct_light_is_multiplied_by_visibility() -> None:
     torch.testing.assert_close(veiled["direct"] / free["direct"], torch.full((3,), 0.7), rtol=1e-3, atol=0)
 
 
-def tilted(degrees: float, opacity: float, albedo: float) -> Surfels:
-    angle = torch.deg2rad(torch.tensor(degrees, dtype=torch.float64))
-    return sheet(0.0, (float(angle.sin()), 0.0, float(angle.cos())), scale=1.0, opacity=opacity, albedo=albedo)
-
-
 def test_surfels_are_shaded_before_they_are_blended() -> None:
     """Two surfels, tilted 60 degrees to either side, in a light of 1 + w_z: a Lambert surface reflects 1 + 2/3 n_z,
     which is 1 + 1/3 for both; blended first, the pixel would show 1 + 2/3. The difference of albedos removes the lobe.
     """
-    sky = EnvironmentMap(1 + texel_directions(64, 128)[..., 2:].repeat(1, 1, 3).float())
 
-    def seen(first: float, second: float) -> torch.Tensor:
-        surfels = together(tilted(60, 0.5, first), tilted(-60, OPAQUE, second))
-        model = model_of(surfels, sky)
-        table = table_of(surfels, walk(hop=1e-6), 256, 0)
-        found = shown(model, table, sky.radiance, 1.0)
+    def seen(*albedo: float) -> torch.Tensor:
+        model = model_of(leaning(*albedo), RISING)
+        table = table_of(model.surfels, walk(hop=1e-6), 256, 0)
+        found = shown(model, table, RISING.radiance, 1.0)
         return found["direct"] * found["alpha"]
 
     expected = (0.5 * 0.6 + 0.5 * 0.99 * 0.2) * (1 + 1 / 3)

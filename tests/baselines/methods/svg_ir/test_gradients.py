@@ -6,6 +6,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from baselines.methods.dense import F64, assert_same_gradients, gradients
 from baselines.methods.irgs.world import DOWN, grey, sheet, together
 from baselines.methods.svg_ir.world import DISTANCE, model_of, walk
 from radiogs_baselines.methods.svg_ir.model import Model
@@ -16,7 +17,6 @@ from radiogs_core.surfels.surfels import Surfels
 from reference.differences import Values, assert_gradients
 from reference.shade import shade
 
-F64 = torch.float64
 EYE = torch.tensor([0.6, 0.2, 1.0], dtype=F64)
 LEARNT = ("vertex_albedo_logit", "vertex_roughness_logit", "log_environment", "ratio")
 
@@ -69,30 +69,21 @@ def differences(values: Values) -> Tensor:
     return torch.stack(apart)
 
 
-def gradients(of: object) -> Values:
-    leaves = {name: value.clone().requires_grad_() for name, value in start().items()}
-    of(leaves).backward()  # type: ignore[operator]
-    return {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
-
-
 def test_consistency_and_its_gradients_equal_the_formulas() -> None:
     def dense(values: Values) -> Tensor:
         return differences(values).abs().sum() / (3 * len(fixed()[0]))
 
     assert 0 < len(differences(start())) < len(fixed()[0]), "some have a ray and some none"
     torch.testing.assert_close(loss(start()), dense(start()), rtol=1e-10, atol=0)
-    ours, theirs = gradients(loss), gradients(dense)
-    assert set(ours) == set(theirs) == set(LEARNT)
-    for name, gradient in theirs.items():
-        assert gradient.abs().max() > 0, name
-        assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
+    assert_same_gradients(gradients(loss, start(), LEARNT), gradients(dense, start(), LEARNT), LEARNT)
 
 
 def test_gradients_of_consistency_equal_central_differences() -> None:
     def signs(values: Values) -> object:
         return (differences(values) > 0).flatten().tolist()
 
-    assert_gradients(lambda values: float(loss(values)), start(), gradients(loss), 1e-3, signs, directions=3)
+    found = gradients(loss, start(), LEARNT)
+    assert_gradients(lambda values: float(loss(values)), start(), found, 1e-3, signs, directions=3)
 
 
 def test_the_radiance_of_the_table_and_normals_have_no_gradient() -> None:

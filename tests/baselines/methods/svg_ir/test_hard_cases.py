@@ -6,30 +6,19 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.methods.irgs.world import UP, grey, looking_down, sheet
+from baselines.methods.adapters import assert_finite
+from baselines.methods.irgs.world import grey, looking_down, sheet, tiles
 from baselines.methods.svg_ir.world import DISTANCE, floor, model_of, own
 from radiogs_baselines.methods.svg_ir.shading import materials_of
 from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.table import Walk, table_of
-from radiogs_core.surfels.surfels import Surfels
 
 Maps = dict[str, Tensor]
 
 
-def assert_finite(maps: Maps) -> None:
-    assert all(bool(torch.isfinite(value).all()) for value in maps.values())
-
-
 def test_case_24_a_plane_never_shadows_itself() -> None:
     """A floor of overlapping coplanar surfels receives all of the light and no indirect light."""
-    coordinate = torch.arange(-6, 7) * 0.1
-    x, y = torch.meshgrid(coordinate, coordinate, indexing="ij")
-    centre = torch.stack([x.flatten(), y.flatten(), 0 * x.flatten()], -1)
-    tile = sheet(0.0, UP, scale=0.1, opacity=0.9, radiance=0.5)
-    plane = Surfels.of(
-        {name: value.expand(len(centre), *value.shape[1:]).contiguous() for name, value in tile.parameters().items()}
-        | {"centre": centre}
-    )
+    plane = tiles(radiance=0.5)
     table = table_of(plane, Walk(None, 0.01, 10.0, 0.2, 10.0), 32, 0)
     assert bool((table.visibility == 1).all())
     assert not table.radiance.any()

@@ -4,7 +4,7 @@ from typing import Any
 
 from torch import Tensor
 
-from baselines.methods.irgs.world import DOWN, grey, looking_down, sheet, together
+from baselines.methods.irgs.world import DOWN, grey, middle, sheet, together
 from radiogs_baselines.methods.svg_ir.model import Model
 from radiogs_baselines.methods.svg_ir.shading import bounced, materials_of
 from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
@@ -54,9 +54,7 @@ def model_of(surfels: Surfels, light: EnvironmentMap, vertices: int = 4, ratio: 
 def shown(model: Model, table: Table, environment: Tensor, factor: Tensor | float) -> dict[str, Tensor]:
     """The middle pixel of every map, divided by its coverage."""
     lit = Lit(environment, table, factor)
-    renderer = Renderer(model, materials_of(model, model.albedo), lit, DISTANCE)
-    seen = {name: values[1, 1] for name, values in renderer.render(looking_down(0.002), "incident").items()}
-    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident", "incident_direct")}
+    return middle(Renderer(model, materials_of(model, model.albedo), lit, DISTANCE), 0.002)
 
 
 def own(surfels: Surfels, ratio: float = 1.0, samples: int = 64, **changes: Any) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""Rendering of a trained TensoIR model: facts, relighting, and restoring from its tensors."""
+"""What is particular to a trained TensoIR model; ``test_trained`` tests what all methods share."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,16 +6,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from baselines.methods.tensoir.world import BUDGET, grey, looking_down, run_of
+from baselines.methods.tensoir.world import looking_down
 from baselines.methods.trained_models import FLOOR
 from baselines.methods.trained_models import tensoir as trained
-from radiogs_baselines.methods.tensoir.light import SphericalGaussians
-from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
-from radiogs_baselines.methods.tensoir.model import Model
-from radiogs_baselines.methods.tensoir.settings import PRESETS, Variant
-from radiogs_baselines.methods.tensoir.showing import labels_of
+from radiogs_baselines.methods.tensoir.settings import Variant
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.scene.light import texel_directions
 
 CAMERA = looking_down(size=5)
 
@@ -44,36 +39,6 @@ def test_the_image_is_the_radiance_field_or_shaded() -> None:
     torch.testing.assert_close(middle, torch.full((3,), 0.8 * (0.4 + 0.0262)), rtol=2e-3, atol=0)
 
 
-def test_a_view_does_not_depend_on_views_rendered_before() -> None:
-    light = grey()
-    light.radiance[2, 3] = 5.0
-    shown = trained().prepare(light)
-    first = shown.render(CAMERA)["image"]
-    shown.render(looking_down(0.5, 2))
-    assert torch.equal(shown.render(CAMERA)["image"], first)
-
-
-def test_the_albedo_scale_applies_to_the_diffuse_part() -> None:
-    twice = torch.full((3,), 2.0)
-    plain, scaled = (trained().prepare(grey(), factor).render(CAMERA) for factor in (None, twice))
-    torch.testing.assert_close(scaled["albedo"], 2 * plain["albedo"])
-    gain = scaled["direct"] - plain["direct"]
-    # The lobe is the same: what is added is the diffuse part, 0.4 under a light of 1, as noisy as 8 directions are.
-    lobe = plain["direct"] - gain
-    assert bool((gain > 0).all())
-    assert bool((lobe < gain).all())
-
-
-def test_the_recovered_light_and_the_model_are_restored_unchanged() -> None:
-    raw = torch.randn(5, 7)
-    found = TENSOIR_METHOD.restore(run_of(), Model(FLOOR, SphericalGaussians(raw)).tensors())
-    assert all(torch.equal(FLOOR.parameters[name], value) for name, value in found.model.field.parameters.items())
-    assert torch.equal(found.model.field.box.occupied, FLOOR.box.occupied)
-    environment = found.light
-    direction = texel_directions(*environment.radiance.shape[:2], dtype=torch.float32)
-    torch.testing.assert_close(environment.radiance, SphericalGaussians(raw).radiance(direction))
-
-
 def test_export_writes_all_parameters_and_the_box(tmp_path: Path) -> None:
     (path,) = trained().export(tmp_path)
     with np.load(path) as stored:
@@ -81,17 +46,3 @@ def test_export_writes_all_parameters_and_the_box(tmp_path: Path) -> None:
         for name, value in FLOOR.parameters.items():
             assert np.array_equal(stored[name], value.numpy())
         assert float(stored["box_radius"]) == FLOOR.box.radius
-
-
-def test_facts_list_reduced_settings_and_replacements() -> None:
-    facts = trained().facts()
-    assert facts["grid"] == FLOOR.size
-    assert facts["parameters"] == sum(value.numel() for value in FLOOR.parameters.values()) + 7
-    assert f"grid_end {BUDGET.grid_end} (published: 300)" in facts["labels"]["reduced"]
-    assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
-    whole = labels_of(Variant(), PRESETS["paper"])
-    assert {"reduced", "ray_start", "network_rate"}.isdisjoint(whole)
-    other = labels_of(Variant(shown="shaded"), replace(PRESETS["paper"], grid_end=64))
-    assert other["nvs"].startswith("images under the recovered light are shaded")
-    assert other["reduced"] == "grid_end 64 (published: 300)"
-    assert "published: 0.05" in other["ray_start"]

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.methods.adapters import assert_resumes
 from baselines.methods.tensoir.world import BUDGET, run_of
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.tensoir.box import box_of, cell_centres
@@ -15,11 +16,10 @@ from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import LIGHT
 from radiogs_baselines.methods.tensoir.settings import InverseWeights, Learning, Schedule, Variant
 from radiogs_baselines.methods.tensoir.training import InverseRendering, Optimiser, RadianceField
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
-from short_training import through_a_file
 
 
 def field_product(steps: int = 3) -> dict[str, Any]:
@@ -45,38 +45,15 @@ def test_the_radiance_field_learns_the_images() -> None:
 
 
 def test_resuming_the_radiance_field_changes_no_bit() -> None:
-    whole = RadianceField(run_of(), {})
-    for step in range(6):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = RadianceField(run_of(), {})
-    resumed.restore(saved)
-    while resumed.iteration < 6:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+    assert_resumes(lambda: RadianceField(run_of(), {}), at=3, steps=6)
 
 
 @pytest.mark.parametrize("at", [3, 8])
 def test_resuming_inverse_rendering_changes_no_bit_on_any_grid(at: int) -> None:
     """In 40 steps the grid becomes finer at 0, 6, 11 and 17, and cells are emptied at 0, 3, 6, 9, 11 and 14."""
     before = solid_product(where=0.0)
-    whole = InverseRendering(run_of(), before)
-    for step in range(13):
-        if step == at:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = InverseRendering(run_of(), before)
-    resumed.restore(saved)
-    while resumed.iteration < 13:
-        resumed.step()
-    mine, yours = tensors_of(whole), tensors_of(resumed)
-    assert mine.keys() == yours.keys()
-    assert all(torch.equal(mine[name], yours[name]) for name in mine)
-    assert torch.equal(whole.box.occupied, resumed.box.occupied)
+    whole = assert_resumes(lambda: InverseRendering(run_of(), before), at, steps=13)
     assert 0 < int(whole.box.occupied.sum()) < int(before["box"]["occupied"].sum())
-    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
 
 
 def test_the_grid_becomes_finer_on_schedule_and_rates_restart() -> None:
@@ -215,19 +192,6 @@ def test_training_reads_no_field_outside_its_key() -> None:
         assert mine.step() == yours.step()
     for changed in (Variant(linear="from-start"), Variant(view_share=0.5)):
         assert TENSOIR_METHOD.stages(changed, BUDGET)[0].reads != field.reads
-
-
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [
-        ({"view_share": 0.0}, "view_share"),
-        ({"learning": Learning(schedule=Schedule(finer_at=(1.0,)))}, "finer_at"),
-        ({"learning": Learning(schedule=Schedule(emptied_at=(-0.1,)))}, "emptied_at"),
-    ],
-)
-def test_an_invalid_variant_is_refused(wrong: dict[str, Any], named: str) -> None:
-    with pytest.raises(UsageError, match=named):
-        Variant(**wrong)
 
 
 def test_random_backgrounds_distinguish_white_from_empty() -> None:

@@ -1,4 +1,4 @@
-"""The visibility table: V of every surfel along fixed directions, traced once."""
+"""Incident light of surfels: the environment times V, by a table traced once, plus each surfel's local light."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,12 +8,14 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import BACK_OFFSET, RAYS_AT_ONCE, SELF_OFFSET, SurfelTracer
 
-from .settings import Variant
+from .settings import LocalLight, Variant
 
 
 @dataclass(frozen=True)
@@ -82,3 +84,23 @@ class VisibilityTable:
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.direction, self.visibility = state["direction"].clone(), state["visibility"].clone()
+
+
+def local_radiance(
+    harmonics: Float[Tensor, "surfels 16 3"], direction: Float[Tensor, "surfels samples 3"]
+) -> Float[Tensor, "surfels samples 3"]:
+    """max(0, sum_lm h_lm Y_lm(w)): linear radiance from unit ``direction``, in the basis and signs of 3DGS.
+
+    Where the sum is exactly zero, as at the start, the gradient passes.
+    """
+    return harmonic_sum(harmonics, direction).clamp(min=0)
+
+
+def arriving(table: VisibilityTable, harmonics: Float[Tensor, "surfels 16 3"], local: LocalLight) -> Incident:
+    """Incident light with V from the table and local light as its indirect radiance; gradient to ``harmonics``."""
+    if local == "none":
+        return Incident(table.direction, table.weight, table.visibility, torch.zeros_like(table.direction))
+    radiance = local_radiance(harmonics, table.direction)
+    if local == "gated":
+        radiance = radiance * (1 - table.visibility[..., None])
+    return Incident(table.direction, table.weight, table.visibility, radiance)

@@ -1,4 +1,4 @@
-"""Rules that describe the files of a public code: their paths, maps and encodings."""
+"""The layout of a public code's files: rules for their paths, maps and encodings."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""The model that GI-GS recovers: surfels with materials, and the light of the training images."""
+"""Surfels whose metalness may be learnt, for the methods that shade by the split sum: GS-IR and GI-GS."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,22 +9,29 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.on_surfels.model import LitSurfels, restored_logit
+from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.surfels.restoring import restored_map, restored_surfels
 
 
 @dataclass(frozen=True)
-class Model(LitSurfels):
+class MetallicStart(StartValues):
+    """Initial materials and light, with a metalness."""
+
+    metallic: float = 0.73
+    """Initial metalness, if it is learnt."""
+
+
+@dataclass(frozen=True)
+class MetallicSurfels(LitSurfels):
     """Surfels, a light, and the metalness of each surfel if the variant learns it."""
 
     metallic_logit: Float[Tensor, " surfels"] | None = None
     """Logit of the metalness; None if the variant does not learn it."""
 
     @property
-    def metallic(self) -> Float[Tensor, " surfels"]:
-        """Metalness in [0, 1]; 0 if the variant does not learn it."""
-        if self.metallic_logit is None:
-            return torch.zeros_like(self.surfels.roughness_logit)
-        return self.metallic_logit.sigmoid()
+    def metallic(self) -> Float[Tensor, " surfels"] | None:
+        """Metalness in (0, 1); None if the variant does not learn it."""
+        return None if self.metallic_logit is None else torch.sigmoid(self.metallic_logit)
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
@@ -32,8 +39,9 @@ class Model(LitSurfels):
         return super().tensors() | metal
 
     @classmethod
-    def of(cls, tensors: Mapping[str, Any]) -> "Model":
+    def of(cls, tensors: Mapping[str, Any]) -> "MetallicSurfels":
         """The inverse of ``tensors``. Raises DataError for tensors of wrong shape or with non-finite values."""
         surfels = restored_surfels(tensors["surfels"])
-        metallic = restored_logit(tensors, "metallic_logit", surfels)
-        return cls(surfels, restored_map(tensors, "log_environment"), metallic)
+        return cls(
+            surfels, restored_map(tensors, "log_environment"), restored_logit(tensors, "metallic_logit", surfels)
+        )
