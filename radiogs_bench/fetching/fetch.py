@@ -10,6 +10,7 @@ from radiogs_core.errors import DataError
 from ..errors import NotFetched
 from ..store.atomic import explained, write_atomically
 from ..store.opening import LARGEST_TEXT, opened
+from ..store.seal import strict_json
 from .catalogue import DataSet, Piece
 from .download import DownloadFailed, download, forget, sha256_of
 from .unpack import unpack
@@ -95,7 +96,7 @@ def _install(piece: Piece, folder: Path, placed: bool) -> str:
         )
     files = unpack(path, folder / piece.into) if piece.packed else 1
     record = {"url": piece.url, "bytes": size, "sha256": digest, "files": files}
-    write_atomically(folder / RECORD, _text(_record(folder) | {piece.name: record}))
+    write_atomically(folder / RECORD, strict_json(_record(folder) | {piece.name: record}))
     if piece.packed and not placed:
         path.unlink()
     known = "the published checksum" if piece.sha256 else f"no checksum is published; SHA-256 {digest}, recorded"
@@ -105,15 +106,8 @@ def _install(piece: Piece, folder: Path, placed: bool) -> str:
 def _record(folder: Path) -> dict[str, Any]:
     try:
         with opened(folder / RECORD, LARGEST_TEXT) as file:
-            found = json.loads(file.read())
+            return dict[str, Any](**json.loads(file.read()))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise DataError(f"{folder / RECORD} is damaged: {error}", "", "Remove it to fetch everything anew.") from error
-    if not isinstance(found, dict):
-        raise DataError(f"{folder / RECORD} is damaged: no table", "", "Remove it to fetch everything anew.")
-    return found
-
-
-def _text(record: dict[str, Any]) -> bytes:
-    return (json.dumps(record, indent=1, sort_keys=True) + "\n").encode()
