@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float, Int
 
 from radiogs_core.errors import UsageError
@@ -36,19 +37,14 @@ class VoxelBlocks:
         self.sums: Float[np.ndarray, "blocks voxels"] = np.zeros((self.most, SIDE**3), np.float32)
         self.weights: Float[np.ndarray, "blocks voxels"] = np.zeros((self.most, SIDE**3), np.float32)
         self.places: Places = np.zeros((0, 3), np.int64)
-        self._keys = np.zeros(0, np.int64)
-        self._rows = np.zeros(0, np.int64)
+        self._keys = pd.Index(key_of(self.places))
 
     def __len__(self) -> int:
         return len(self.places)
 
     def rows_of(self, places: Places) -> Int[np.ndarray, " blocks"]:
         """Rows of the arrays in which blocks lie; -1 for those that were not made."""
-        keys = key_of(places)
-        if not len(self._keys):
-            return np.full(len(keys), -1)
-        found = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        return np.where(self._keys[found] == keys, self._rows[found], -1)
+        return np.asarray(self._keys.get_indexer(key_of(places)))
 
     def made(self, places: Places) -> Int[np.ndarray, " blocks"]:
         """Rows of different blocks, made where they are new. Raises UsageError where that exceeds ``most_bytes``."""
@@ -60,11 +56,8 @@ class VoxelBlocks:
                 f" {len(self) + len(new)}.",
                 "Choose larger voxels (twice the size needs a quarter of the memory), or allow more memory.",
             )
-        self._keys = np.concatenate([self._keys, key_of(new)])
-        self._rows = np.concatenate([self._rows, np.arange(len(self), len(self) + len(new))])
-        order = np.argsort(self._keys)
-        self._keys, self._rows = self._keys[order], self._rows[order]
         self.places = np.concatenate([self.places, new])
+        self._keys = self._keys.append(pd.Index(key_of(new)))
         return self.rows_of(places)
 
 

@@ -49,7 +49,9 @@ def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: InitialV
         middle, tilt, away = own, math.radians(ELEVATION), _distance(surfels, own)
     else:
         tilt, away = math.atan2(float(towards @ up), float(level.norm())), float(towards.norm())
-    forth = normalize(level if level.norm() > 1e-6 * towards.norm() else torch.linalg.cross(up, _askew(up)), dim=0)
+    if level.norm() <= 1e-6 * towards.norm():
+        level = torch.linalg.cross(up, X if abs(float(up[0])) < 0.9 else Z)
+    forth = normalize(level, dim=0)
     side = torch.linalg.cross(up, forth)
     cameras = []
     for turn in _turns(frames, seen_from.arc):
@@ -73,11 +75,6 @@ def _distance(surfels: Surfels, middle: Tensor) -> float:
     distances = (surfels.centre - middle).norm(dim=-1)
     radius = quantile(lambda: [distances], WITHIN)
     return max(radius or 0.0, 1e-6) / math.sin(math.radians(FIELD / 2))
-
-
-def _askew(up: Tensor) -> Tensor:
-    """An axis that is not that direction."""
-    return X if abs(float(up[0])) < 0.9 else Z
 
 
 def _looking_back(target: Tensor, back: Tensor, up: Tensor, away: float, size: int) -> Camera:
