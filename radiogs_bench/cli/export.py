@@ -255,8 +255,7 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
     from radiogs_core.errors import DataError, UsageError
 
-    from ..scoring.metrics.chamfer import chamfer
-    from ..scoring.metrics.surface_distance import surface_distance
+    from ..scoring.metrics.surface_distance import chamfer, surface_distance
     from ..scoring.true_shape import true_shape
 
     try:

@@ -281,7 +281,7 @@ def run_and_report(
     from ..runs.engines.run import run_request
     from ..runs.interruption import Interruption
     from ..runs.progress import SweepProgress, progress_for_stderr
-    from ..runs.scene_digest import checksum_now
+    from ..runs.scene_checksum import checksum_now
     from ..runs.stages import Bench
     from ..runs.sweep import steps_to_take
     from ..suites.experiment import STABILITY
@@ -388,7 +388,7 @@ def run_as_worker(request: "Request", store: "Store", device: "torch.device", op
     from ..runs.engines.run import run_worker
     from ..runs.interruption import Interruption
     from ..runs.progress import progress_for_stderr
-    from ..runs.scene_digest import checksum_now
+    from ..runs.scene_checksum import checksum_now
     from ..runs.stages import Bench
 
     with progress_for_stderr() as progress, Interruption() as interruption:

@@ -19,7 +19,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
-from ..scoring.maps import on_black
+from ..scoring.rendering import on_black
 from .blocks import SIDE, Places, VoxelBlocks
 from .fusion import Fusion, Lattice
 from .mesh import Mesh
@@ -114,11 +114,11 @@ def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
         if not cells.any() or field[seen].min() >= 0 or field[seen].max() <= 0:
             continue
         try:
-            points, triangles, _, _ = marching_cubes(
-                field, 0.0, gradient_direction="descent", mask=_at_upper_corner(cells)
-            )
-        except RuntimeError as nothing:
-            if not _is_empty(nothing):
+            # Scikit-image looks at a cell where the lattice point of the cell's greatest coordinates is marked.
+            marked = np.pad(cells, [(1, 0)] * 3)
+            points, triangles, _, _ = marching_cubes(field, 0.0, gradient_direction="descent", mask=marked)
+        except RuntimeError as error:
+            if "No surface found" not in str(error):
                 raise
             continue
         places = points.astype(np.float64)
@@ -132,12 +132,8 @@ def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
             "No view sees one with coverage above a half.",
             "Look at the depth maps:  radiogs-bench render DIR",
         )
-    return _merged(np.concatenate(vertices) * voxel, np.concatenate(keys), np.concatenate(faces))
-
-
-def _is_empty(error: RuntimeError) -> bool:
-    """Whether scikit-image says that it has found no surface within the cells that it may look at."""
-    return "No surface found" in str(error)
+    _, first, merged = np.unique(np.concatenate(keys), axis=0, return_index=True, return_inverse=True)
+    return Mesh((np.concatenate(vertices) * voxel)[first], merged.reshape(-1)[np.concatenate(faces)])
 
 
 def _assembled(
@@ -166,18 +162,7 @@ def _whole_cells(seen: Bool[np.ndarray, "n n n"]) -> Bool[np.ndarray, "m m m"]:
     return whole
 
 
-def _at_upper_corner(cells: Bool[np.ndarray, "m m m"]) -> Bool[np.ndarray, "n n n"]:
-    """Scikit-image's mask: it looks at a cell where the lattice point of the cell's greatest coordinates is marked."""
-    return np.pad(cells, [(1, 0)] * 3)
-
-
 def _edges(places: Float[np.ndarray, "vertices 3"]) -> Places:
     """Twice the lattice edge's middle, as whole numbers: even along an axis where a vertex is on the lattice."""
     low = np.floor(places + LEAST / 10)
     return (2 * low + (places - low > LEAST / 10)).astype(np.int64)
-
-
-def _merged(vertices: Float[np.ndarray, "vertices 3"], keys: Places, faces: Int[np.ndarray, "faces 3"]) -> Mesh:
-    """One vertex for each key."""
-    _, first, unique = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return Mesh(vertices[first], unique.reshape(-1)[faces])

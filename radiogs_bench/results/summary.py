@@ -34,7 +34,7 @@ from radiogs_reports.summary import (
 from ..methods import method
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, relighting_of, state_of
-from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.protocol import alike
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store

@@ -22,12 +22,12 @@ from ..store.folder import Store
 from ..store.provenance import reset_peaks, session
 from .cell import Cell
 from .result import EVALUATE, add_stage, empty_result
-from .scene_files import require_unchanged
 from .stability.curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
 from .stability.light import LIGHT_AXES
 from .stability.placement import PLACEMENT_AXES
 from .stability.surfels import SURFEL_AXES
 from .stages import Bench
+from .unchanged_scene import require_unchanged
 
 AXES: Mapping[str, Axis] = {axis.key: axis for axis in (*SURFEL_AXES, *PLACEMENT_AXES, *LIGHT_AXES)}
 

@@ -10,16 +10,16 @@ from radiogs_core.contract import Trained
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
-from ..scoring.determined import determined
 from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_views
 from ..scoring.metrics.protocols import protocol
+from ..scoring.what_images_determine import determined
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
 from ..suites.experiment import RELIGHTING
 from .cell import Cell
 from .result import EVALUATE, add_stage, data_of, empty_result
-from .scene_files import require_unchanged
 from .stages import Bench, Ledger, Score, facts_of, trained
+from .unchanged_scene import require_unchanged
 
 Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
 """Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""

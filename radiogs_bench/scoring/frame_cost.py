@@ -8,7 +8,7 @@ import torch
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import View
 
-from ..own_values import own_camera
+from ..method_calls import own_camera
 from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
 from .metrics.values import Value

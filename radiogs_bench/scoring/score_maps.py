@@ -113,6 +113,31 @@ def without_reference(reason: str) -> dict[str, Value]:
     return dict.fromkeys(("bias", "psnr_reference"), Value(None, reason))
 
 
+def score_constant_roughness(scores: MetricsByView, scene: Scene) -> None:
+    """Score the best constant: ``roughness/constant``. A recovered roughness with that error carries no information.
+
+    The best constant has the least error, summed over the test views. Nothing is scored where a view has no true
+    roughness.
+    """
+    views = [view for view in scene.test if view.has("roughness")]
+    if not views or len(views) < len(scene.test):
+        return
+
+    def error(view: View, constant: float) -> Value:
+        mask = coverage(view)
+        return scores.rules.score_roughness(constant * mask, truth(view, "roughness"), mask)["mse"]
+
+    # The summed error is a parabola in the constant: three of its values give its lowest point.
+    found = [[error(view, constant).value for view in views] for constant in (0.0, 0.5, 1.0)]
+    zero, half, one = (math.fsum(each for each in of_views if each is not None) for of_views in found)
+    curvature = zero - 2 * half + one
+    known = curvature > 0 and not any(each is None for of_views in found for each in of_views)
+    for view in views:
+        best = 0.5 - (one - zero) / (4 * curvature) if known else None
+        value = Value(None, "no view shows a roughness") if best is None else error(view, best)
+        scores.add("roughness", view.name, {"constant": value})
+
+
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
     """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
     views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]

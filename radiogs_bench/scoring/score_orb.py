@@ -17,11 +17,10 @@ from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
 
 from ..store.schema import MetricValue
-from .metrics.chamfer import chamfer
 from .metrics.conventions import Task
-from .metrics.mesh_library import pyvista
 from .metrics.protocol import Protocol
 from .metrics.stanford_orb import StanfordOrb
+from .metrics.surface_distance import chamfer, read_mesh
 from .metrics.values import Value
 
 SOLID = 0.5
@@ -162,9 +161,7 @@ def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channel
 def shape_distance(output: Path, target: Path) -> Value:
     """The chamfer distance of two mesh files, or the reason why there is none."""
     try:
-        library = pyvista()
+        (vertices, faces), (truth, _) = read_mesh(output), read_mesh(target)
     except UsageError as lacking:
         return Value(None, f"{lacking.what}: {lacking.remedy}")
-    ours, theirs = (library.read(path).triangulate() for path in (output, target))
-    faces = np.asarray(ours.faces).reshape(-1, 4)[:, 1:].astype(np.int32)
-    return Value(chamfer(np.asarray(ours.points, np.float64), faces, np.asarray(theirs.points, np.float64)))
+    return Value(chamfer(vertices, faces, truth))

@@ -6,21 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.layouts.stanford_orb import true_mesh_file
 
-from .metrics.chamfer import SAMPLES, sampled_surface
-from .metrics.mesh_library import pyvista
 from .metrics.surface_distance import (
+    SAMPLES,
     Distance,
     distance_from_cells,
     distance_from_mesh,
     distance_from_points,
     points_in_cells,
+    read_mesh,
+    sampled_surface,
 )
 
 SPACING = 1 / 400
@@ -71,19 +72,6 @@ def _scanned(path: Path, seed: int) -> TrueShape:
     vertices, faces = read_mesh(path)
     points = sampled_surface(vertices, faces, SAMPLES, np.random.default_rng(seed))
     return TrueShape(points, distance_from_mesh(vertices, faces), "the scanned mesh of Stanford-ORB", vertices)
-
-
-def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
-    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without it."""
-    library = pyvista()
-    try:
-        mesh = library.read(path).triangulate()
-    except (OSError, ValueError, AttributeError) as error:
-        raise DataError(f"cannot read the mesh {path}", f"{error}.") from error
-    faces = np.asarray(mesh.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
-    if not len(faces):
-        raise DataError(f"{path} holds no triangles")
-    return np.asarray(mesh.points, np.float64), faces
 
 
 def _solids(scene: Scene, depths: Sequence[View], seed: int) -> TrueShape:

@@ -6,10 +6,10 @@ import torch
 
 from bench.fake_method import CPU
 from bench.perfect import EVERYTHING, SCALE, Perfect, scene_of, view_with
-from radiogs_bench.scoring import kept_views
+from radiogs_bench.scoring import report_arrays
 from radiogs_bench.scoring.evaluate import Scope, evaluate
-from radiogs_bench.scoring.kept_views import views_to_keep
 from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.report_arrays import views_to_keep
 from radiogs_bench.scoring.score_maps import truth
 from radiogs_core.scene.scene import Scene
 from radiogs_reports import maps
@@ -83,10 +83,10 @@ def test_without_a_number_as_many_are_kept_as_fit(monkeypatch: pytest.MonkeyPatc
     """A view has at most 14 channels of maps and 3 of each of two lights, predicted and true."""
     model, bytes_of_view = Perfect(scene(4)), 2 * (14 + 2 * 3) * 16 * 16
     assert len(views_to_keep(model.scene, None).chosen) == 4
-    monkeypatch.setattr(kept_views, "KEPT_BYTES", 3 * bytes_of_view - 1)
+    monkeypatch.setattr(report_arrays, "KEPT_BYTES", 3 * bytes_of_view - 1)
     assert len(views_to_keep(model.scene, None).chosen) == 2
     assert sum(each.nbytes for each in codes(model, None).values()) == 2 * bytes_of_view
-    monkeypatch.setattr(kept_views, "KEPT_BYTES", 1)
+    monkeypatch.setattr(report_arrays, "KEPT_BYTES", 1)
     assert views_to_keep(model.scene, None).chosen == {"view_2"}
 
 

@@ -16,7 +16,7 @@ from radiogs_bench.runs import train
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.sweep import Request, read_sweep
 from radiogs_bench.runs.train import train_and_score

@@ -11,7 +11,7 @@ Mark = tuple[tuple[str, int, int, int], ...]
 
 
 Digest = Callable[[Scene], str]
-"""Gives the checksum of a scene's files as they are now (``runs.scene_digest``); raises DataError."""
+"""Gives the checksum of a scene's files as they are now (``runs.scene_checksum``); raises DataError."""
 
 
 def require_unchanged(scene: Scene, digest: Digest) -> None:

@@ -11,8 +11,7 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 
-from ..method_calls import calling, refused
-from ..own_values import own_camera
+from ..method_calls import calling, own_camera, refused
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
