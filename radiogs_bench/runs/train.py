@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 from radiogs_core.contract import Trained
 from radiogs_core.instruments import Instruments, recording
@@ -75,15 +75,9 @@ def _whole(value: float, views: int) -> MetricValue:
 
 
 def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, facts: dict[str, Any]) -> Result:
-    result = empty_result(cell, evaluation.protocol)
-    result["metrics"] = dict(evaluation.metrics)
-    result["timings"] = dict(evaluation.timings)
-    result["views"] = evaluation.views
-    result["shown_view"] = evaluation.shown_view
-    result["shown_light"] = evaluation.shown_light
-    result["albedo_scale"] = evaluation.albedo_scale
+    measured = {name: value for name, value in vars(evaluation).items() if name != "arrays"}
+    result = cast(Result, {**empty_result(cell, evaluation.protocol), **measured})
     result["facts"] = facts
-    result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
     result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
     result["first_steps"] = {name: ledger["first_steps"] for name, ledger in ledgers.items() if "first_steps" in ledger}
     for name, ledger in ledgers.items():

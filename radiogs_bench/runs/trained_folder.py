@@ -28,7 +28,7 @@ from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
 from ..store.atomic import explained
 from ..store.folder import FOLDERS, Store, product_name
-from ..store.names import plain_name
+from ..store.keys import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .cell import Cell
 from .stages import facts_of, restored

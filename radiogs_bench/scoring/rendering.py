@@ -39,7 +39,9 @@ def on_black(
         maps = dict(prepared.render(own_camera(camera), *further))
     for name, image in maps.items():
         require_declared(method, prepared, camera, name, image)
-    maps = {name: _kept(image) for name, image in maps.items()}
+        # Memory of its own: a method may render the next view into the same one. Float32 holds 16 bits exactly.
+        wide = torch.float32 if image.dtype.itemsize < 4 else image.dtype
+        maps[name] = image.detach().to("cpu", wide, copy=True)
     for name in FINITE:
         if name in maps and not (finite := maps[name].isfinite()).all():
             raise NumericalFailure(
@@ -73,15 +75,6 @@ def require_declared(method: str, prepared: Prepared, camera: Camera, name: str,
             f"it rendered a map '{name}' of shape {tuple(image.shape)}",
             f"The camera asks for {wanted}: height, width, channels.",
         )
-
-
-def _kept(image: Tensor) -> Tensor:
-    """A map on the CPU, in memory of its own: a method may render the next view into the same one.
-
-    Values of 16 bits or fewer become float32, which holds them exactly.
-    """
-    image = image.detach()
-    return image.to("cpu", torch.float32 if image.dtype.itemsize < 4 else image.dtype, copy=True)
 
 
 def _shown(name: str, image: Tensor, kind: MapKind, alpha: Tensor | None) -> Tensor:

@@ -60,23 +60,22 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
 def over_counting(scores: Mapping[str, Value], share: float) -> dict[str, Value]:
     """The values over the ``share`` of the pixels that count, from those over all pixels of images equal elsewhere.
 
-    Errors elsewhere are zero, so a mean over all pixels is that over the pixels that count times their share. This
+    Errors elsewhere are zero, so a mean over all pixels is the mean over the pixels that count times their share. This
     holds for the squared error of PSNR exactly, for the dissimilarities of SSIM (1 - SSIM) and LPIPS but for windows
     that straddle the border. Other measures of two pictures are n/a.
     """
-    return {name: _over_counting(name, value, share) for name, value in scores.items()}
-
-
-def _over_counting(name: str, value: Value, share: float) -> Value:
-    if value.value is None:
-        return value
-    if name.startswith("psnr"):
-        return value if value.value >= PSNR_CAP else Value(value.value + 10 * math.log10(share))
-    if name == "ssim":
-        return Value(1 - (1 - value.value) / share)
-    if name.startswith("lpips"):
-        return Value(value.value / share)
-    return Value(None, "pixels of this view are left out, and what this measure is without them is not known")
+    found = dict(scores)
+    for name, value in ((name, each.value) for name, each in scores.items() if each.value is not None):
+        if name.startswith("psnr"):
+            found[name] = Value(value if value >= PSNR_CAP else value + 10 * math.log10(share))
+        elif name == "ssim":
+            found[name] = Value(1 - (1 - value) / share)
+        elif name.startswith("lpips"):
+            found[name] = Value(value / share)
+        else:
+            reason = "pixels of this view are left out, and what this measure is without them is not known"
+            found[name] = Value(None, reason)
+    return found
 
 
 def mean_roughness(view: View, maps: Maps) -> float | None:

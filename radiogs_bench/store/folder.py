@@ -29,9 +29,8 @@ from radiogs_core.own_files import require_own_folders
 from ..errors import MethodFailed, StoreError
 from .aside import set_aside
 from .atomic import write_atomically
-from .claim import claim, is_held, patient_claim
-from .keys import content_key
-from .names import plain_name
+from .claim import claim, is_held
+from .keys import content_key, plain_name
 from .opening import opened
 from .schema import RESULT_SCHEMA, Failure, Result, contradiction
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
@@ -78,7 +77,7 @@ class Store:
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, waiting until it is free; for short work."""
-        return patient_claim(self.folder / "locks" / name)
+        return claim(self.folder / "locks" / name, wait=-1.0)
 
     def result(self, key: str) -> Result | None:
         """The finished result of a cell, or None. A file that does not agree with its seal is moved aside.

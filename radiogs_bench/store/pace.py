@@ -16,7 +16,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError
 
 from .folder import Store
-from .names import plain_name
+from .keys import plain_name
 from .opening import opened
 
 LARGEST_BYTES = 10_000
