@@ -1,9 +1,8 @@
 """Whether a method keeps its contract, found out by training it: what ``radiogs-bench methods check NAME`` prints."""
 
-import time
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,36 +11,28 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from radiogs_core.contract import Method, NotOffered, Prepared, Run, Stage, StageSpec, Trained
-from radiogs_core.errors import ExplainedError
+from radiogs_core.contract import Method, NotOffered, Prepared, Run, Trained
+from radiogs_core.errors import ExplainedError, NumericalFailure
 from radiogs_core.plain_values import leaf_names, value_at, with_values
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..method_calls import (
-    calling,
-    losses_of,
-    not_finite,
-    own_camera,
-    own_light,
-    own_scene,
-    refused,
-    require,
-    require_storable,
-)
+from ..errors import Interrupted
+from ..method_calls import calling, own_camera, own_light, refused, require
 from ..scoring.rendering import on_black
 from ..scoring.score_maps import truth
-from ..store.folder import Store
-from .stages import Idleness, begun, close_stage, facts_of, restored
+from ..store.folder import Store, product_name
+from .cell import Work, cell_of
+from .interruption import Interruption
+from .progress import LogProgress
+from .stages import Bench, Ledger, facts_of, trained
 
 UNIT = 1e-2
 """Largest error of the length of a normal."""
 
 CLEARLY = 3.0
 """Decibels by which another colour space has to fit better before it is named."""
-
-FINITE = "Training cannot go on from there; every loss that step() returns has to be finite."
 
 
 @dataclass(frozen=True)
@@ -60,12 +51,14 @@ def judged(fault: str, remedy: str, holds: str) -> Finding:
     return Finding("fails", fault, remedy) if fault else Finding("holds", holds)
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Training:
-    """The stages of a training: what each ended with, and the losses of every step."""
+    """A model, the ledgers and products of its stages by name, and the steps that each has taken."""
 
-    products: list[Mapping[str, Any]]
-    losses: list[tuple[str, int, Mapping[str, float]]]
+    model: Trained
+    ledgers: Mapping[str, Ledger]
+    products: Mapping[str, Any]
+    taken: Mapping[str, int]
 
 
 def check_method(
@@ -76,22 +69,24 @@ def check_method(
     ``folder`` keeps files meanwhile. ``say`` is told what is being done. A call that raises is a finding, and ends the
     checks that need its outcome.
     """
-    store, read = Store(folder), set[str]()
+    read = set[str]()
     run = Run(_watched(scene, read), method.variant(), method.presets[preset], 0, device)
     try:
         yield from _reads(method, run)
         say("training")
-        first = _trained(method, replace(run, workspace=folder / "first"), store)
+        first = _trained(method, run, folder / "first")
         yield _counted(method, run, first)
         yield _unread(read)
         say("training again, with the same seed")
-        second = _trained(method, replace(run, workspace=folder / "second"), store)
+        second = _trained(method, run, folder / "second")
         yield _same(first, second, "two trainings with the same seed", _SEED)
         say("training again, interrupted in the middle of each stage")
-        resumed = _trained(method, replace(run, workspace=folder / "resumed"), store, interrupted=True)
+        resumed = _trained(method, run, folder / "resumed", interrupted=True)
         yield _same(first, resumed, "a training that is interrupted and one that is not", _STATE)
         say("rendering")
-        yield from _check_model(method, run, first.products[-1], resumed.products[-1], folder)
+        yield from _check_model(method, run.scene, first.model, resumed.model, folder)
+    except NumericalFailure as failure:  # what it tells of a kept state goes with the folder
+        yield Finding("fails", failure.what, failure.why)
     except ExplainedError as error:
         yield Finding("fails", error.what, " ".join(filter(None, (error.why, error.remedy))))
 
@@ -117,74 +112,41 @@ def _watched(scene: Scene, read: set[str]) -> Scene:
     return replace(scene, test=tuple(test))
 
 
-def _trained(method: Method, run: Run, store: Store, *, interrupted: bool = False) -> _Training:
-    """Train; if ``interrupted``, stages begin from files of their shared starts, and are begun anew in the middle."""
-    run = replace(run, scene=own_scene(run.scene))
-    with calling(method.name, "stages()"):
-        specs = method.stages(run.variant, run.budget)
-    done, before = _Training([], []), dict[str, Any]()
-    for spec in specs:
-        before = _Stage(method, spec, run, store, before).trained(done, interrupted=interrupted)
-        done.products.append(before)
-    return done
+class _Steps(LogProgress):
+    """Counts the steps of each stage, by its title; requests a stop in the middle of it through ``interruption``."""
+
+    def __init__(self, interruption: Interruption | None) -> None:
+        super().__init__()
+        self.interruption = interruption
+        self.taken = Counter[str]()
+
+    def advance(self, task: str, done: int, total: int) -> None:
+        """Count, and stop a stage once."""
+        super().advance(task, done, total)
+        if self.interruption is not None and 2 * self.taken[task] < total <= 2 * done:
+            self.interruption.requested = True
+        self.taken[task] = done
 
 
-@dataclass
-class _Stage:
-    """A stage of a training, and the product of the one before it."""
-
-    method: Method
-    spec: StageSpec
-    run: Run
-    store: Store
-    before: Mapping[str, Any]
-
-    def trained(self, done: _Training, *, interrupted: bool) -> dict[str, Any]:
-        """Take all steps; returns the product as read from a file, and adds the losses to ``done``."""
-        name, method = self.spec.name, self.method.name
-        stage = self._begun(shared=interrupted)
-        half, idle = stage.iterations // 2 if interrupted else -1, Idleness(method, name)
+def _trained(method: Method, run: Run, folder: Path, *, interrupted: bool = False) -> _Training:
+    """Train as a run does; if ``interrupted``, stages are stopped in the middle, and go on from their checkpoints."""
+    try:
+        cell = cell_of(method, run.scene, Work(run.variant, run.budget, run.seed, run.device.type))
+    except ModuleNotFoundError as error:
+        raise refused(method.name, f"its sources: {error}", "They name modules that can be imported.") from error
+    store, interruption = Store(folder), Interruption()
+    progress = _Steps(interruption if interrupted else None)
+    bench = Bench(
+        store, run.device, progress, interruption, lambda name: method, lambda scene: scene.checksum, math.inf
+    )
+    while True:
         try:
-            while stage.iteration < stage.iterations:
-                if stage.iteration == half:
-                    stage, half = self._anew(stage), -1
-                at, since = stage.iteration, time.perf_counter()
-                with calling(method, f"step() of stage '{name}', iteration {at}"):
-                    given = stage.step()
-                losses = losses_of(method, given, name)
-                if wrong := not_finite(losses):
-                    raise refused(method, f"loss {', '.join(wrong)} in stage '{name}' at iteration {at}", FINITE)
-                if idle.moved(at, stage.iteration, time.perf_counter() - since):
-                    done.losses.append((name, at, losses))
-            with calling(method, f"product() of stage '{name}'"):
-                product = dict(stage.product())
-            return self._through_a_file(product, "product()")
-        finally:
-            close_stage(method, stage)
-
-    def _begun(self, *, shared: bool) -> Stage:
-        before, spec = deepcopy(dict(self.before)), self.spec
-        if shared and spec.start is not None:
-            with calling(self.method.name, f"start.make() of stage '{spec.name}'"):
-                made = dict(spec.start.make(self.run, before))
-            before, spec = self._through_a_file(made, "start.make()"), replace(spec, begin=spec.start.begin)
-        return begun(self.method.name, spec, self.run, before)
-
-    def _anew(self, stage: Stage) -> Stage:
-        """The same stage, begun anew and restored from a file."""
-        with calling(self.method.name, f"state() of stage '{self.spec.name}'"):
-            state = dict(stage.state())
-        close_stage(self.method.name, stage)
-        again, state = self._begun(shared=True), self._through_a_file(state, "state()")
-        with calling(self.method.name, f"restore() of stage '{self.spec.name}'"):
-            again.restore(state)
-        return again
-
-    def _through_a_file(self, content: Mapping[str, Any], source: str) -> dict[str, Any]:
-        """The content as it is after it was stored. Raises MethodFailed for what cannot be stored."""
-        require_storable(self.method.name, content, source, self.spec.name)
-        self.store.put_tensors("check", content)
-        return self.store.tensors("check", self.run.device) or {}
+            model, ledgers = trained(bench, cell, run.scene)
+            break
+        except Interrupted:
+            interruption.requested = False
+    products = {stage.name: store.tensors(product_name(stage.key), run.device) for stage in cell.stages}
+    return _Training(model, ledgers, products, {stage.name: progress.taken[stage.title] for stage in cell.stages})
 
 
 def _reads(method: Method, run: Run) -> Iterator[Finding]:
@@ -233,9 +195,8 @@ def _counted(method: Method, run: Run, training: _Training) -> Finding:
     """Whether the steps are as many as announced: the time left is estimated by them."""
     with calling(method.name, "stages()"):
         announced = {spec.name: spec.steps for spec in method.stages(run.variant, run.budget)}
-    taken = Counter(stage for stage, _, _ in training.losses)
-    wrong = [f"'{name}' announces {steps}, takes {taken[name]}" for name, steps in announced.items()
-             if taken[name] != steps]  # fmt: skip
+    wrong = [f"'{name}' announces {steps}, takes {training.taken[name]}" for name, steps in announced.items()
+             if training.taken[name] != steps]  # fmt: skip
     return judged(
         f"steps of stages: {'; '.join(wrong)}" if wrong else "",
         "StageSpec.steps and Stage.iterations have to be the same.",
@@ -254,20 +215,23 @@ def _unread(read: set[str]) -> Finding:
 
 def _same(first: _Training, second: _Training, what: str, remedy: str) -> Finding:
     """Whether two trainings are the same to the last bit; if not, where they part."""
-    for (stage, at, one), (_, _, other) in zip(first.losses, second.losses, strict=False):
-        if one != other:
-            return Finding("fails", f"{what} part at iteration {at} of stage '{stage}'", remedy)
-    for number, (one, other) in enumerate(zip(first.products, second.products, strict=True), start=1):
-        if where := difference(one, other):
-            return Finding("fails", f"{what} end with different product(){where} of stage {number}", remedy)
+    for name, ledger in first.ledgers.items():
+        for one, other in zip(_losses(ledger), _losses(second.ledgers[name]), strict=False):
+            if one != other:
+                return Finding("fails", f"{what} part at iteration {one[0]} of stage '{name}'", remedy)
+        if where := difference(first.products[name]["product"], second.products[name]["product"]):
+            return Finding("fails", f"{what} end with different product(){where} of stage '{name}'", remedy)
     return Finding("holds", f"{what} are the same to the last bit")
 
 
-def _check_model(
-    method: Method, run: Run, product: Mapping[str, Any], stored: Mapping[str, Any], folder: Path
-) -> Iterator[Finding]:
-    """Findings about the views of a trained model, under its own light and another one."""
-    model, view = restored(method, run, product), run.scene.test[0]
+def _losses(ledger: Ledger) -> list[tuple[int, Mapping[str, float]]]:
+    """Losses of the first steps, and their means between the points of the trail, by iteration."""
+    return [(each["iteration"], each["losses"]) for each in (*ledger["first_steps"], *ledger["trail"])]
+
+
+def _check_model(method: Method, scene: Scene, model: Trained, second: Trained, folder: Path) -> Iterator[Finding]:
+    """Findings about the views of a trained model, under its own light and another one; ``second`` is its twin."""
+    view = scene.test[0]
     facts_of(method.name, model)
     yield Finding("holds", "facts() are plain values")
     shown = _prepared(method, model)
@@ -278,12 +242,12 @@ def _check_model(
         yield Finding("fails", "there is no map 'image'", "It is what every metric of new views compares.")
         return
     yield _colour_space(maps["image"], shown, view)
-    for other in run.scene.test[1:2]:
+    for other in scene.test[1:2]:
         _maps(method, shown, other)
     yield _repeated(difference(maps, _maps(method, shown, view)), "a view rendered again, after another view")
-    again = _maps(method, _prepared(method, restored(method, run, stored)), view)
+    again = _maps(method, _prepared(method, second), view)
     yield _repeated(difference(maps, again), "the model that restore() makes a second time")
-    yield from _relit(method, run, model, maps)
+    yield from _relit(method, view, model, maps)
     yield _repeated(difference(maps, _maps(method, _prepared(method, model), view)), "a view after relighting")
     yield _exported(method, model, folder)
 
@@ -348,9 +312,8 @@ def _repeated(where: str, what: str) -> Finding:
     )
 
 
-def _relit(method: Method, run: Run, model: Trained, maps: Mapping[str, Tensor]) -> Iterator[Finding]:
+def _relit(method: Method, view: View, model: Trained, maps: Mapping[str, Tensor]) -> Iterator[Finding]:
     """Relighting: refused in words, or another image, whose brightness follows ``albedo_scale``."""
-    view = run.scene.test[0]
     light = EnvironmentMap(torch.rand(16, 32, 3, generator=torch.Generator().manual_seed(0)))
     images = []
     for factor in (1.0, 0.5):
