@@ -147,7 +147,7 @@ def _order(what: str, views: Sequence[View], predictions: Predictions, name: str
         given.append(_thumbnail(pair.image + removed * (1 - pair.mask)))
         wanted.append(_thumbnail(pair.target + (ground + removed) * (1 - pair.mask)))
     ours, theirs = torch.stack(given).flatten(1), torch.stack(wanted).flatten(1)
-    errors = np.stack([(theirs - each).square().mean(1).numpy() for each in ours])
+    errors = np.stack([(theirs - each).square().mean(1).double().numpy() for each in ours])
     fits: list[int] = linear_sum_assignment(errors)[1].tolist()
     gains = [decibel(errors[place, fit]) - decibel(errors[place, place]) for place, fit in enumerate(fits)]
     moved = [place for place, gain in enumerate(gains) if gain >= FAR_BETTER]

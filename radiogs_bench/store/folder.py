@@ -16,10 +16,10 @@ import hashlib
 import io
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import torch
@@ -37,6 +37,8 @@ from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 FOLDERS = ("aside", "cells", "locks", "stages", "tracebacks", "work")
 """Folders of a store; their files are named by keys, and none replaces another's."""
@@ -85,22 +87,22 @@ class Store:
         A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
         result of another version, StoreError where the folder cannot be read.
         """
+        stored, arrays = self._sound(self._cell_path(key), lambda: self.sealed_result(key)), self.arrays_path(key)
+        if stored is None:
+            return None
+        if not arrays.exists():
+            logger.warning("%s is gone: cell %s counts as not finished", arrays, key)
+        return self._sound(arrays, lambda: self.check_arrays(stored))
+
+    def _sound(self, path: Path, read: Callable[[], T]) -> T | None:
+        """The content of a file; None where there is none, and where it is damaged, which is moved aside."""
         try:
-            stored = self.sealed_result(key)
+            return read()
         except FileNotFoundError:
             return None
         except Broken as broken:
-            set_aside(self.folder, self._cell_path(key), broken.reason)
+            set_aside(self.folder, path, broken.reason)
             return None
-        try:
-            self.check_arrays(stored)
-        except FileNotFoundError:
-            logger.warning("%s is gone: cell %s counts as not finished", self.arrays_path(key), key)
-            return None
-        except Broken as broken:
-            set_aside(self.folder, self.arrays_path(key), broken.reason)
-            return None
-        return stored
 
     def sealed_result(self, key: str) -> Result:
         """The result of a cell, whose seal and key agree; nothing is moved.
@@ -115,15 +117,15 @@ class Store:
             raise Broken(wrong)
         return result
 
-    def check_arrays(self, result: Result) -> None:
-        """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""
+    def check_arrays(self, result: Result) -> Result:
+        """The result, whose array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
         try:
             with opened(path) as file:
                 stat = os.fstat(file.fileno())
                 mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
                 if self._agreed.get(named) == mark:
-                    return
+                    return result
                 found = hashlib.file_digest(file, "sha256").hexdigest()
         except FileNotFoundError:
             raise
@@ -134,6 +136,7 @@ class Store:
         if found != named:
             raise Broken("its digest is not the one that its cell names")
         self._agreed[named] = mark
+        return result
 
     def has_result(self, key: str) -> bool:
         """Whether the files of the cell's result exist; they are not read."""
@@ -178,13 +181,7 @@ class Store:
 
     def failure(self, key: str) -> Failure | None:
         """The failure of the cell in its last attempt, or None."""
-        try:
-            return self.sealed_failure(key)
-        except FileNotFoundError:
-            return None
-        except Broken as broken:
-            set_aside(self.folder, self._failure_path(key), broken.reason)
-            return None
+        return self._sound(self._failure_path(key), lambda: self.sealed_failure(key))
 
     def sealed_failure(self, key: str) -> Failure:
         """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
@@ -223,13 +220,7 @@ class Store:
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """
         path = self._tensors_path(name)
-        try:
-            return read_tensors(path, name, device)
-        except FileNotFoundError:
-            return None
-        except Broken as broken:
-            set_aside(self.folder, path, broken.reason)
-            return None
+        return self._sound(path, lambda: read_tensors(path, name, device))
 
     def put_tensors(self, name: str, content: Mapping[str, Any]) -> None:
         """Store tensors and plain values under a name such as ``stages/<key>``."""

@@ -47,7 +47,10 @@ def _complaints(value: object, kind: Any, where: str) -> Iterator[str]:
         elif inner:
             for place, each in enumerate(value):
                 yield from _complaints(each, inner[0], f"{where}[{place}]")
-    elif not _is_plain(value, kind):
+    elif kind is float and type(value) in (int, float):
+        if not abs(value) <= sys.float_info.max:  # type: ignore[operator]  # also false for NaN
+            yield _wrong(where, value, NAMES[float])
+    elif type(value) is not (NoneType if kind is None else kind):
         yield _wrong(where, value, NAMES.get(kind, str(kind)))
 
 
@@ -63,12 +66,6 @@ def _of_table(value: object, kind: Any, where: str) -> Iterator[str]:
 
 
 NAMES = {float: "a number", int: "a whole number", str: "text", bool: "true or false", NoneType: "null"}
-
-
-def _is_plain(value: Any, kind: Any) -> bool:
-    if kind is float:
-        return type(value) in (int, float) and abs(value) <= sys.float_info.max  # false for NaN
-    return value is None if kind in (None, NoneType) else type(value) is kind
 
 
 @cache

@@ -3,7 +3,7 @@
 import io
 import pickle
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,7 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
             damaged = archive.testzip()
         if damaged is not None:
             raise Broken(f"the checksum of its part {damaged} is wrong")
-        stored = torch.load(path, _placed_on(device), weights_only=True)
+        stored = torch.load(path, lambda kept, place: kept if place == "cpu" else kept.to(device), weights_only=True)
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -51,10 +51,3 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     if stored.get(STORED_AS) != name:
         raise Broken(f"it was stored as {stored.get(STORED_AS)!r:.80}, not as '{name}'")
     return dict(stored["content"])
-
-
-def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:
-    def place(storage: Any, location: str) -> Any:
-        return storage if location == "cpu" else storage.to(device)
-
-    return place
