@@ -13,8 +13,7 @@ from radiogs_reports.record import BEGUN, RECORD, recorded
 from radiogs_reports.summary import PLAIN
 
 from ..runs.sweep import Sweep, read_sweep
-from ..store.aside import FOLDER, kept_aside
-from ..store.folder import Store
+from ..store.folder import ASIDE, Store, kept_aside
 from .reporter import say
 
 EARLIER = "earlier"
@@ -30,7 +29,7 @@ def say_aside(store: Store) -> None:
     if names:
         shown = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
         files = "1 file was" if len(names) == 1 else f"{len(names)} files were"
-        say(f"{files} found damaged and not used: {store.folder / FOLDER} has {shown}")
+        say(f"{files} found damaged and not used: {store.folder / ASIDE} has {shown}")
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:

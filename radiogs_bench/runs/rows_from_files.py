@@ -304,11 +304,11 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
         origin = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
         if origin not in found or scored_at(found[origin]) <= scored_at(result):
             found[origin] = result
-    lines = {name: _line(name, result) for (name, _, _), result in sorted(found.items(), key=lambda each: each[0])}
-    places = [
-        CellRef(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[])
-        for (name, scene, seed), result in sorted(found.items(), key=lambda each: each[0])
-    ]
+    lines: dict[str, TableRow] = {}
+    places: list[CellRef] = []
+    for (name, scene, seed), result in sorted(found.items(), key=lambda each: each[0]):
+        lines[name] = TableRow(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))
+        places.append(CellRef(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[]))
     whole: Sweep = {**own, "rows": [*own["rows"], *lines.values()], "cells": [*own["cells"], *places]}
     return whole, sorted(outdated - lines.keys())
 
@@ -316,7 +316,3 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
 def scored_at(result: Result) -> str:
     """When the files were scored: UTC, ISO 8601 to the microsecond."""
     return str(result["facts"]["scored"])
-
-
-def _line(name: str, result: Result) -> TableRow:
-    return TableRow(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))

@@ -26,8 +26,7 @@ from ..methods import (
 from ..methods import method as find_method
 from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.protocols import protocol
-from ..store.aside import kept_aside
-from ..store.folder import Store, checkpoint_name, product_name
+from ..store.folder import Store, checkpoint_name, kept_aside, product_name
 from ..store.keys import plain_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed

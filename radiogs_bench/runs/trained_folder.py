@@ -148,8 +148,10 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
     if about["training_key"] == cell.training_key:
         return None
     if not replace:
+        preset = preset_text(about["preset"], about.get("budget", {}))
         raise UsageError(
-            f"{folder} holds another trained model: {_described(about)}",
+            f"{folder} holds another trained model: {about['method']} of scene '{about['scene']}', preset {preset},"
+            f" seed {about['seed']}",
             "It was trained from another scene, with other settings, or by another version of the code.",
             "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
         )
@@ -158,12 +160,6 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
         if path.name not in FOLDERS and not path.name.startswith("replaced-"):
             os.replace(path, kept / path.name)
     return kept
-
-
-def _described(about: About) -> str:
-    """Method, scene, preset and seed of a model, in words."""
-    preset = preset_text(about["preset"], about.get("budget", {}))
-    return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
 
 
 def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:

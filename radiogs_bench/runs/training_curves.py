@@ -1,7 +1,8 @@
 """Losses and metrics during a stage: at geometrically spaced steps (its trail), and its first steps one by one."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -103,8 +104,13 @@ class FirstSteps:
             yield gradients, updates
             return
         before = {name: value.detach().clone() for name, value in optimiser.tensors.items()}
+
+        def read(name: str, value: Tensor) -> None:
+            if value.grad is not None:
+                gradients[name] = _length(value.grad)
+
         hooks = [
-            value.register_post_accumulate_grad_hook(_reader(name, gradients))
+            value.register_post_accumulate_grad_hook(partial(read, name))
             for name, value in optimiser.tensors.items()
             if value.requires_grad and value.is_leaf
         ]
@@ -122,14 +128,6 @@ class FirstSteps:
         if iteration <= FIRST_STEPS:
             gradients, updates = lengths
             self.steps.append(FirstStep(iteration=iteration, losses=dict(losses), gradients=gradients, updates=updates))
-
-
-def _reader(name: str, into: dict[str, float]) -> Callable[[Tensor], None]:
-    def read(value: Tensor) -> None:
-        if value.grad is not None:
-            into[name] = _length(value.grad)
-
-    return read
 
 
 def _length(value: Tensor) -> float:

@@ -52,7 +52,7 @@ class Scope:
     timed: bool = True
     """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
-    """Number of views whose maps are kept as 8-bit codes (``KeptViews``); None: as many as fit its limit."""
+    """Number of views whose maps are kept as 8-bit codes (``ReportArrays``); None: as many as fit a limit."""
     reference: bool = False
     """Whether relit views are also compared with those of the method's reference mode (``RelitByReference``)."""
 

@@ -1,7 +1,6 @@
 """Arrays that are kept with a result for the reports: maps of a view, codes of more views, lights and surfels."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -57,16 +56,21 @@ class ReportArrays:
     image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under its first light) and
     ``relit/<light>`` and ``relit_indirect/<light>`` (under the first few). Maps without ground truth have no
     ``truth/``. ``render/incident``, the incident indirect light, is there if a method renders it;
-    ``render/environment`` and ``truth/environment`` (see ``light_maps``) if both lights are known; and ``views/...``
-    (see ``KeptViews``).
+    ``render/environment`` and ``truth/environment`` (see ``light_maps``) if both lights are known.
+
+    Codes are uint8 [height, width, channels] by ``views/<number>/<side>/<map>``: ``number`` is the place of the view
+    among the test views and those elsewhere, ``side`` is ``render`` or ``truth``. Images are in display sRGB, albedo
+    and indirect light are encoded in sRGB, normals are (n + 1) / 2 with 0 0 0 where there is no surface, depth is 255
+    in front to 1 at the back and 0 where nothing is seen, over one range for all who render the view.
     """
 
     def __init__(self, scene: Scene, lit: Mapping[str, Sequence[View]], kept_views: int | None) -> None:
-        """``lit``: the relit views of each light. ``kept_views``: as ``views_to_keep`` takes them."""
-        self.scene, self.lights = scene, list(lit)
+        """``lit``: the relit views of each light. ``kept_views``: how many views have codes (``views_to_keep``)."""
+        self.scene, self.lights, self.extent = scene, list(lit), scene.extent
         self.shown = scene.test[len(scene.test) // 2]
         self.first_light = next((light for light, views in lit.items() if self.shown in views), None)
-        self.codes = views_to_keep(scene, kept_views)
+        self.kept = views_to_keep(scene, kept_views)
+        self.codes: dict[str, np.ndarray] = {}
         self.maps: dict[str, Tensor] = {
             f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)
         }
@@ -79,11 +83,11 @@ class ReportArrays:
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that was collected, by name."""
-        return {name: image.cpu().numpy().astype(np.float32) for name, image in self.maps.items()} | self.codes.codes
+        return {name: image.cpu().numpy().astype(np.float32) for name, image in self.maps.items()} | self.codes
 
     def add(self, view: View, maps: Maps) -> None:
         """Keep a test view under its own light; its albedo comes once it is aligned."""
-        self.codes.rendered(view, {name: image for name, image in maps.items() if name != "albedo"})
+        self._encode(view, {name: image for name, image in maps.items() if name != "albedo"})
         if view is self.shown:
             self.maps |= {f"render/{name}": maps[name] for name in (*SHOWN, *ARRIVING) if name in maps}
 
@@ -93,13 +97,15 @@ class ReportArrays:
         for view in self.scene.test:
             if "albedo" in rendered[view.name]:
                 aligned = rendered[view.name]["albedo"] * factor
-                self.codes.rendered(view, {"albedo": aligned})
+                self._encode(view, {"albedo": aligned})
                 self.maps |= {"render/albedo": aligned} if view is self.shown else {}
 
     def add_relit(self, view: View, light: str, maps: Maps, target: Image, *, indirect: bool = False) -> None:
         """Keep a view under another light, beside the true one; ``indirect``: its indirect light, too."""
         image = maps["image"]
-        self.codes.relit(view, light, image, target)
+        if view.name in self.kept:
+            self._keep(view, "render", f"relit/{light}", image)
+            self._keep(view, "truth", f"relit/{light}", target)
         if view is self.shown and light == self.first_light:
             self.maps |= {"render/relit": image, "truth/relit": target}
         if view is self.shown and light in self.lights[:LIGHTS_SHOWN]:
@@ -112,6 +118,30 @@ class ReportArrays:
         """Keep the recovered light beside the true one, where that is known."""
         if self.scene.training_light is not None:
             self.maps |= light_maps(found, self.scene.training_light)
+
+    def _encode(self, view: View, maps: Maps) -> None:
+        """Keep the codes of maps of a view and of their truth, if the view is among the chosen."""
+        for name in MAPS if view.name in self.kept else ():
+            if name in maps:
+                self._keep(view, "render", name, self._shown(view, name, maps[name], maps.get("alpha")))
+                if view.has(name):
+                    self._keep(view, "truth", name, self._shown(view, name, truth(view, name), None))
+
+    def _keep(self, view: View, side: str, name: str, shown: Image) -> None:
+        finite = torch.where(shown.isfinite(), shown, 0.0)  # maps may have no value where nothing is
+        number = [each.name for each in (*self.scene.test, *self.scene.relight)].index(view.name)
+        self.codes[f"views/{number}/{side}/{name}"] = (255 * finite.clamp(0, 1)).round().to(torch.uint8).cpu().numpy()
+
+    def _shown(self, view: View, name: str, image: Image, alpha: Grey | None) -> Image:
+        if name in ("albedo", "indirect"):
+            return srgb_encode(image)
+        if name == "normal":
+            return torch.where((image == 0).all(-1, keepdim=True), 0.0, image / 2 + 0.5)
+        if name == "depth":
+            near, far = depth_range(view, self.extent)
+            seen = (image > 0) if alpha is None else (image > 0) & (alpha > 0.5)
+            return torch.where(seen, (1 - (image - near) / (far - near)).clamp(1 / 255, 1), 0.0)
+        return image
 
 
 def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[Tensor, "height width 3"]]:
@@ -127,52 +157,6 @@ def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[T
     return {"render/environment": found.lookup(directions), "truth/environment": reduced}
 
 
-@dataclass
-class KeptViews:
-    """The codes of chosen views: uint8 [height, width, channels] by ``views/<number>/<side>/<map>``.
-
-    ``number`` is the place of the view in ``names``, ``side`` is ``render`` or ``truth``; relit images are
-    ``relit/<light>``. Images are in display sRGB, albedo and indirect light are encoded in sRGB, normals are
-    (n + 1) / 2 with 0 0 0 where there is no surface, depth is 255 in front to 1 at the back and 0 where nothing is
-    seen, over one range for all who render the view.
-    """
-
-    names: Sequence[str]
-    chosen: frozenset[str]
-    extent: float
-    codes: dict[str, np.ndarray] = field(default_factory=dict)
-
-    def rendered(self, view: View, maps: Maps) -> None:
-        """Keep maps of a view and the truth of them, if the view is among the chosen; albedo as it is aligned."""
-        for name in MAPS if view.name in self.chosen else ():
-            if name in maps:
-                self._keep(view, "render", name, self._shown(view, name, maps[name], maps.get("alpha")))
-                if view.has(name):
-                    self._keep(view, "truth", name, self._shown(view, name, truth(view, name), None))
-
-    def relit(self, view: View, light: str, image: Image, target: Image) -> None:
-        """Keep a relit image, in display sRGB, and the true one."""
-        if view.name in self.chosen:
-            self._keep(view, "render", f"relit/{light}", image)
-            self._keep(view, "truth", f"relit/{light}", target)
-
-    def _keep(self, view: View, side: str, name: str, shown: Image) -> None:
-        finite = torch.where(shown.isfinite(), shown, 0.0)  # maps may have no value where nothing is
-        codes = (255 * finite.clamp(0, 1)).round().to(torch.uint8)
-        self.codes[f"views/{self.names.index(view.name)}/{side}/{name}"] = codes.cpu().numpy()
-
-    def _shown(self, view: View, name: str, image: Image, alpha: Grey | None) -> Image:
-        if name in ("albedo", "indirect"):
-            return srgb_encode(image)
-        if name == "normal":
-            return torch.where((image == 0).all(-1, keepdim=True), 0.0, image / 2 + 0.5)
-        if name == "depth":
-            near, far = depth_range(view, self.extent)
-            seen = (image > 0) if alpha is None else (image > 0) & (alpha > 0.5)
-            return torch.where(seen, (1 - (image - near) / (far - near)).clamp(1 / 255, 1), 0.0)
-        return image
-
-
 def depth_range(view: View, extent: float) -> tuple[float, float]:
     """Depths shown in white and in black: those of the truth with a margin; without truth 0 to twice the extent."""
     if view.has("depth"):
@@ -184,8 +168,8 @@ def depth_range(view: View, extent: float) -> tuple[float, float]:
     return 0.0, 2 * extent
 
 
-def views_to_keep(scene: Scene, count: int | None) -> KeptViews:
-    """At most so many views, evenly spread, the middle test view among them.
+def views_to_keep(scene: Scene, count: int | None) -> frozenset[str]:
+    """Names of at most so many views, evenly spread, the middle test view among them.
 
     None: as many as fit ``KEPT_BYTES``, at least one.
     """
@@ -195,8 +179,7 @@ def views_to_keep(scene: Scene, count: int | None) -> KeptViews:
         camera, channels = views[middle].camera, 2 * (CHANNELS + 3 * len(scene.lights))
         count = max(1, KEPT_BYTES // (channels * camera.height * camera.width))
     count = min(count, len(views))
-    chosen = frozenset(views[(middle + index * len(views) // count) % len(views)].name for index in range(count))
-    return KeptViews([view.name for view in views], chosen, scene.extent)
+    return frozenset(views[(middle + index * len(views) // count) % len(views)].name for index in range(count))
 
 
 @runtime_checkable

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -53,7 +52,9 @@ def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
     if scene.layout == "stanford-orb" and scene.folder is not None:
         path = true_mesh_file(scene.folder)
         if path is not None:
-            return _scanned(path, seed)
+            vertices, faces = read_mesh(path)
+            points = sampled_surface(vertices, faces, SAMPLES, np.random.default_rng(seed))
+            return TrueShape(points, distance_from_mesh(vertices, faces), "the scanned mesh of Stanford-ORB", vertices)
     depths = [view for view in scene.test if view.has("depth") and view.has("alpha")]
     if scene.surfaces is not None:
         return _solids(scene, depths, seed)
@@ -68,14 +69,8 @@ def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
     )
 
 
-def _scanned(path: Path, seed: int) -> TrueShape:
-    vertices, faces = read_mesh(path)
-    points = sampled_surface(vertices, faces, SAMPLES, np.random.default_rng(seed))
-    return TrueShape(points, distance_from_mesh(vertices, faces), "the scanned mesh of Stanford-ORB", vertices)
-
-
 def _solids(scene: Scene, depths: Sequence[View], seed: int) -> TrueShape:
-    """All of the solids to measure from, and of them what test views see to be found again."""
+    """The generator's solids; the points that have to be found again are on the parts that test views see."""
     samples = scene.true_surfaces(SPACING * scene.extent)
     points = points_in_cells(samples, SAMPLES, seed)
     source = "the generator's solids"

@@ -17,7 +17,7 @@ import io
 import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -27,7 +27,6 @@ import torch
 from radiogs_core.own_files import require_own_folders
 
 from ..errors import MethodFailed, StoreError
-from .aside import set_aside
 from .atomic import write_atomically
 from .claim import claim, is_held
 from .keys import content_key, plain_name
@@ -40,7 +39,10 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-FOLDERS = ("aside", "cells", "locks", "stages", "tracebacks", "work")
+ASIDE = "aside"
+"""The folder to which damaged files are moved: nothing is lost there."""
+
+FOLDERS = (ASIDE, "cells", "locks", "stages", "tracebacks", "work")
 """Folders of a store; their files are named by keys, and none replaces another's."""
 
 RESULT_KEYS = frozenset(Result.__required_keys__) | {"arrays"}
@@ -278,3 +280,29 @@ def stage_claim(key: str) -> str:
 def checkpoint_name(key: str) -> str:
     """Name of an unfinished stage's checkpoint in a store."""
     return f"{product_name(key)}.checkpoint"
+
+
+def set_aside(folder: Path, path: Path, reason: str) -> None:
+    """Move a damaged file of the store ``folder`` out of the way, never over another one, and say so.
+
+    Where nothing can be moved (a folder that is only readable) the file stays, and counts as absent all the same.
+    """
+    aside = folder / ASIDE
+    try:
+        aside.mkdir(exist_ok=True)
+        taken = sum(1 for other in aside.iterdir() if other.name.startswith(path.name))
+        with suppress(FileNotFoundError):  # another process has just moved it
+            path.rename(aside / f"{path.name}.{taken}")
+    except OSError as error:
+        logger.warning("%s is damaged (%s) and is not used; it cannot be moved: %s", path, reason, error.strerror)
+        return
+    logger.warning("%s is damaged (%s); it was moved to %s and is not used", path, reason, aside)
+
+
+def kept_aside(folder: Path) -> list[str]:
+    """Names of the files in ``folder``/aside."""
+    aside = folder / ASIDE
+    try:
+        return sorted(path.name for path in aside.iterdir())
+    except OSError:
+        return []

@@ -90,7 +90,8 @@ def depth_errors(
     The mean is over the whole frame, with zeros outside the mask, as the benchmark has it; world units squared.
     ``masks`` count where they are above one half.
     """
-    pairs = [_inside(*view) for view in zip(depths, targets, masks, strict=True)]
+    pairs = [(depth[mask > 0.5].double(), target[mask > 0.5].double())
+             for depth, target, mask in zip(depths, targets, masks, strict=True)]  # fmt: skip
     if rules.scale == "all views":
         scales = [_factor(torch.cat([ours for ours, _ in pairs]), torch.cat([theirs for _, theirs in pairs]))]
         scales *= len(pairs)
@@ -111,11 +112,6 @@ def depth_offset(depth: Map, target: Map, mask: Map, extent: float, rules: Depth
     inside = (mask > rules.covered) & (target > 0)
     difference = (depth[inside].double() - target[inside].double()).abs()
     return 100 * float(difference.mean()) / extent if len(difference) else math.nan
-
-
-def _inside(depth: Map, target: Map, mask: Map) -> tuple[Float[Tensor, " pixels"], Float[Tensor, " pixels"]]:
-    inside = mask > 0.5
-    return depth[inside].double(), target[inside].double()
 
 
 def _factor(ours: Float[Tensor, " pixels"], theirs: Float[Tensor, " pixels"]) -> float:
