@@ -246,8 +246,7 @@ def write_views(
 
     from ..method_calls import calling
     from ..runs.progress import progress_for_stderr
-    from ..scoring.frame_cost import frame_milliseconds
-    from ..scoring.rendering import on_black
+    from ..scoring.rendering import frame_milliseconds, on_black
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train

@@ -185,21 +185,13 @@ class Fusion:
         before = z > self.lattice.voxel
         safe = torch.where(before, z, 1.0)
         right, down = x / safe, y / safe
-        surface = depths.at(right, down)
-        known = before & (surface.inverse > 0)
-        along = (1 / torch.where(known, surface.inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
-        weight = torch.where(known & (along >= -self.lattice.truncation), surface.weight, 0.0)
+        inverse, cosine = depths.at(right, down)
+        known = before & (inverse > 0)
+        along = (1 / torch.where(known, inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
+        weight = torch.where(known & (along >= -self.lattice.truncation), cosine, 0.0)
         distance = (along / self.lattice.truncation).clamp(max=1)
         self.blocks.sums[rows] += (weight * distance).float().numpy()
         self.blocks.weights[rows] += weight.float().numpy()
-
-
-@dataclass(frozen=True)
-class _Surface:
-    """Inverse z-depth of what rays hit (zero: nothing), and its weight, the cosine of ray and normal."""
-
-    inverse: Float[Tensor, "*points"]
-    weight: Float[Tensor, "*points"]
 
 
 @dataclass(frozen=True)
@@ -214,10 +206,12 @@ class _DepthMap:
     camera: Camera
     near: float
 
-    def at(self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]) -> _Surface:
-        """The surface along rays of those slopes.
+    def at(
+        self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]
+    ) -> tuple[Float[Tensor, "*points"], Float[Tensor, "*points"]]:
+        """Inverse z-depth of the surface along rays of these slopes (zero: nothing), and its weight.
 
-        Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
+        The weight is the cosine of ray and normal. Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
         sees, with the weight ``EDGE``.
         """
         fx, fy = self.camera.fx, self.camera.fy
@@ -240,4 +234,4 @@ class _DepthMap:
         length = (mx.square() + my.square() + (inverse - right * mx - down * my).square()).sqrt()
         ray = (1 + right.square() + down.square()).sqrt()
         cosine = inverse / torch.where(plane, length * ray, 1.0)
-        return _Surface(inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE))
+        return inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE)

@@ -18,15 +18,15 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from ..errors import MethodFailed
-from ..method_calls import calling, own_light, refused, require
+from ..method_calls import calling, own_camera, own_light, refused, require
 from ..process_state import as_before
+from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
-from .frame_cost import FrameCosts
 from .metrics.protocol import Protocol
 from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .recovered_light import score_constant_light, score_light, withhold_light
-from .rendering import Maps, on_black
+from .rendering import Maps, frame_milliseconds, on_black
 from .report_arrays import ARRIVING, ReportArrays, surfel_arrays
 from .score_maps import (  # fmt: skip
     against_reference,
@@ -105,7 +105,7 @@ def evaluate(
     report, roughness = evaluator.report, evaluator.roughness
     return Evaluation(
         metrics=evaluator.scores.metrics(),
-        timings=evaluator.costs.timings(),
+        timings=evaluator.costs.metrics(),
         views=list(evaluator.scores.views),
         shown_view=report.shown.name,
         shown_light=report.shown_light,
@@ -130,13 +130,14 @@ class _Evaluator:
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     roughness: list[float] = field(default_factory=list)
+    memory: dict[str, int] = field(default_factory=dict)
     done: int = 0
 
     def __post_init__(self) -> None:
         scene = self.scene
         names = ([view.name for view in views] for views in (scene.test, scene.relight))
         self.scores = MetricsByView(self.rules, *names)
-        self.costs = FrameCosts(MetricsByView(self.rules, *self.scores.groups), self.device)
+        self.costs = MetricsByView(self.rules, *self.scores.groups)
         self.lit = {} if scene.surrounded else lit_views(scene, (*scene.test, *scene.relight))
         self.report = ReportArrays(scene, self.lit, self.scope.kept_views)
         self.total = len(scene.test) + sum(map(len, self.lit.values()))
@@ -185,10 +186,20 @@ class _Evaluator:
         return on_black(prepared, camera, *further, method=self.method, view=view.name)
 
     def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
-        """Measure milliseconds and memory per frame, where they are asked for and mean something."""
-        if self.scope.timed and prepared.timed:
-            with calling(self.method, "render(), once more to be timed"):
-                self.costs.measure(task, prepared.render, views)
+        """Measure ``task/ms`` of each view and ``task/megabytes`` (10^6 bytes), the most that any of its frames took.
+
+        Memory is the peak of the CUDA allocator on a GPU, including what the model keeps between frames; on a CPU it is
+        the resident set of the whole process, including libraries and the scene's images.
+        """
+        if not (self.scope.timed and prepared.timed):
+            return
+        cameras = [own_camera(view.camera.to(self.device, torch.float32)) for view in views]
+        with calling(self.method, "render(), once more to be timed"), peaks_within(self.device) as peaks:
+            times = frame_milliseconds(prepared.render, cameras, self.device)
+        for view, milliseconds in zip(views, times, strict=True):
+            self.costs.add(task, view.name, {"ms": Value(milliseconds)})
+        self.memory[task] = max(self.memory.get(task, 0), peaks.get("device", peaks["host"]))
+        self.costs.add_whole(task, {"megabytes": Value(self.memory[task] / 1e6)})
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the recovered light, and keep the maps that are compared over all views."""
@@ -252,7 +263,7 @@ class _Evaluator:
                     self.scores.add("relight", view.name, self._against(reference, view, maps))
                 self.count()
         if self.scope.timed and prepared_in:
-            self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
+            self.costs.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
     def _reference(self, trained: Trained, light: str, albedo_scale: Float[Tensor, "3"]) -> Prepared | None:
         """The model under a light in the reference mode of its method, if that is asked for and there is one."""

@@ -1,6 +1,7 @@
-"""Rendered maps as scoring takes them: on black, on the CPU, with the declared shape and colour space."""
+"""Rendered maps as scoring takes them: on black, on the CPU, with the declared shape and colour space; their time."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 
 import torch
 from jaxtyping import Float
@@ -49,6 +50,31 @@ def on_black(
                 f"{int((~finite).sum())} of its {finite.numel()} values are NaN or infinite.",
             )
     return {name: _shown(name, image, prepared.offers[name], maps.get("alpha")) for name, image in maps.items()}
+
+
+WARM_UP = 3
+"""Frames that are not timed: the first ones allocate memory and, on a GPU, select kernels."""
+
+
+def frame_milliseconds(
+    render: Callable[[Camera], object], cameras: Sequence[Camera], device: torch.device
+) -> list[float]:
+    """Wall-clock milliseconds of one rendering per camera; the device is idle before and after."""
+
+    def finish() -> None:
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+
+    for index in range(WARM_UP):
+        render(cameras[index % len(cameras)])
+    times = []
+    for camera in cameras:
+        finish()
+        started = time.perf_counter()
+        render(camera)
+        finish()
+        times.append(1e3 * (time.perf_counter() - started))
+    return times
 
 
 def require_declared(method: str, prepared: Prepared, camera: Camera, name: str, image: object) -> None:
