@@ -211,8 +211,8 @@ class _DepthMap:
     ) -> tuple[Float[Tensor, "*points"], Float[Tensor, "*points"]]:
         """Inverse z-depth of the surface along rays of these slopes (zero: nothing), and its weight.
 
-        The weight is the cosine of ray and normal. Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
-        sees, with the weight ``EDGE``.
+        Between four pixels of one surface it is a plane through what they see, with the cosine of ray and normal as
+        weight. Elsewhere it is what the nearest pixel sees, with the weight ``EDGE``.
         """
         fx, fy = self.camera.fx, self.camera.fy
         column, row = fx * right + self.camera.cx - 0.5, fy * down + self.camera.cy - 0.5
