@@ -26,11 +26,11 @@ import torch
 
 from radiogs_core.own_files import require_own_folders
 
-from ..errors import MethodFailed, StoreError
+from ..errors import MethodFailed
 from .atomic import write_atomically
 from .claim import claim, is_held
 from .keys import content_key, plain_name
-from .opening import opened
+from .opening import explained_reading, opened
 from .schema import RESULT_SCHEMA, Failure, Result, contradiction
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
@@ -122,19 +122,12 @@ class Store:
     def check_arrays(self, result: Result) -> Result:
         """The result, whose array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
-        try:
-            with opened(path) as file:
-                stat = os.fstat(file.fileno())
-                mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
-                if self._agreed.get(named) == mark:
-                    return result
-                found = hashlib.file_digest(file, "sha256").hexdigest()
-        except FileNotFoundError:
-            raise
-        except OSError as error:
-            raise StoreError(
-                f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
-            ) from error
+        with explained_reading(path), opened(path) as file:
+            stat = os.fstat(file.fileno())
+            mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+            if self._agreed.get(named) == mark:
+                return result
+            found = hashlib.file_digest(file, "sha256").hexdigest()
         if found != named:
             raise Broken("its digest is not the one that its cell names")
         self._agreed[named] = mark

@@ -9,8 +9,7 @@ from typing import Any
 
 import torch
 
-from ..errors import StoreError
-from .opening import opened
+from .opening import explained_reading, opened
 from .seal import Broken
 
 STORED_AS = "stored_as"
@@ -31,19 +30,16 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     it is damaged or another's.
     """
     try:
-        with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
-            if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
-                raise Broken("a part of it is compressed, which torch never does")
-            damaged = archive.testzip()
-        if damaged is not None:
-            raise Broken(f"the checksum of its part {damaged} is wrong")
-        stored = torch.load(path, lambda kept, place: kept if place == "cpu" else kept.to(device), weights_only=True)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise StoreError(
-            f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
-        ) from error
+        with explained_reading(path):
+            with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
+                if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
+                    raise Broken("a part of it is compressed, which torch never does")
+                damaged = archive.testzip()
+            if damaged is not None:
+                raise Broken(f"the checksum of its part {damaged} is wrong")
+            stored = torch.load(
+                path, lambda kept, place: kept if place == "cpu" else kept.to(device), weights_only=True
+            )
     except (zipfile.BadZipFile, pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
         raise Broken(f"{error}".strip().partition("\n")[0] or type(error).__name__) from error
     if not isinstance(stored, dict) or not isinstance(stored.get("content"), dict):
