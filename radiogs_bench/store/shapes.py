@@ -47,8 +47,8 @@ def _complaints(value: object, kind: Any, where: str) -> Iterator[str]:
         elif inner:
             for place, each in enumerate(value):
                 yield from _complaints(each, inner[0], f"{where}[{place}]")
-    elif kind is float and type(value) in (int, float):
-        if not abs(value) <= sys.float_info.max:  # type: ignore[operator]  # also false for NaN
+    elif kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if not abs(value) <= sys.float_info.max:  # also for NaN
             yield _wrong(where, value, NAMES[float])
     elif type(value) is not (NoneType if kind is None else kind):
         yield _wrong(where, value, NAMES.get(kind, str(kind)))
