@@ -108,11 +108,6 @@ def needle_tolerance(aspect: float) -> float:
     return OPACITY * STEEPEST_BELL * 8 * EPS * (DISTANCE + 1) * aspect
 
 
-def needle_gradient_tolerance(aspect: float) -> float:
-    """Four times the tolerance of values, as for grazing rays: a derivative has more such factors."""
-    return max(GRADIENT_TOLERANCE, 4 * needle_tolerance(aspect))
-
-
 def stack(depth: Tensor, opacity: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
     """Surfels at the given depths that face the origin, and rays that hit them close to the axis."""
     count, nothing = len(depth), torch.zeros_like(depth)
@@ -161,7 +156,10 @@ SURFEL_AXES = (
         {
             # Case 4: widened to a pixel, a needle's condition number is the pixel's.
             "draw": Kernel(drawn_needles, lambda a: 1e-4, lambda a: 8 * EPS * FOOTPRINT_CONDITION),
-            "trace": Kernel(traced_needle, needle_tolerance, needle_gradient_tolerance),
+            # Four times the tolerance of values, as for grazing rays: a derivative has more such factors.
+            "trace": Kernel(
+                traced_needle, needle_tolerance, lambda a: max(GRADIENT_TOLERANCE, 4 * needle_tolerance(a))
+            ),
         },
     ),
     Axis(
