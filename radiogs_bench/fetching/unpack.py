@@ -8,7 +8,7 @@ import struct
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import closing
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, NamedTuple
@@ -134,7 +134,7 @@ def _move(waiting: Path, files: list[PurePosixPath], folder: Path) -> int:
     return len(set(files))
 
 
-def _members(archive: Path) -> Iterator[Member]:
+def _members(archive: Path) -> Generator[Member, None, None]:
     """Every member of a zip or tar archive. Raises DataError for a link, a device, or a name that leads out."""
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as zipped:

@@ -1,18 +1,100 @@
-"""Axes of a surfel or a stack of surfels: grazing angle, aspect ratio, depth gap, number of layers."""
+"""The conditions that get harder in suite ``stability``, and what is computed under each.
+
+Surfels or stacks of surfels: grazing angle, aspect ratio, depth gap, number of layers. Placement: scale of the scene,
+distance from the origin. Shading: width of the highlight, radiance of the sun.
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from radiogs_core.kernels.shade.brdf import ggx_distribution
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
 from radiogs_datasets.hard_cases import FOCAL
 
-from .curve import EPS, GRADIENT_TOLERANCE, Axis, Kernel, Probe, Stand
-from .kernels import drawn, drawn_surfels, looks, rays, shaded, traced
-from .placement import scattered
+from .stability_probes import (
+    DEPTH,
+    EPS,
+    GEOMETRY,
+    GRADIENT_TOLERANCE,
+    Axis,
+    Kernel,
+    Probe,
+    Stand,
+    Values,
+    drawn,
+    drawn_surfels,
+    looks,
+    rays,
+    shaded,
+    traced,
+)
+
+SCATTERED = 24
+SCATTERED_RAYS = 128
+
+
+def scattered(count: int, generator: torch.Generator, spread: float = 1.0) -> Surfels:
+    """Surfels about (0, 0, DEPTH) that face the origin up to some 40 degrees."""
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator)
+
+    # Half a turn about x takes the normal from +z to -z.
+    rotation = torch.tensor([0.0, 1.0, 0.0, 0.0]) + 0.2 * normal(count, 4)
+    return Surfels(
+        centre=torch.tensor([0.0, 0.0, DEPTH]) + spread * 0.6 * normal(count, 3),
+        rotation=normalize(rotation, dim=-1),
+        log_scale=torch.log(0.2 + 0.5 * torch.rand(count, 2, generator=generator)),
+        opacity_logit=normal(count),
+        sh=torch.zeros(count, COEFFICIENTS, 3),
+        albedo_logit=torch.zeros(count, 3),
+        roughness_logit=torch.zeros(count),
+    )
+
+
+def moved(surfels: Surfels, camera: Camera, factor: float, shift: float) -> tuple[Surfels, Camera]:
+    """World and camera scaled by ``factor`` and then moved by ``shift`` along each axis, rounded to float32."""
+    parameters = surfels.parameters()
+    parameters["centre"] = (surfels.centre.double() * factor + shift).float()
+    parameters["log_scale"] = (surfels.log_scale.double() + torch.tensor(factor, dtype=torch.float64).log()).float()
+    pose = camera.camera_to_world.double()
+    pose[:3, 3] = pose[:3, 3] * factor + shift
+    return Surfels.of(parameters), replace(camera, camera_to_world=pose.float())
+
+
+def drawn_at(factor: float, shift: float, stand: Stand) -> Probe:
+    """Rasterize the scattered surfels."""
+    generator = stand.generator()
+    surfels, camera = moved(scattered(SCATTERED, generator), stand.camera, factor, shift)
+    return drawn_surfels(camera, surfels, looks(SCATTERED, generator)["features"], depth_unit=factor)
+
+
+def traced_at(factor: float, shift: float, stand: Stand) -> Probe:
+    """Trace rays from the camera's centre to the scattered surfels."""
+    generator = stand.generator()
+    surfels, camera = moved(scattered(SCATTERED, generator), stand.camera, factor, shift)
+    geometry = surfels.geometry()
+    slope = 0.6 * torch.rand(SCATTERED_RAYS, 2, generator=generator) - 0.3
+    direction = normalize(torch.cat([slope, torch.ones(SCATTERED_RAYS, 1)], -1).double(), dim=-1).float()
+    start = camera.centre.repeat(SCATTERED_RAYS, 1)
+    fields = {name: getattr(geometry, name) for name in GEOMETRY}
+    return traced(fields | looks(SCATTERED, generator) | rays(start, direction), length=factor)
+
+
+def steady(condition: float) -> float:
+    """Tolerance of cases 18 and 19: neither scale nor position matters, apart from quantisation."""
+    return 1e-4
+
 
 RAYS = 8
 NARROW = 64.0
@@ -141,7 +223,75 @@ def long_lens(camera: Camera) -> Camera:
     return replace(camera, fx=NARROW * camera.fx, fy=NARROW * camera.fy)
 
 
-SURFEL_AXES = (
+LIT = 64
+SPREAD, DRAWN = 16, 16
+"""Directions per surfel: over its hemisphere, and drawn from the light."""
+
+
+def highlight(roughness: float, stand: Stand) -> dict[str, Tensor]:
+    """Surfels lit from near the mirror direction: the half-vector is up to four widths of the lobe off the normal."""
+    generator = stand.generator()
+    normal = normalize(torch.randn(LIT, 3, generator=generator, dtype=torch.float64), dim=-1)
+    tangent, bitangent, _ = tangent_frame(normal).unbind(-1)
+    width = 4 * torch.rand(LIT, 1, generator=generator).double() * roughness**2
+    half = normalize(normal + width.clamp(max=0.5) * tangent, dim=-1)
+    outgoing = normalize(half + torch.rand(LIT, 1, generator=generator).double() * bitangent, dim=-1)
+    incoming = 2 * (outgoing * half).sum(-1, keepdim=True) * half - outgoing
+    return {
+        "normal": normal.float(),
+        "albedo": torch.rand(LIT, 3, generator=generator),
+        "roughness": torch.full((LIT,), roughness),
+        "outgoing": outgoing.float()[:, None],
+        "direction": incoming.float()[:, None],
+        "weight": torch.ones(LIT, 1),
+        "visibility": torch.ones(LIT, 1),
+        "indirect": torch.rand(LIT, 1, 3, generator=generator),
+        "environment": stand.sky.radiance,
+    }
+
+
+def lobe(roughness: float, stand: Stand) -> Probe:
+    """GGX's D alone, for given half-vectors."""
+    given = highlight(roughness, stand)
+    half = normalize((given["outgoing"] + given["direction"])[:, 0].double(), dim=-1).float()
+
+    def run(inputs: Values) -> tuple[Tensor, ...]:
+        return (ggx_distribution(inputs["half"], inputs["normal"], inputs["roughness"]),)
+
+    inputs = {"half": half, "normal": given["normal"], "roughness": given["roughness"]}
+    return Probe(inputs, run, (1.0,), frozenset({"half"}))
+
+
+def sunlit(intensity: float, stand: Stand) -> Probe:
+    """Surfels under the sky with a sun in one texel, sampled by the balance heuristic over hemisphere and light."""
+    generator = stand.generator()
+    sky = stand.sky.radiance.clone()
+    sky[len(sky) // 4, sky.shape[1] // 3] = intensity
+    normal = normalize(torch.randn(LIT, 3, generator=generator), dim=-1)
+    spread, _ = hemisphere_directions(normal, SPREAD, generator)
+    drawn = LightSampler(EnvironmentMap(sky)).draw(LIT, DRAWN, generator)
+    samples = SPREAD + DRAWN
+
+    def weight(inputs: Values) -> Tensor:
+        density = LightSampler(EnvironmentMap(inputs["environment"])).pdf(inputs["direction"])
+        return 1 / (SPREAD / (2 * torch.pi) + DRAWN * density)
+
+    return shaded(
+        {
+            "normal": normal,
+            "albedo": torch.rand(LIT, 3, generator=generator),
+            "roughness": 0.1 + 0.9 * torch.rand(LIT, generator=generator),
+            "outgoing": hemisphere_directions(normal, 1, generator)[0],
+            "direction": torch.cat([spread, drawn], 1),
+            "visibility": torch.rand(LIT, samples, generator=generator),
+            "indirect": torch.rand(LIT, samples, 3, generator=generator),
+            "environment": sky,
+        },
+        weight,
+    )
+
+
+_ALL = (
     Axis(
         "grazing", "cosine of normal and ray or view", 1.0, (1e-6,),
         {
@@ -180,4 +330,31 @@ SURFEL_AXES = (
         },
         whole=True,
     ),
+    Axis(
+        "scale", "scale of the scene", 1.0, (1e-6, 1e6),
+        {
+            "draw": Kernel(lambda factor, stand: drawn_at(factor, 0.0, stand), steady),
+            "trace": Kernel(lambda factor, stand: traced_at(factor, 0.0, stand), steady),
+        },
+    ),
+    Axis(
+        "translation", "distance from the origin", 1.0, (1e6,),
+        {
+            "draw": Kernel(lambda shift, stand: drawn_at(1.0, shift, stand), steady),
+            "trace": Kernel(lambda shift, stand: traced_at(1.0, shift, stand), steady),
+        },
+    ),
+    Axis(
+        "roughness", "roughness", 1.0, (1e-3,),
+        {
+            # Case 25: of the lobe's peak.
+            "shade": Kernel(lambda r, stand: shaded(highlight(r, stand)), lambda r: 1e-5),
+            "GGX D": Kernel(lobe, lambda r: 1e-5),
+        },
+    ),
+    # Case 26.
+    Axis("sun", "radiance of the sun", 1.0, (1e6,), {"shade": Kernel(sunlit, lambda intensity: 1e-4)}),
 )  # fmt: skip
+
+AXES: Mapping[str, Axis] = {axis.key: axis for axis in _ALL}
+"""The axes by key, in the order of the suite's rows."""
