@@ -11,7 +11,7 @@ import urllib.request
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, TypedDict, cast
 
 from radiogs_core.errors import DataError
 
@@ -128,7 +128,7 @@ def _begun(url: str, partial: Path) -> Begun | None:
     if mismatch(about, Begun) or about["url"] != url:
         return None
     version = about["version"]
-    return Begun(**about) if version and version.isascii() and version.isprintable() else None
+    return cast(Begun, about) if version and version.isascii() and version.isprintable() else None
 
 
 def _receive(url: str, partial: Path, begun: Begun | None, advance: Advance, timeout: float) -> bool:
@@ -219,7 +219,7 @@ class _Answer(http.client.HTTPResponse):
 
     def __init__(self, sock: Any, *further: Any, **named: Any) -> None:
         super().__init__(sock, *further, **named)
-        self.fp = io.BufferedReader(_Paced(self.fp, sock.gettimeout()))  # type: ignore[arg-type]
+        self.fp = io.BufferedReader(_Paced(self.fp, sock.gettimeout()))
 
 
 class _Connection(http.client.HTTPConnection):
