@@ -112,6 +112,15 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def require_published(path: Path, sha256: str, named: str, kept: str, remedy: str) -> str:
+    """The file's SHA-256. Raises DataError for a file, ``named`` in the message, whose digest begins otherwise."""
+    digest = sha256_of(path)
+    if not digest.startswith(sha256):
+        begins = f"Its SHA-256 begins with {digest[:8]}, not with {sha256[:8]}."
+        raise DataError(f"{named} is not the published file", f"{begins} {kept}".strip(), remedy)
+    return digest
+
+
 def _about(partial: Path) -> Path:
     return partial.with_name(f"{partial.name}.json")
 

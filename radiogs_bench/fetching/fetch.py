@@ -12,7 +12,7 @@ from ..store.atomic import explained, write_atomically
 from ..store.opening import LARGEST_TEXT, opened
 from ..store.seal import strict_json
 from .catalogue import DataSet, Piece
-from .download import DownloadFailed, download, forget, sha256_of
+from .download import DownloadFailed, download, forget, require_published
 from .unpack import unpack
 
 RECORD = "fetched.json"
@@ -85,15 +85,13 @@ _BY_HAND = "If the authors have published a new version, put it in its place by 
 def _install(piece: Piece, folder: Path, placed: bool) -> str:
     """Check a piece, unpack it, and record it; returns what was done, in words."""
     path = folder / piece.name
-    digest, size = sha256_of(path), path.stat().st_size
-    if piece.sha256 and digest != piece.sha256:
+    size = path.stat().st_size
+    try:
+        digest = require_published(path, piece.sha256, str(path), "", f"Fetch it again from {piece.url}")
+    except DataError:
         if not placed:
             path.unlink()
-        raise DataError(
-            f"{path} is not the published file",
-            f"Its SHA-256 begins with {digest[:8]}, not with {piece.sha256[:8]}.",
-            f"Fetch it again from {piece.url}",
-        )
+        raise
     files = unpack(path, folder / piece.into) if piece.packed else 1
     record = {"url": piece.url, "bytes": size, "sha256": digest, "files": files}
     write_atomically(folder / RECORD, strict_json(_record(folder) | {piece.name: record}))

@@ -63,7 +63,7 @@ SCORES_ALONE = Scope(timed=False)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What scoring measures of a trained model: fields of a result (``store.schema.Result``), and its arrays."""
+    """The measurements of a trained model: fields of a result (``store.schema.Result``), and its arrays."""
 
     metrics: dict[str, MetricValue]
     timings: dict[str, MetricValue]
