@@ -23,7 +23,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
 from ..scoring.rendering import on_black
-from .fusion import SIDE, Fusion, Lattice, Places, VoxelBlocks
+from .fusion import SIDE, Fusion, Lattice, VoxelBlocks
 
 FINEST = 1 / 512
 """Voxels of this share of the scene's extent, unless its images are too coarse for them. 2DGS: 1/512 of the cameras'
@@ -173,7 +173,9 @@ def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
             continue
         places = points.astype(np.float64)
         vertices.append(places + cube * CELLS)
-        keys.append(_edges(places) + 2 * cube * CELLS)
+        # Twice the middle of the lattice edge, as whole numbers: even along an axis where a vertex is on the lattice.
+        low = np.floor(places + LEAST / 10)
+        keys.append((2 * low + (places - low > LEAST / 10)).astype(np.int64) + 2 * cube * CELLS)
         faces.append(triangles.astype(np.int64) + count)
         count += len(points)
     if not count:
@@ -210,9 +212,3 @@ def _whole_cells(seen: Bool[np.ndarray, "n n n"]) -> Bool[np.ndarray, "m m m"]:
     for x, y, z in itertools.product((0, 1), repeat=3):
         whole &= seen[x : x + CELLS, y : y + CELLS, z : z + CELLS]
     return whole
-
-
-def _edges(places: Float[np.ndarray, "vertices 3"]) -> Places:
-    """Twice the lattice edge's middle, as whole numbers: even along an axis where a vertex is on the lattice."""
-    low = np.floor(places + LEAST / 10)
-    return (2 * low + (places - low > LEAST / 10)).astype(np.int64)

@@ -302,7 +302,7 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
             outdated.add(result["facts"]["row"])
             continue
         origin = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
-        if origin not in found or scored_at(found[origin]) <= scored_at(result):
+        if origin not in found or found[origin]["facts"]["scored"] <= result["facts"]["scored"]:  # UTC, ISO 8601
             found[origin] = result
     lines: dict[str, TableRow] = {}
     places: list[CellRef] = []
@@ -311,8 +311,3 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
         places.append(CellRef(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[]))
     whole: Sweep = {**own, "rows": [*own["rows"], *lines.values()], "cells": [*own["cells"], *places]}
     return whole, sorted(outdated - lines.keys())
-
-
-def scored_at(result: Result) -> str:
-    """When the files were scored: UTC, ISO 8601 to the microsecond."""
-    return str(result["facts"]["scored"])

@@ -91,11 +91,6 @@ def traced_at(factor: float, shift: float, stand: Stand) -> Probe:
     return traced(fields | looks(SCATTERED, generator) | rays(start, direction), length=factor)
 
 
-def steady(condition: float) -> float:
-    """Tolerance of cases 18 and 19: neither scale nor position matters, apart from quantisation."""
-    return 1e-4
-
-
 RAYS = 8
 NARROW = 64.0
 """Focal length relative to the scene's: a view of 0.9 degrees, which hits a stack close to its axis."""
@@ -330,18 +325,19 @@ _ALL = (
         },
         whole=True,
     ),
+    # Cases 18 and 19: neither scale nor position matters, apart from quantisation.
     Axis(
         "scale", "scale of the scene", 1.0, (1e-6, 1e6),
         {
-            "draw": Kernel(lambda factor, stand: drawn_at(factor, 0.0, stand), steady),
-            "trace": Kernel(lambda factor, stand: traced_at(factor, 0.0, stand), steady),
+            "draw": Kernel(lambda factor, stand: drawn_at(factor, 0.0, stand), lambda c: 1e-4),
+            "trace": Kernel(lambda factor, stand: traced_at(factor, 0.0, stand), lambda c: 1e-4),
         },
     ),
     Axis(
         "translation", "distance from the origin", 1.0, (1e6,),
         {
-            "draw": Kernel(lambda shift, stand: drawn_at(1.0, shift, stand), steady),
-            "trace": Kernel(lambda shift, stand: traced_at(1.0, shift, stand), steady),
+            "draw": Kernel(lambda shift, stand: drawn_at(1.0, shift, stand), lambda c: 1e-4),
+            "trace": Kernel(lambda shift, stand: traced_at(1.0, shift, stand), lambda c: 1e-4),
         },
     ),
     Axis(

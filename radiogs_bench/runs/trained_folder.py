@@ -171,7 +171,13 @@ def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] 
     about = read_about(folder)
     used = method(about["method"])
     variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
-    scene = scene_of(about)
+    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
+    if scene.checksum != about["checksum"]:
+        raise DataError(
+            f"scene '{about['scene']}' has changed since the model was trained",
+            "Its files have another checksum.",
+            "Put the old files back, or train again.",
+        )
     workspace = Store(folder).workspace(about["training_key"])
     budget = budget_of(used, about["preset"], about.get("budget"))
     run = Run(scene, variant, budget, about["seed"], device, workspace)
@@ -184,15 +190,3 @@ def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
     if stored is None:
         raise DataError(f"the model of '{folder}' is gone", "Its file in stages/ is missing.", "Train it again.")
     return cast(dict[str, Any], stored["product"])
-
-
-def scene_of(about: About) -> Scene:
-    """The scene that a model was trained on. Raises DataError if it is missing or has changed."""
-    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
-    if scene.checksum != about["checksum"]:
-        raise DataError(
-            f"scene '{about['scene']}' has changed since the model was trained",
-            "Its files have another checksum.",
-            "Put the old files back, or train again.",
-        )
-    return scene
