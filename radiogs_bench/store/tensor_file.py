@@ -29,6 +29,10 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     FileNotFoundError, StoreError where the file cannot be read, DataError where it is no regular file, and Broken where
     it is damaged or another's.
     """
+
+    def placed(storage: Any, origin: str) -> Any:
+        return storage if origin == "cpu" else storage.to(device)
+
     try:
         with explained_reading(path):
             with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
@@ -37,9 +41,7 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
                 damaged = archive.testzip()
             if damaged is not None:
                 raise Broken(f"the checksum of its part {damaged} is wrong")
-            stored = torch.load(
-                path, lambda kept, place: kept if place == "cpu" else kept.to(device), weights_only=True
-            )
+            stored = torch.load(path, placed, weights_only=True)
     except (zipfile.BadZipFile, pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
         raise Broken(f"{error}".strip().partition("\n")[0] or type(error).__name__) from error
     if not isinstance(stored, dict) or not isinstance(stored.get("content"), dict):
