@@ -47,17 +47,17 @@ from .methods import budget_of, variant_by_recipe
 from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption
-from .runs.kept_pace import KeptPace
 from .runs.preflight import read_everything, say_contradictions
 from .runs.progress import progress_for_stderr
-from .runs.scene_digest import checksum_now
+from .runs.scene_checksum import checksum_now
 from .runs.stages import Bench, facts_of, trained
+from .runs.stored_progress import KeptPace
 from .runs.sweep import read_sweep
 from .runs.trained_folder import Origin, read_about, read_trained, set_other_model_aside, write_trained
 from .scoring.evaluate import SCORES_ALONE, evaluate
-from .scoring.maps import on_black
 from .scoring.metrics.protocols import PROTOCOLS
 from .scoring.metrics.protocols import protocol as protocol_of
+from .scoring.rendering import on_black
 from .store.claim import saying_who_holds
 from .store.folder import Store
 from .trusted_methods import trusting

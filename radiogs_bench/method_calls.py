@@ -1,25 +1,30 @@
 """Calling a method, whoever wrote it: what it raises becomes a failure that names it, and what it gives is looked at.
 
 A mistake in a method is not one in the harness. It ends its cell and no other, and who wrote the method is told what
-was asked of it and what came of that.
+was asked of it and what came of that. A method may write into whatever it is handed, so it gets copies.
 """
 
 import math
 import signal
 import traceback
 from collections import Counter, OrderedDict
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import TracebackType
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from radiogs_core.errors import ExplainedError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
 
 from .errors import MethodFailed, StoppedAtOnce
-from .process_state import set_apart
+from .process_state import as_before, set_apart
 
 FRAMES = 2
 """Traceback frames that are shown: the raising one and its caller."""
@@ -31,43 +36,28 @@ BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
 """Types beside tensors that PyTorch reads back from a file without running code from it."""
 
 
-@dataclass
-class Call:
-    """The context of a call into a method; see ``calling``."""
-
-    method: str
-    what: str
-
-    def __enter__(self) -> None:
-        """Put the method's own state of the process in the place of the harness's."""
-        self._apart = set_apart(self.method, self.what)
-        self._apart.__enter__()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        passes = error is None or isinstance(error, ExplainedError) or stops_at_once(error)  # by the method's handlers
-        self._apart.__exit__(None, None, None)
-        if error is None or passes:
-            return
-        first = _words_of(error).splitlines()[:1]
-        inside = traceback.extract_tb(trace)[1:]  # behind the frame that called the method
-        told = [*traceback.format_list(inside[-FRAMES:]), *traceback.format_exception_only(error)]
-        raise MethodFailed(
-            f"{self.method} failed in {self.what}: {': '.join([type(error).__name__, *first])}",
-            "".join(told).rstrip(),
-            trace="".join(traceback.format_exception(type(error), error, trace)),
-        ) from error
-
-
-def calling(method: str, what: str) -> Call:
+@contextmanager
+def calling(method: str, what: str) -> Iterator[None]:
     """A call into a method, such as ``step() of stage 'fit'``: what it raises becomes MethodFailed.
 
     Errors that explain themselves pass, and so does the user's Ctrl-C. ``SystemExit`` and other exceptions that are no
     ``Exception`` do not: a method that gives up ends its own cell. Changes of the process's state hold
     for its own calls (``process_state``).
     """
-    return Call(method, what)
+    with set_apart(method, what):
+        try:
+            yield
+        except BaseException as error:
+            if isinstance(error, ExplainedError) or stops_at_once(error):  # by the method's handlers of signals
+                raise
+            first = _words_of(error).splitlines()[:1]
+            inside = traceback.extract_tb(error.__traceback__)[2:]  # behind this frame and the method's caller
+            told = [*traceback.format_list(inside[-FRAMES:]), *traceback.format_exception_only(error)]
+            raise MethodFailed(
+                f"{method} failed in {what}: {': '.join([type(error).__name__, *first])}",
+                "".join(told).rstrip(),
+                trace="".join(traceback.format_exception(error)),
+            ) from error
 
 
 def stops_at_once(error: BaseException) -> bool:
@@ -165,3 +155,42 @@ def _unstorable(value: Any, where: str) -> tuple[str, str] | None:
     else:
         inner = [(each, f"{where}[{number}]") for number, each in enumerate(value)]
     return next((found for each in inner if (found := _unstorable(*each)) is not None), None)
+
+
+def own_scene(scene: Scene) -> Scene:
+    """The scene with cameras, lights and points of its own; each map that it reads is a new tensor."""
+    views = {id(view): _own_view(view) for view in (*scene.train, *scene.test, *scene.relight)}
+    train, test, relight = (
+        tuple(views[id(view)] for view in group) for group in (scene.train, scene.test, scene.relight)
+    )
+    return replace(
+        scene,
+        train=train,
+        test=test,
+        relight=relight,
+        lights={name: own_light(light) for name, light in scene.lights.items()},
+        training_light=None if scene.training_light is None else own_light(scene.training_light),
+        points=deepcopy(scene.points),
+        options=dict(scene.options),
+    )
+
+
+def own_camera(camera: Camera) -> Camera:
+    """A camera with a matrix of its own."""
+    return replace(camera, camera_to_world=camera.camera_to_world.clone())
+
+
+def own_light(light: EnvironmentMap) -> EnvironmentMap:
+    """A light with radiance of its own."""
+    return EnvironmentMap(light.radiance.clone())
+
+
+def _own_view(view: View) -> View:
+    sources = {name: partial(_own_map, read) for name, read in view.sources.items()}
+    return replace(view, camera=own_camera(view.camera), sources=sources)
+
+
+def _own_map(read: Callable[[], Tensor]) -> Tensor:
+    """A map as a new tensor. Files are found from the harness's folder, wherever the method has gone."""
+    with as_before():
+        return read().clone()

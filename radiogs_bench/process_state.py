@@ -14,8 +14,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -32,43 +31,28 @@ SEED = 0
 DENORMAL = np.float32(1e-40)
 
 
-@dataclass(frozen=True)
-class Part:
-    """One part of the state: its name in messages, its present value, and how it is set."""
+class Part(NamedTuple):
+    """One part of the state: how its present value is read, which can be compared, and how it is set."""
 
-    name: str
     read: Callable[[], Any]
     write: Callable[[Any], object]
 
 
-def _folder() -> str:
+def _folder() -> str | None:
     try:
         return os.getcwd()
     except FileNotFoundError:  # somebody deleted it
-        return ""
-
-
-def _enter(folder: str) -> None:
-    if folder:
-        os.chdir(folder)
+        return None
 
 
 def _set_environment(wanted: Mapping[str, str]) -> None:
     for name in os.environ.keys() - wanted.keys():
         del os.environ[name]
-    for name, value in wanted.items():
-        if os.environ.get(name) != value:
-            os.environ[name] = value
-
-
-def _set_device(device: torch.device) -> None:
-    torch.set_default_device(None if device.type == "cpu" else device)
+    os.environ.update(wanted)
 
 
 def _torch_numbers() -> tuple[bytes, ...]:
-    states = [torch.get_rng_state()]
-    if torch.cuda.is_initialized():
-        states += torch.cuda.get_rng_state_all()
+    states = [torch.get_rng_state(), *(torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else ())]
     return tuple(state.numpy().tobytes() for state in states)
 
 
@@ -81,22 +65,14 @@ def _set_torch_numbers(states: tuple[bytes, ...]) -> None:
         torch.cuda.set_rng_state(state, index)
 
 
-def _numpy_numbers() -> tuple[Any, ...]:
-    return _plain_numbers(np.random.get_state())  # noqa: NPY002  whoever uses the old functions has them put back
-
-
-def _plain_numbers(state: Any) -> tuple[Any, ...]:
-    kind, key, *rest = state
-    return kind, np.asarray(key).tobytes(), *rest
+def _numpy_numbers(generator: Any = np.random) -> tuple[Any, ...]:
+    kind, key, *rest = generator.get_state()  # whoever uses the old functions has them put back
+    return kind, key.tobytes(), *rest
 
 
 def _set_numpy_numbers(state: tuple[Any, ...]) -> None:
     kind, key, *rest = state
     np.random.set_state((kind, np.frombuffer(key, np.uint32), *rest))  # noqa: NPY002
-
-
-def _deterministic() -> tuple[bool, bool]:
-    return torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()
 
 
 def _arithmetic() -> tuple[Any, ...]:
@@ -118,12 +94,8 @@ def _set_arithmetic(wanted: tuple[Any, ...]) -> None:
 
 
 def _set_filters(wanted: list[Any]) -> None:
-    warnings.resetwarnings()  # also says that what was shown before says nothing about what is shown from now on
+    warnings.resetwarnings()  # also forgets which warnings were shown before
     warnings.filters[:] = wanted  # type: ignore[index]
-
-
-def _handlers() -> tuple[Any, ...]:
-    return tuple(signal.getsignal(which) for which in SIGNALS)
 
 
 def _set_handlers(wanted: tuple[Any, ...]) -> None:
@@ -143,37 +115,34 @@ def _set_path(wanted: list[str]) -> None:
 
 
 PARTS: Mapping[str, Part] = {
-    part.name: part
-    for part in (
-        Part("the working folder", _folder, _enter),
-        Part("environment variables", lambda: dict(os.environ), _set_environment),
-        Part("where modules are looked for", lambda: list(sys.path), _set_path),
-        Part("PyTorch's default type", torch.get_default_dtype, torch.set_default_dtype),
-        Part("PyTorch's default device", torch.get_default_device, _set_device),
-        Part("PyTorch's number of threads", torch.get_num_threads, torch.set_num_threads),
-        Part("whether PyTorch keeps gradients", torch.is_grad_enabled, torch.set_grad_enabled),
-        Part(
-            "PyTorch's deterministic algorithms",
-            _deterministic,
-            lambda given: torch.use_deterministic_algorithms(given[0], warn_only=given[1]),
-        ),
-        Part("PyTorch's precision and denormal numbers", _arithmetic, _set_arithmetic),
-        Part("PyTorch's random numbers", _torch_numbers, _set_torch_numbers),
-        Part("NumPy's random numbers", _numpy_numbers, _set_numpy_numbers),
-        Part("Python's random numbers", random.getstate, random.setstate),
-        Part("how NumPy prints", np.get_printoptions, lambda given: np.set_printoptions(**given)),
-        Part("NumPy's treatment of errors", np.geterr, lambda given: np.seterr(**given)),
-        Part("filters of warnings", lambda: list(warnings.filters), _set_filters),
-        Part("handlers of signals", _handlers, _set_handlers),
-        Part(
-            "the locale", lambda: locale.setlocale(locale.LC_ALL), lambda given: locale.setlocale(locale.LC_ALL, given)
-        ),
-        Part("standard output and errors", lambda: (sys.stdout, sys.stderr), _set_streams),
-    )
+    "the working folder": Part(_folder, lambda folder: os.chdir(folder) if folder else None),
+    "environment variables": Part(lambda: dict(os.environ), _set_environment),
+    "where modules are looked for": Part(lambda: list(sys.path), _set_path),
+    "PyTorch's default type": Part(torch.get_default_dtype, torch.set_default_dtype),
+    "PyTorch's default device": Part(
+        torch.get_default_device, lambda device: torch.set_default_device(None if device.type == "cpu" else device)
+    ),
+    "PyTorch's number of threads": Part(torch.get_num_threads, torch.set_num_threads),
+    "whether PyTorch keeps gradients": Part(torch.is_grad_enabled, torch.set_grad_enabled),
+    "PyTorch's deterministic algorithms": Part(
+        lambda: (torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()),
+        lambda given: torch.use_deterministic_algorithms(given[0], warn_only=given[1]),
+    ),
+    "PyTorch's precision and denormal numbers": Part(_arithmetic, _set_arithmetic),
+    "PyTorch's random numbers": Part(_torch_numbers, _set_torch_numbers),
+    "NumPy's random numbers": Part(_numpy_numbers, _set_numpy_numbers),
+    "Python's random numbers": Part(random.getstate, random.setstate),
+    "how NumPy prints": Part(np.get_printoptions, lambda given: np.set_printoptions(**given)),
+    "NumPy's treatment of errors": Part(np.geterr, lambda given: np.seterr(**given)),
+    "filters of warnings": Part(lambda: list(warnings.filters), _set_filters),
+    "handlers of signals": Part(lambda: tuple(map(signal.getsignal, SIGNALS)), _set_handlers),
+    "the locale": Part(lambda: locale.setlocale(locale.LC_ALL), lambda given: locale.setlocale(locale.LC_ALL, given)),
+    "standard output and errors": Part(lambda: (sys.stdout, sys.stderr), _set_streams),
 }
+"""The parts by their names in messages."""
 
 UNSAID = ("Python's random numbers",)
-"""Parts of which nothing is said: libraries of all kinds draw from them."""
+"""Parts whose changes are not told: libraries of all kinds draw from them."""
 
 State = dict[str, Any]
 """Values of some parts by their names."""
@@ -186,10 +155,9 @@ def _read() -> State:
 def _move(now: State, wanted: State) -> None:
     """Set the parts in which ``wanted`` differs from ``now``. Raises StoreError where that cannot be done."""
     for name, value in wanted.items():
-        if now[name] == value:
-            continue
         try:
-            PARTS[name].write(value)
+            if now[name] != value:
+                PARTS[name].write(value)
         except (OSError, RuntimeError, ValueError, TypeError) as error:
             raise StoreError(
                 f"{name} cannot be set back to what it was before a method changed it: {error}",
@@ -223,7 +191,7 @@ def _new_row(method: str) -> State:
     """The parts of the state in which a row begins otherwise than the harness stands: imports, and seeds."""
     return {
         "PyTorch's random numbers": (torch.Generator().manual_seed(SEED).get_state().numpy().tobytes(),),
-        "NumPy's random numbers": _plain_numbers(np.random.RandomState(SEED).get_state()),
+        "NumPy's random numbers": _numpy_numbers(np.random.RandomState(SEED)),
         "Python's random numbers": random.Random(SEED).getstate(),
         **_loaded.get(method, {}),
     }

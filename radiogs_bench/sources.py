@@ -149,8 +149,13 @@ def _read(module: str, path: Path) -> Text:
     imported: set[tuple[str, str]] = set()
     patterns: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            imported.update(_imported(node, package))
+        if isinstance(node, ast.Import):
+            imported.update((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")
+            base = above[: len(above) - node.level + 1] if node.level else []
+            source = ".".join([*base, *([node.module] if node.module else [])])
+            imported.update((source, alias.name) for alias in node.names)
         elif isinstance(node, NAMING):
             patterns.add(_pattern(node))
     said: list[str] = []
@@ -178,16 +183,13 @@ def _state(node: ast.AST, said: list[str]) -> None:
         elif isinstance(value, list):
             said.append("[")
             for each in value:
-                if not _stands_alone(each):
+                alone = each.value if isinstance(each, ast.Expr) else None
+                if not (isinstance(alone, ast.Constant) and isinstance(alone.value, str)):
                     _state(each, said) if isinstance(each, ast.AST) else said.append(repr(each))
             said.append("]")
         else:
             said.append(f"{type(value).__name__} {value!r}")
     said.append(")")
-
-
-def _stands_alone(node: object) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 NAMING = (ast.Constant, ast.JoinedStr, ast.BinOp, ast.Call)
@@ -238,17 +240,6 @@ def _matching(folder: Path, pattern: str) -> Iterator[Path]:
     stem, _, suffix = parts[-1].rpartition(".")
     if below and sound and stem and suffix and "*" not in suffix:
         yield from (path for path in folder.glob(pattern) if path.is_file())
-
-
-def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, str]]:
-    """Imports of a statement: modules, and the names imported from them, which may be modules too."""
-    if isinstance(node, ast.Import):
-        yield from ((alias.name, "") for alias in node.names)
-    else:
-        above = package.split(".")
-        base = above[: len(above) - node.level + 1] if node.level else []
-        source = ".".join([*base, *([node.module] if node.module else [])])
-        yield from ((source, alias.name) for alias in node.names)
 
 
 def _place(package: str) -> Path:

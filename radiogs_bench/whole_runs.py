@@ -27,7 +27,7 @@ from .runs.interruption import Interruption
 from .runs.plan import Cells, RunPlan, resolve
 from .runs.progress import Progress, SweepProgress, progress_for_stderr
 from .runs.rows_from_files import with_rows_from_files
-from .runs.scene_digest import checksum_now
+from .runs.scene_checksum import checksum_now
 from .runs.spec import RunSpec
 from .runs.stages import Bench
 from .runs.sweep import Sweep, changing_sweep, read_sweep, steps_to_take

@@ -205,8 +205,7 @@ def above_zero(text: str) -> float:
 
 def export_mesh(options: argparse.Namespace) -> int:
     """Write the mesh and, beside it, mesh.json: its settings, and its distances from the true shape if known."""
-    from ..export.mesh import write_mesh
-    from ..export.meshing import lattice_of, mesh_of
+    from ..export.mesh import lattice_of, mesh_of, write_mesh
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..store.folder import Store
@@ -254,8 +253,7 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
     from radiogs_core.errors import DataError, UsageError
 
-    from ..scoring.metrics.chamfer import chamfer
-    from ..scoring.metrics.surface_distance import surface_distance
+    from ..scoring.metrics.surface_distance import chamfer, surface_distance
     from ..scoring.true_shape import true_shape
 
     try:

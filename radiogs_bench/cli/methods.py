@@ -107,7 +107,7 @@ def check(name: str, options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..methods import method
-    from ..runs.method_check import check_method
+    from ..runs.contract_check import check_method
     from .reporter import complain, say
 
     used, device, preset = method(name), chosen_device(options), options.preset or "smoke"

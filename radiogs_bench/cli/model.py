@@ -123,10 +123,10 @@ def train(options: argparse.Namespace) -> int:
 def _score(model: "Model", folder: Path, path: Path) -> None:
     """Print the new model's metrics, and write their record."""
     from ..runs.progress import progress_for_stderr
-    from ..runs.scene_digest import checksum_now
-    from ..runs.scene_files import require_unchanged
+    from ..runs.scene_checksum import checksum_now
+    from ..runs.unchanged_scene import require_unchanged
     from ..scoring.metrics.protocols import protocol
-    from ..scoring.record import record_of_model
+    from ..scoring.score_record import record_of_model
     from .score import say_without_weights, show_record, write_record
 
     rules, run = [protocol("default")], model.run
@@ -246,8 +246,7 @@ def write_views(
 
     from ..method_calls import calling
     from ..runs.progress import progress_for_stderr
-    from ..scoring.frame_cost import frame_milliseconds
-    from ..scoring.maps import on_black
+    from ..scoring.rendering import frame_milliseconds, on_black
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train

@@ -87,7 +87,7 @@ def relight(options: argparse.Namespace) -> int:
 
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.near_light import NOT_DISTANT
+    from ..scoring.recovered_light import NOT_DISTANT
     from ..store.folder import Store
     from .reporter import say
 
@@ -138,7 +138,7 @@ def write_turntable(method: str, relit: "Prepared", run: "Run", model_folder: Pa
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside
     from ..runs.progress import progress_for_stderr
-    from ..scoring.maps import on_black
+    from ..scoring.rendering import on_black
 
     surfels = surfels_in(model_folder, None)
     size = max(max(view.camera.width, view.camera.height) for view in (*run.scene.test, *run.scene.train))
@@ -161,7 +161,7 @@ class LevelShares:
         self.covered = self.white = self.black = 0
 
     def count(self, maps: Mapping[str, "Tensor"]) -> None:
-        """Count the pixels of a frame by its maps on black (``scoring.maps.on_black``)."""
+        """Count the pixels of a frame by its maps on black (``scoring.rendering.on_black``)."""
         image = maps["image"]
         inside = maps["alpha"][..., 0] > COVERED if "alpha" in maps else image.amax(-1) >= 0
         levels = image[inside]

@@ -87,10 +87,10 @@ def console(width: int | None = None) -> "Console":
 
 def say_aside(store: "Store") -> None:
     """Print one line where files lie in OUT/aside; nothing where there are none."""
-    from ..store.aside import FOLDER, kept_aside
+    from ..store.folder import ASIDE, kept_aside
 
     names = kept_aside(store.folder)
     if names:
         shown = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
         files = "1 file was" if len(names) == 1 else f"{len(names)} files were"
-        say(f"{files} found damaged and not used: {store.folder / FOLDER} has {shown}")
+        say(f"{files} found damaged and not used: {store.folder / ASIDE} has {shown}")

@@ -138,7 +138,7 @@ def write_record(record: dict[str, Any], path: Path) -> None:
 
 def show_record(record: dict[str, Any]) -> None:
     """Print a record's table and its notes."""
-    from ..scoring.record import NOTES
+    from ..scoring.score_record import NOTES
     from .reporter import say, show
 
     show(_table(record))
@@ -155,7 +155,7 @@ def _is_trained(options: argparse.Namespace) -> bool:
 def _model(options: argparse.Namespace) -> dict[str, Any]:
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.record import record_of_model
+    from ..scoring.score_record import record_of_model
 
     protocols, folder = _protocols(options.protocol), options.predictions
     method = read_about(folder)["method"]
@@ -188,8 +188,8 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
 
     from ..runs.progress import progress_for_stderr
     from ..scoring.other_readings import with_other_readings
-    from ..scoring.record import record_of, scored
     from ..scoring.score_files import score_predictions
+    from ..scoring.score_record import record_of, scored
 
     if options.scene is None:
         raise UsageError(
@@ -226,8 +226,8 @@ def _predictions(options: argparse.Namespace, scene: "Scene") -> "Predictions":
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs.stanford_orb import read_pairs, unread
 
-    from ..scoring.record import record_of, scored
     from ..scoring.score_orb import files_of, score_pairs
+    from ..scoring.score_record import record_of, scored
 
     if options.scene is not None:
         raise UsageError(
@@ -317,10 +317,10 @@ def score_into(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..runs.progress import progress_for_stderr
-    from ..runs.rows_from_files import row_key
-    from ..runs.scene_digest import checksum_now
-    from ..runs.scored_row import NewRow, add_row, require_room, scene_in_run
+    from ..runs.rows_from_files import NewRow, add_row, require_room, row_key, scene_in_run
+    from ..runs.scene_checksum import checksum_now
     from ..runs.sweep import read_sweep
+    from ..scoring.other_readings import with_other_readings
     from ..store.folder import Store
     from .reporter import say
     from .showing import write_and_show
@@ -331,12 +331,13 @@ def score_into(options: argparse.Namespace) -> int:
     require_same_protocol(options, sweep["protocol"])
     scene = load_scene(options.scene, options=scene_options(options))
     require_room(store, sweep, row, scene_in_run(store, sweep, scene))
-    predictions = _predictions(options, scene)
+    predictions = with_other_readings(_predictions(options, scene), scene)
+    for remark in predictions.remarks:
+        say(f"remark: {remark}")
     with progress_for_stderr() as progress:
         sweep = add_row(
-            store, row, predictions, scene, checksum_now,
-            lambda done, total: progress.advance("scoring", done, total), say,
-        )  # fmt: skip
+            store, row, predictions, scene, checksum_now, lambda done, total: progress.advance("scoring", done, total)
+        )
     for heading in ("absent", "missing", "ignored"):
         for line in getattr(predictions, heading):
             say(f"{heading.removesuffix('s')}: {line}")

@@ -59,8 +59,8 @@ def view(options: argparse.Namespace) -> int:
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside, pictures
     from ..runs.progress import progress_for_stderr
-    from ..scoring.metrics.mesh_library import pyvista
-    from ..scoring.shown_surfels import arrays_of
+    from ..scoring.metrics.surface_distance import pyvista
+    from ..scoring.report_arrays import arrays_of
     from .reporter import say
 
     if options.window:

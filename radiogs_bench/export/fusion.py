@@ -10,17 +10,17 @@ oblique rays are too large, unequally so before and behind a curved surface, and
 (as in Niessner et al. 2013), and its zero level is found by scikit-image's marching cubes.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.camera import Camera
-
-from .blocks import NEAR, SIDE, Places, VoxelBlocks, key_of, place_of
 
 SOLID_ALPHA = 0.5
 """Coverage above which a pixel's depth is that of a surface."""
@@ -32,6 +32,78 @@ surface that faces the view has the weight 1, an oblique one the cosine."""
 PIXELS_AT_A_TIME = 1 << 16
 BLOCKS_AT_A_TIME = 1 << 12
 """Bounds on temporary memory: about 100 and 300 MB."""
+
+SIDE = 8
+"""Voxels along a block's side."""
+
+BYTES = SIDE**3 * (4 + 4)
+"""Bytes of one block: a float32 sum and a float32 weight for each of its voxels."""
+
+REACH = 2**20
+"""Blocks are numbered from -REACH to REACH - 1 along each axis; three such numbers fit into 63 bits."""
+
+Places = Int[np.ndarray, "blocks 3"]
+"""Whole-number positions of blocks; block b holds the lattice points 8 b to 8 b + 7 along each axis."""
+
+NEAR = np.array(list(itertools.product(range(SIDE), repeat=3)))
+"""Lattice points of a block relative to its first one, in the order in which arrays hold them: z fastest."""
+
+
+class VoxelBlocks:
+    """Weighted sums of truncated distances, and sums of their weights, on a lattice.
+
+    It is kept in blocks of 8 x 8 x 8 points that are made when first asked for.
+
+    ``most_bytes`` bounds both arrays together. They are reserved at once, and take memory as blocks are made.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self.most = max(most_bytes // BYTES, 1)
+        self.sums: Float[np.ndarray, "blocks voxels"] = np.zeros((self.most, SIDE**3), np.float32)
+        self.weights: Float[np.ndarray, "blocks voxels"] = np.zeros((self.most, SIDE**3), np.float32)
+        self.places: Places = np.zeros((0, 3), np.int64)
+        self._keys = pd.Index(key_of(self.places))
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def rows_of(self, places: Places) -> Int[np.ndarray, " blocks"]:
+        """Rows of the arrays in which blocks lie; -1 for those that were not made."""
+        return np.asarray(self._keys.get_indexer(key_of(places)))
+
+    def made(self, places: Places) -> Int[np.ndarray, " blocks"]:
+        """Rows of different blocks, made where they are new. Raises UsageError where that exceeds ``most_bytes``."""
+        new = places[self.rows_of(places) < 0]
+        if len(self) + len(new) > self.most:
+            raise UsageError(
+                f"the voxels need more than the {self.most * BYTES / 2**30:.3g} GiB that they may take",
+                f"{self.most} blocks of {SIDE} x {SIDE} x {SIDE} voxels fit, and the surfaces seen so far need"
+                f" {len(self) + len(new)}.",
+                "Choose larger voxels (twice the size needs a quarter of the memory), or allow more memory.",
+            )
+        self.places = np.concatenate([self.places, new])
+        self._keys = self._keys.append(pd.Index(key_of(new)))
+        return self.rows_of(places)
+
+
+def key_of(places: Places) -> Int[np.ndarray, " blocks"]:
+    """One number for each block. Raises UsageError for one that is too far from the world's origin."""
+    if len(places) and (places.min() < -REACH or places.max() >= REACH):
+        raise UsageError(
+            f"surfaces lie more than {REACH} blocks of voxels from the origin",
+            "",
+            "Choose larger voxels, or leave out what is far away.",
+        )
+    shifted = places.astype(np.int64) + REACH
+    keys: Int[np.ndarray, " blocks"] = (shifted[:, 0] * 2 * REACH + shifted[:, 1]) * 2 * REACH + shifted[:, 2]
+    return keys
+
+
+def place_of(keys: Int[np.ndarray, " blocks"]) -> Places:
+    """The inverse of ``key_of``."""
+    rest, z = np.divmod(keys, 2 * REACH)
+    x, y = np.divmod(rest, 2 * REACH)
+    return np.stack([x, y, z], -1) - REACH
 
 
 @dataclass(frozen=True)
@@ -113,21 +185,13 @@ class Fusion:
         before = z > self.lattice.voxel
         safe = torch.where(before, z, 1.0)
         right, down = x / safe, y / safe
-        surface = depths.at(right, down)
-        known = before & (surface.inverse > 0)
-        along = (1 / torch.where(known, surface.inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
-        weight = torch.where(known & (along >= -self.lattice.truncation), surface.weight, 0.0)
+        inverse, cosine = depths.at(right, down)
+        known = before & (inverse > 0)
+        along = (1 / torch.where(known, inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
+        weight = torch.where(known & (along >= -self.lattice.truncation), cosine, 0.0)
         distance = (along / self.lattice.truncation).clamp(max=1)
         self.blocks.sums[rows] += (weight * distance).float().numpy()
         self.blocks.weights[rows] += weight.float().numpy()
-
-
-@dataclass(frozen=True)
-class _Surface:
-    """Inverse z-depth of what rays hit (zero: nothing), and its weight, the cosine of ray and normal."""
-
-    inverse: Float[Tensor, "*points"]
-    weight: Float[Tensor, "*points"]
 
 
 @dataclass(frozen=True)
@@ -142,11 +206,13 @@ class _DepthMap:
     camera: Camera
     near: float
 
-    def at(self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]) -> _Surface:
-        """The surface along rays of those slopes.
+    def at(
+        self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]
+    ) -> tuple[Float[Tensor, "*points"], Float[Tensor, "*points"]]:
+        """Inverse z-depth of the surface along rays of these slopes (zero: nothing), and its weight.
 
-        Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
-        sees, with the weight ``EDGE``.
+        Between four pixels of one surface it is a plane through what they see, with the cosine of ray and normal as
+        weight. Elsewhere it is what the nearest pixel sees, with the weight ``EDGE``.
         """
         fx, fy = self.camera.fx, self.camera.fy
         column, row = fx * right + self.camera.cx - 0.5, fy * down + self.camera.cy - 0.5
@@ -168,4 +234,4 @@ class _DepthMap:
         length = (mx.square() + my.square() + (inverse - right * mx - down * my).square()).sqrt()
         ray = (1 + right.square() + down.square()).sqrt()
         cosine = inverse / torch.where(plane, length * ray, 1.0)
-        return _Surface(inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE))
+        return inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE)

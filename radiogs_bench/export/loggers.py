@@ -40,8 +40,9 @@ def end(result: Result) -> dict[str, float]:
     return {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None}
 
 
-END = "end"
-"""The group of the finished model's metrics, at the last step of the last stage."""
+def finished(store: Store, sweep: Sweep) -> list[tuple[CellRef, Result]]:
+    """The run's finished cells, with their results."""
+    return [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
 
 
 def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
@@ -51,28 +52,24 @@ def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
     steps of their stage, and ``end/TASK/MEASURE``. Raises UsageError without the library `tensorboard`.
     """
     writer = extra_library("torch.utils.tensorboard", "event files need tensorboard", "tensorboard").SummaryWriter
-    finished = [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
-    for ref, result in finished:
+    cells = finished(store, sweep)
+    for ref, result in cells:
         cell = f"{ref['scene']}-seed-{ref['seed']}"
         with writer(log_dir=str(own_folder(folder / _plain(ref["row"], ref) / _plain(cell, ref), folder))) as events:
-            _write(events, result)
-    return len(finished)
+            last = 0
+            for point in course(result):
+                last = point.step
+                for name, value in point.values.items():
+                    events.add_scalar(f"{point.stage}/{name}", value, last)
+            for name, value in end(result).items():
+                events.add_scalar(f"end/{name}", value, last)
+    return len(cells)
 
 
 def _plain(name: str, ref: CellRef) -> str:
     """A name of a folder; one that had to be changed gets the cell's key, so that no two are the same."""
     changed = re.sub(r"[^\w-]", "_", name)[:80]
     return name if changed == name else f"{changed}-{ref['key'][:8]}"
-
-
-def _write(events: Any, result: Result) -> None:
-    last = 0
-    for point in course(result):
-        last = point.step
-        for name, value in point.values.items():
-            events.add_scalar(f"{point.stage}/{name}", value, last)
-    for name, value in end(result).items():
-        events.add_scalar(f"{END}/{name}", value, last)
 
 
 PROJECT = "radiogs-bench"
@@ -86,9 +83,9 @@ def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
     has the finished model's metrics. Raises UsageError without the library `wandb`.
     """
     wandb = extra_library("wandb", "runs of Weights & Biases need wandb", "wandb")
-    finished = [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
+    cells = finished(store, sweep)
     folder.mkdir(parents=True, exist_ok=True)
-    for ref, result in finished:
+    for ref, result in cells:
         with wandb.init(
             project=os.environ.get("WANDB_PROJECT", PROJECT),
             dir=str(folder),
@@ -107,17 +104,13 @@ def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
                 x_disable_meta=True,
             ),
         ) as run:
-            _log(run, result)
-    return len(finished)
-
-
-def _log(run: Any, result: Result) -> None:
-    """The steps of each stage begin anew, so each has an axis of its own."""
-    for stage in result["trail"]:
-        run.define_metric(f"{stage}/*", step_metric=f"{stage}/step")
-    for point in course(result):
-        run.log({f"{point.stage}/{name}": value for name, value in {"step": point.step, **point.values}.items()})
-    run.summary.update(end(result))
+            for stage in result["trail"]:  # the steps of each begin anew, so each has an axis of its own
+                run.define_metric(f"{stage}/*", step_metric=f"{stage}/step")
+            for point in course(result):
+                values = {"step": point.step, **point.values}
+                run.log({f"{point.stage}/{name}": value for name, value in values.items()})
+            run.summary.update(end(result))
+    return len(cells)
 
 
 def _settings(ref: CellRef, result: Result) -> dict[str, Any]:

@@ -1,11 +1,44 @@
-"""Triangle meshes: their normals, and PLY files."""
+"""A mesh of a trained model, from the depth and coverage that it renders: for any method that renders both.
 
+Depth maps are fused into a field (``fusion``). Its zero level becomes triangles by scikit-image's marching cubes
+(Lewiner et al. 2003). The field is cut into cubes of 64 cells a side that share their outer lattice points, so memory
+does not grow with the scene. Vertices on a shared side are found twice and merged by the lattice edge that they lie on.
+"""
+
+import itertools
+import statistics
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+import torch
+from jaxtyping import Bool, Float, Int
 from plyfile import PlyData, PlyElement
+from skimage.measure import marching_cubes
+
+from radiogs_core.contract import NotOffered, Prepared
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import Scene, View
+
+from ..scoring.rendering import on_black
+from .fusion import SIDE, Fusion, Lattice, VoxelBlocks
+
+FINEST = 1 / 512
+"""Voxels of this share of the scene's extent, unless its images are too coarse for them. 2DGS: 1/512 of the cameras'
+distance."""
+
+FINEST_IN_PIXELS = 0.5
+"""Voxels are not smaller than this share of what a pixel covers at the scene's centre: they would only interpolate."""
+
+TRUNCATION = 4.0
+"""In voxels. 2DGS takes 5; the shorter, the less do the two sides of a thin part push each other apart."""
+
+MOST_BYTES = 2 << 30
+"""Memory that voxels may take unless said otherwise."""
+
+NEEDED = ("depth", "alpha")
 
 
 @dataclass(frozen=True)
@@ -55,3 +88,127 @@ def write_mesh(mesh: Mesh, path: Path) -> None:
     if path.is_symlink():
         path.unlink()
     PlyData(described, byte_order="<").write(str(path))
+
+
+def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRUNCATION) -> Lattice:
+    """Voxels of ``share`` of the scene's extent (None: see ``FINEST``), and a truncation in voxels.
+
+    Surfaces are left out beyond twice the largest distance of a camera from the scene's centre. Raises UsageError for
+    sizes that make no field.
+    """
+    farthest = 2 * max(distances(scene))
+    if share is None:
+        widths = (
+            far / min(view.camera.fx, view.camera.fy) for far, view in zip(distances(scene), scene.train, strict=True)
+        )
+        voxel = max(FINEST * scene.extent, FINEST_IN_PIXELS * statistics.median(widths))
+    else:
+        voxel = share * scene.extent
+    return Lattice(voxel, truncation * voxel, farthest)
+
+
+def distances(scene: Scene) -> list[float]:
+    """Distance of each training camera from the scene's centre, world units."""
+    centre = scene.centre
+    return [float((view.camera.centre.double() - centre).norm()) for view in scene.train]
+
+
+def mesh_of(
+    prepared: Prepared,
+    views: Sequence[View],
+    lattice: Lattice,
+    most_bytes: int = MOST_BYTES,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    device: torch.device | str = "cpu",
+    method: str = "the method",
+) -> Mesh:
+    """The surface that a model's depth maps of some views agree on, in the world.
+
+    Depth maps are rendered one at a time; ``advance`` is told how many of them are done. Raises NotOffered for a model
+    that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no view
+    sees a surface.
+    """
+    lacking = [name for name in NEEDED if name not in prepared.offers]
+    if lacking:
+        raise NotOffered(f"{method} renders no {' and no '.join(lacking)}", "A mesh is made from both.")
+    further = [name for name in NEEDED if name not in prepared.default]
+    fusion = Fusion(lattice, most_bytes)
+    for done, view in enumerate(views, 1):
+        camera: Camera = view.camera.to(device, torch.float32)
+        maps = on_black(prepared, camera, *further, method=method, view=view.name)
+        fusion.add(view.camera, maps["depth"][..., 0], maps["alpha"][..., 0])
+        advance(done, len(views))
+    return zero_level(fusion.blocks, lattice.voxel)
+
+
+BLOCKS = 8
+CELLS = BLOCKS * SIDE
+"""Along a cube's side."""
+
+LEAST = 1e-3
+"""Smallest size of a sampled distance, in units of the truncation: a smaller one moves its vertex by less than a
+hundredth of a voxel, and without it a vertex could lie on a lattice point, of which nobody can say on which edge."""
+
+
+def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
+    """The surface where the mean distance is zero, with ``voxel`` world units between lattice points.
+
+    A cell with a corner that no view has seen gets no face: where no view looks, the mesh has a hole. Raises DataError
+    for a field without any surface.
+    """
+    vertices, faces, keys, count = [], [], [], 0
+    for cube in np.unique(blocks.places // BLOCKS, axis=0):
+        field, seen = _assembled(blocks, cube)
+        cells = _whole_cells(seen)
+        if not cells.any() or field[seen].min() >= 0 or field[seen].max() <= 0:
+            continue
+        try:
+            # Scikit-image looks at a cell where the lattice point of the cell's greatest coordinates is marked.
+            marked = np.pad(cells, [(1, 0)] * 3)
+            points, triangles, _, _ = marching_cubes(field, 0.0, gradient_direction="descent", mask=marked)
+        except RuntimeError as error:
+            if "No surface found" not in str(error):
+                raise
+            continue
+        places = points.astype(np.float64)
+        vertices.append(places + cube * CELLS)
+        # Twice the middle of the lattice edge, as whole numbers: even along an axis where a vertex is on the lattice.
+        low = np.floor(places + LEAST / 10)
+        keys.append((2 * low + (places - low > LEAST / 10)).astype(np.int64) + 2 * cube * CELLS)
+        faces.append(triangles.astype(np.int64) + count)
+        count += len(points)
+    if not count:
+        raise DataError(
+            "the depth maps hold no surface",
+            "No view sees one with coverage above a half.",
+            "Look at the depth maps:  radiogs-bench render DIR",
+        )
+    _, first, merged = np.unique(np.concatenate(keys), axis=0, return_index=True, return_inverse=True)
+    return Mesh((np.concatenate(vertices) * voxel)[first], merged.reshape(-1)[np.concatenate(faces)])
+
+
+def _assembled(
+    blocks: VoxelBlocks, cube: Int[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "n n n"], Bool[np.ndarray, "n n n"]]:
+    """Mean distances at a cube's lattice points, its far sides included, and which of them were seen."""
+    around = np.array(list(itertools.product(range(BLOCKS + 1), repeat=3)))
+    rows = blocks.rows_of(np.asarray(cube * BLOCKS + around))
+    sums, weights = blocks.sums[rows], blocks.weights[rows] * (rows >= 0)[:, None]
+    means = np.divide(sums, weights, out=np.ones_like(sums), where=weights > 0)
+    means = np.where(np.abs(means) < LEAST, np.copysign(np.float32(LEAST), means), means)
+    return _lattice(means), _lattice(weights > 0)
+
+
+def _lattice(values: np.ndarray) -> np.ndarray:
+    """Blocks of voxels, one after the other, as one array of lattice points."""
+    parted = values.reshape(*[BLOCKS + 1] * 3, *[SIDE] * 3).transpose(0, 3, 1, 4, 2, 5)
+    return np.ascontiguousarray(parted.reshape([(BLOCKS + 1) * SIDE] * 3)[: CELLS + 1, : CELLS + 1, : CELLS + 1])
+
+
+def _whole_cells(seen: Bool[np.ndarray, "n n n"]) -> Bool[np.ndarray, "m m m"]:
+    """Cells whose eight corners were seen."""
+    whole = np.ones([CELLS] * 3, bool)
+    for x, y, z in itertools.product((0, 1), repeat=3):
+        whole &= seen[x : x + CELLS, y : y + CELLS, z : z + CELLS]
+    return whole

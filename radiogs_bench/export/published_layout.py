@@ -14,8 +14,8 @@ from radiogs_core.scene.scene import View
 
 from ..method_calls import calling
 from ..scoring.evaluate import SCORES_ALONE, evaluate
-from ..scoring.maps import on_black
 from ..scoring.metrics.protocol import Protocol
+from ..scoring.rendering import on_black
 from ..scoring.score_maps import coverage, lit_views
 
 PLAIN = "plain"

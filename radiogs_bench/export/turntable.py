@@ -46,10 +46,13 @@ def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: InitialV
     towards = seen_from.eye - (own if middle is None else middle)
     level = towards - (towards @ up) * up
     if middle is None:
-        middle, tilt, away = own, math.radians(ELEVATION), _distance(surfels, own)
+        radius = quantile(lambda: [(surfels.centre - own).norm(dim=-1)], WITHIN) or 0.0
+        middle, tilt, away = own, math.radians(ELEVATION), max(radius, 1e-6) / math.sin(math.radians(FIELD / 2))
     else:
         tilt, away = math.atan2(float(towards @ up), float(level.norm())), float(towards.norm())
-    forth = normalize(level if level.norm() > 1e-6 * towards.norm() else torch.linalg.cross(up, _askew(up)), dim=0)
+    if level.norm() <= 1e-6 * towards.norm():
+        level = torch.linalg.cross(up, X if abs(float(up[0])) < 0.9 else Z)
+    forth = normalize(level, dim=0)
     side = torch.linalg.cross(up, forth)
     cameras = []
     for turn in _turns(frames, seen_from.arc):
@@ -66,18 +69,6 @@ def _turns(frames: int, arc: Tensor | None) -> list[float]:
     middle, half = (high + low) / 2, max((high - low) / 2, 1e-6)
     begun = math.asin(max(-1.0, min(1.0, -middle / half)))
     return [middle + half * math.sin(begun + 2 * math.pi * frame / frames) for frame in range(frames)]
-
-
-def _distance(surfels: Surfels, middle: Tensor) -> float:
-    """Distance of the camera, world units, at which nearly all surfels are in view."""
-    distances = (surfels.centre - middle).norm(dim=-1)
-    radius = quantile(lambda: [distances], WITHIN)
-    return max(radius or 0.0, 1e-6) / math.sin(math.radians(FIELD / 2))
-
-
-def _askew(up: Tensor) -> Tensor:
-    """An axis that is not that direction."""
-    return X if abs(float(up[0])) < 0.9 else Z
 
 
 def _looking_back(target: Tensor, back: Tensor, up: Tensor, away: float, size: int) -> Camera:

@@ -10,8 +10,9 @@ from radiogs_core.errors import DataError
 from ..errors import NotFetched
 from ..store.atomic import explained, write_atomically
 from ..store.opening import LARGEST_TEXT, opened
+from ..store.seal import strict_json
 from .catalogue import DataSet, Piece
-from .download import DownloadFailed, download, forget, sha256_of
+from .download import DownloadFailed, download, forget, require_published
 from .unpack import unpack
 
 RECORD = "fetched.json"
@@ -84,18 +85,16 @@ _BY_HAND = "If the authors have published a new version, put it in its place by 
 def _install(piece: Piece, folder: Path, placed: bool) -> str:
     """Check a piece, unpack it, and record it; returns what was done, in words."""
     path = folder / piece.name
-    digest, size = sha256_of(path), path.stat().st_size
-    if piece.sha256 and digest != piece.sha256:
+    size = path.stat().st_size
+    try:
+        digest = require_published(path, piece.sha256, str(path), "", f"Fetch it again from {piece.url}")
+    except DataError:
         if not placed:
             path.unlink()
-        raise DataError(
-            f"{path} is not the published file",
-            f"Its SHA-256 begins with {digest[:8]}, not with {piece.sha256[:8]}.",
-            f"Fetch it again from {piece.url}",
-        )
+        raise
     files = unpack(path, folder / piece.into) if piece.packed else 1
     record = {"url": piece.url, "bytes": size, "sha256": digest, "files": files}
-    write_atomically(folder / RECORD, _text(_record(folder) | {piece.name: record}))
+    write_atomically(folder / RECORD, strict_json(_record(folder) | {piece.name: record}))
     if piece.packed and not placed:
         path.unlink()
     known = "the published checksum" if piece.sha256 else f"no checksum is published; SHA-256 {digest}, recorded"
@@ -105,15 +104,8 @@ def _install(piece: Piece, folder: Path, placed: bool) -> str:
 def _record(folder: Path) -> dict[str, Any]:
     try:
         with opened(folder / RECORD, LARGEST_TEXT) as file:
-            found = json.loads(file.read())
+            return dict[str, Any](**json.loads(file.read()))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise DataError(f"{folder / RECORD} is damaged: {error}", "", "Remove it to fetch everything anew.") from error
-    if not isinstance(found, dict):
-        raise DataError(f"{folder / RECORD} is damaged: no table", "", "Remove it to fetch everything anew.")
-    return found
-
-
-def _text(record: dict[str, Any]) -> bytes:
-    return (json.dumps(record, indent=1, sort_keys=True) + "\n").encode()

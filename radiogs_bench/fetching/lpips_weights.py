@@ -12,7 +12,7 @@ from ..errors import StoreError
 from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.weights import missing_weights, weights_folder
 from ..store.atomic import explained
-from .download import TIMEOUT, download, forget, sha256_of
+from .download import TIMEOUT, download, forget, require_published, sha256_of
 
 TORCHVISION = "https://download.pytorch.org/models"
 HEADS = (
@@ -39,25 +39,19 @@ class Source:
     sha256: str
 
 
-def _torchvision(name: str) -> Source:
-    # torchvision ends its file names in the first eight digits of their SHA-256.
-    return Source(f"{TORCHVISION}/{name}", name, name.removesuffix(".pth").rsplit("-", 1)[1])
+def _files(features: str, net: Net, head: str) -> tuple[Source, Source]:
+    """A network's features and its LPIPS head; torchvision's file names end in eight digits of their SHA-256."""
+    digest = features.removesuffix(".pth").rsplit("-", 1)[1]
+    return Source(f"{TORCHVISION}/{features}", features, digest), Source(f"{HEADS}/{net}.pth", f"{net}.pth", head)
 
 
 SOURCES: Mapping[Net, tuple[Source, ...]] = {
-    "alex": (
-        _torchvision("alexnet-owt-7be5be79.pth"),
-        Source(f"{HEADS}/alex.pth", "alex.pth", "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0"),
+    "alex": _files(
+        "alexnet-owt-7be5be79.pth", "alex", "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0"
     ),
-    "vgg": (
-        _torchvision("vgg16-397923af.pth"),
-        Source(f"{HEADS}/vgg.pth", "vgg.pth", "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868"),
-    ),
-    "squeeze": (
-        _torchvision("squeezenet1_1-b8a52dc0.pth"),
-        Source(
-            f"{HEADS}/squeeze.pth", "squeeze.pth", "4a5350f23600cb79923ce65bb07cbf57dca461329894153e05a1346bd531cf76"
-        ),
+    "vgg": _files("vgg16-397923af.pth", "vgg", "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868"),
+    "squeeze": _files(
+        "squeezenet1_1-b8a52dc0.pth", "squeeze", "4a5350f23600cb79923ce65bb07cbf57dca461329894153e05a1346bd531cf76"
     ),
 }
 """Torchvision's ImageNet weights (V1) and the LPIPS v0.1 heads (BSD-2-Clause)."""
@@ -87,13 +81,7 @@ def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], tim
     forget(partial)
     try:
         download(source.url, partial, advance, _by_hand(source, folder), timeout)
-        found = sha256_of(partial)
-        if not found.startswith(source.sha256):
-            raise DataError(
-                f"{source.url} is not the published file",
-                f"Its SHA-256 begins with {found[:8]}, not with {source.sha256[:8]}. Nothing was kept.",
-                _by_hand(source, folder),
-            )
+        require_published(partial, source.sha256, source.url, "Nothing was kept.", _by_hand(source, folder))
         with explained(path):
             partial.replace(path)
     finally:

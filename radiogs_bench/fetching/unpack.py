@@ -1,17 +1,17 @@
 """Unpacks archives of strangers: only files and folders come out, all within one folder, and sizes are bounded."""
 
 import lzma
+import posixpath
 import shutil
 import stat
 import struct
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from collections.abc import Generator
+from contextlib import closing
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Protocol, runtime_checkable
+from typing import IO, NamedTuple
 
 from radiogs_core.errors import DataError
 
@@ -39,17 +39,6 @@ MOST_HEADERS = 1 << 26
 """Bytes of one extended header of a tar (a long name, or pax records), and of all: the library reads them whole."""
 
 
-@runtime_checkable
-class Readable(Protocol):
-    """A member of an archive as zipfile and tarfile open it."""
-
-    def read(self, size: int, /) -> bytes:
-        """At most so many of the next bytes; none at the end."""
-
-    def close(self) -> None:
-        """Give back what reading needs."""
-
-
 class _Bounded(tarfile.TarInfo):
     """The header of a member; one that claims more bytes than a name can have is refused before they are read."""
 
@@ -67,13 +56,14 @@ EXTENDED = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Member:
-    """A file of an archive: its path within, the size that the archive declares, and its content (None: a folder)."""
+class Member(NamedTuple):
+    """A member of an archive; a folder has no content."""
 
     path: PurePosixPath
+    """Its path within the archive."""
     size: int
-    content: Readable | None
+    """The size that the archive declares, bytes: neither library gives more."""
+    content: IO[bytes] | None
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int | None = None) -> int:
@@ -86,9 +76,7 @@ def unpack(archive: Path, folder: Path, most_bytes: int | None = None) -> int:
     bound = max(LEAST_BOUND, MOST_TIMES * archive.stat().st_size) if most_bytes is None else most_bytes
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    room = shutil.disk_usage(folder).free
-    if room < bound:
-        bound = room
+    bound = min(bound, shutil.disk_usage(folder).free)
     waiting = folder / f".{archive.name}.unpacking"
     shutil.rmtree(waiting, ignore_errors=True)
     try:
@@ -106,7 +94,7 @@ def _write_all(archive: Path, waiting: Path, bound: int) -> list[PurePosixPath]:
     files: list[PurePosixPath] = []
     written = 0
     try:
-        with _members(archive) as members:
+        with closing(_members(archive)) as members:
             for count, member in enumerate(members, 1):
                 if count > MOST_MEMBERS:
                     raise _refused(archive, f"it has more than {MOST_MEMBERS} members")
@@ -115,7 +103,7 @@ def _write_all(archive: Path, waiting: Path, bound: int) -> list[PurePosixPath]:
                 written += member.size
                 if written > bound:
                     raise _refused(archive, f"unpacked it needs more than {bound} bytes")
-                _write(archive, member, waiting / member.path)
+                _write(member.content, waiting / member.path)
                 files.append(member.path)
     except DAMAGED as error:
         raise DataError(
@@ -124,67 +112,43 @@ def _write_all(archive: Path, waiting: Path, bound: int) -> list[PurePosixPath]:
     return files
 
 
-def _write(archive: Path, member: Member, path: Path) -> None:
-    assert member.content is not None
-    left = member.size
+def _write(content: IO[bytes], path: Path) -> None:
+    """Errors of reading are the archive's, and errors of writing the folder's."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("wb")
-    with file, closing(member.content) as content:
+    with file, content:
         while chunk := content.read(CHUNK):
-            left -= len(chunk)
-            if left < 0:
-                raise _refused(archive, f"'{member.path}' is larger than the {member.size} bytes that it declares")
             with explained(path):
                 file.write(chunk)
-    if left:
-        raise DataError(f"{archive} is damaged: '{member.path}' lacks {left} bytes", "Nothing was unpacked.")
 
 
 def _move(waiting: Path, files: list[PurePosixPath], folder: Path) -> int:
-    """Put unpacked files in their place; what was there by the same name is replaced."""
-    common = _common_folder(files)
+    """Put unpacked files in their place, without the folders that all share; files of the same name are replaced."""
+    shared = posixpath.commonpath([path.parent for path in files])
     for path in files:
-        place = folder.joinpath(*path.parts[common:])
+        place = folder / path.relative_to(shared)
         with explained(place):
             place.parent.mkdir(parents=True, exist_ok=True)
             (waiting / path).replace(place)
     return len(set(files))
 
 
-def _common_folder(files: list[PurePosixPath]) -> int:
-    """How many leading folders all files share."""
-    shared = files[0].parts[:-1]
-    for path in files:
-        same = [first == second for first, second in zip(shared, path.parts[:-1], strict=False)]
-        shared = shared[: [*same, False].index(False)]
-    return len(shared)
-
-
-@contextmanager
-def _members(archive: Path) -> Iterator[Iterator[Member]]:
+def _members(archive: Path) -> Generator[Member, None, None]:
+    """Every member of a zip or tar archive. Raises DataError for a link, a device, or a name that leads out."""
     if zipfile.is_zipfile(archive):
         with zipfile.ZipFile(archive) as zipped:
-            yield _of_zip(archive, zipped)
-    else:
-        with tarfile.open(archive, "r:*", tarinfo=_Bounded) as tar:
-            yield _of_tar(archive, tar)
-
-
-def _of_zip(archive: Path, zipped: zipfile.ZipFile) -> Iterator[Member]:
-    for info in zipped.infolist():
-        kind = stat.S_IFMT(info.external_attr >> 16)
-        if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-            raise _refused(archive, f"'{info.filename}' is a link or a device")
-        path = _within(archive, info.orig_filename)
-        yield Member(path, info.file_size, None if info.is_dir() else zipped.open(info))
-
-
-def _of_tar(archive: Path, tar: tarfile.TarFile) -> Iterator[Member]:
-    for info in tar:
-        if not (info.isreg() or info.isdir()):
-            raise _refused(archive, f"'{info.name}' is a link or a device")
-        yield Member(_within(archive, info.name), info.size, tar.extractfile(info))
+            for info in zipped.infolist():
+                if stat.S_IFMT(info.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR):
+                    raise _refused(archive, f"'{info.filename}' is a link or a device")
+                path = _within(archive, info.orig_filename)
+                yield Member(path, info.file_size, None if info.is_dir() else zipped.open(info))
+        return
+    with tarfile.open(archive, "r:*", tarinfo=_Bounded) as tar:
+        for entry in tar:
+            if not (entry.isreg() or entry.isdir()):
+                raise _refused(archive, f"'{entry.name}' is a link or a device")
+            yield Member(_within(archive, entry.name), entry.size, tar.extractfile(entry))
 
 
 def _within(archive: Path, name: str) -> PurePosixPath:

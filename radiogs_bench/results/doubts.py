@@ -1,10 +1,10 @@
 """Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
 Five kinds of doubt: a row from files lacks some of the run's scenes; the images do not determine the quantity, or, with
-everything else as it was recovered, the views do not agree on what was recovered (both by ``scoring.determined``); a
-map scores no better than the best one that is the same everywhere (``scoring.constant_maps``); seeds find values
-far apart. Methods state their differences as labels among a model's facts. A remark says what error resolution alone
-costs recovered light.
+everything else as it was recovered, the views do not agree on what was recovered (both by
+``scoring.what_images_determine``); a map scores no better than the best one that is the same everywhere; seeds find
+values far apart. Methods state their differences as labels among a model's facts. A remark has the error that
+resolution alone costs recovered light.
 """
 
 import math
@@ -15,8 +15,8 @@ from radiogs_reports.statistics import Estimate, estimate
 from radiogs_reports.summary import Doubt
 
 from ..runs.sweep import CellRef, Sweep
-from ..scoring.determined import STEPS, shown_by_images
 from ..scoring.metrics.protocols import PROTOCOLS
+from ..scoring.what_images_determine import STEPS, shown_by_images
 from ..store.schema import Determined, Result
 
 Finished = Sequence[tuple[CellRef, Result]]
@@ -29,7 +29,7 @@ CHANGES: Mapping[str, str] = {
     "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
     " at each point that hides it best,",
 }
-"""The quantities that ``scoring.determined`` changes, in words."""
+"""The quantities that ``scoring.what_images_determine`` changes, in words."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 

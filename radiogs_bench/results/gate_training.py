@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from radiogs_reports.analysis.comparisons import holm
 
-from ..runs.first_steps import FIRST_STEPS
+from ..runs.training_curves import FIRST_STEPS
 from ..store.schema import Result
 from .baseline import groups_of, pace_of
 from .paired import Paired

@@ -36,7 +36,7 @@ from radiogs_reports.tables.doubts import shown_verdict
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, finished_results, label
 from ..store.folder import Store
-from ..store.names import plain_name
+from ..store.keys import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .summary import summarise
 

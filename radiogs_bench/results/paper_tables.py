@@ -22,8 +22,8 @@ from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValu
 from ..methods import budget_of, mark, method, nearest_recipe, variant_by_recipe
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep
-from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.measures import MEASURES
+from ..scoring.metrics.protocol import alike
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of

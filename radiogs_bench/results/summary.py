@@ -35,7 +35,7 @@ from ..methods import method
 from ..runs.plan import relighting_of
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, shown_preset, state_of
-from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.protocol import alike
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store

@@ -1,7 +1,7 @@
 """Losses, gradients, updates and work of a training, as quantities that two runs are compared by.
 
-A quantity is named ``stage/kind/name``. Values of the first steps stand one by one (``runs.first_steps``); beside them
-is the mean of each loss over the stage's trail, where terms show that begin late.
+A quantity is named ``stage/kind/name``. Values of the first steps come one by one (``runs.training_curves``), beside
+them the mean of each loss over the stage's trail, where terms show that begin late.
 """
 
 import math

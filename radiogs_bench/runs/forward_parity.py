@@ -44,9 +44,9 @@ from ..scoring.score_maps import Image, coverage, displayed, truth
 from ..store.provenance import reset_peaks, session
 from .cell import Cell
 from .result import EVALUATE, add_stage, empty_result
-from .scene_files import require_unchanged
 from .stages import Bench
-from .trail import Trail
+from .training_curves import Trail
+from .unchanged_scene import require_unchanged
 
 SPACING = 0.03
 """World units between surfels; the scenes are 2 to 3 across."""

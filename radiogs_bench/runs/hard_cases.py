@@ -1,7 +1,4 @@
-"""Runs a cell of suite ``stability``: the curves of one axis.
-
-``AXES`` holds all axes, in the order of the suite's rows.
-"""
+"""Runs a cell of suite ``stability``: the curves of one axis."""
 
 import math
 import time
@@ -22,14 +19,10 @@ from ..store.folder import Store
 from ..store.provenance import reset_peaks, session
 from .cell import Cell
 from .result import EVALUATE, add_stage, empty_result
-from .scene_files import require_unchanged
-from .stability.curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
-from .stability.light import LIGHT_AXES
-from .stability.placement import PLACEMENT_AXES
-from .stability.surfels import SURFEL_AXES
+from .stability_axes import AXES
+from .stability_probes import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
 from .stages import Bench
-
-AXES: Mapping[str, Axis] = {axis.key: axis for axis in (*SURFEL_AXES, *PLACEMENT_AXES, *LIGHT_AXES)}
+from .unchanged_scene import require_unchanged
 
 Curves = dict[str, list[Errors]]
 """Errors under each condition, by kernel."""
@@ -150,7 +143,8 @@ def tolerances_kept(store: Store, keys: Sequence[str]) -> str:
         raise NumericalFailure(
             f"float32 leaves its documented tolerance on {len(beyond)} of {len(found)} axes",
             "; ".join(f"{each.says}: {each.share:.3g} times the tolerance" for each in beyond) + ".",
-            "figures/stability.png has the curves, docs/stability.md and radiogs_bench/runs/stability the tolerances.",
+            "figures/stability.png has the curves, docs/stability.md and radiogs_bench/runs/stability_axes.py the"
+            " tolerances.",
         )
     if not found:
         return "No axis has been measured."

@@ -19,8 +19,7 @@ from radiogs_datasets.registry import comes_with_package
 from radiogs_datasets.soundness import require_trainable
 
 from ..errors import MethodFailed
-from ..method_calls import calling
-from ..own_values import own_scene
+from ..method_calls import calling, own_scene
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
 from .plan import RunPlan

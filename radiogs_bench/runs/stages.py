@@ -14,18 +14,16 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
-from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
-from ..own_values import own_scene
+from ..method_calls import calling, losses_of, not_finite, own_scene, refused, require, require_storable
 from ..store.folder import Store, checkpoint_name, product_name, stage_claim
 from ..store.provenance import reset_peaks, session, yardstick_seconds
 from ..store.schema import FirstStep, Session, TrailPoint
 from ..store.seal import strict_json
 from .cell import Cell, StageKey
-from .first_steps import FirstSteps
 from .interruption import Interruption
 from .progress import Progress
-from .scene_files import Digest, require_unchanged, require_unchanged_if_touched
-from .trail import Sums, Trail
+from .training_curves import FirstSteps, Sums, Trail
+from .unchanged_scene import Digest, require_unchanged, require_unchanged_if_touched
 
 CHECKPOINT_SECONDS = 20.0
 """Seconds between checkpoints: about the most work that a crash loses."""
@@ -39,7 +37,7 @@ class Bench:
     """Where and how cells are run; ``method`` finds a method by its name (``methods.method``).
 
     ``digest`` gives the checksum of a scene's files as they are now. ``kept_views``: of how many views every map is
-    kept with a result, as codes of 8 bits (``scoring/kept_views.py``); None: of as many as fit its limit.
+    kept with a result, as codes of 8 bits (``scoring/report_arrays.py``); None: of as many as fit its limit.
     """
 
     store: Store
@@ -90,7 +88,7 @@ StageScore = Callable[[Stage], dict[str, float]]
 def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Trained, dict[str, Ledger]]:
     """The cell's model, trained now or read from the store, and the ledgers of its stages by name, in order.
 
-    ``score`` is called at some steps of the last stage (``trail.SCORED_AT``), while clock and counters are paused.
+    ``score`` is called at some steps of the last stage (``SCORED_AT``), while clock and counters are paused.
     Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and of what the
     method raises what explains itself, MethodFailed for anything else; the last checkpoint is kept in every case.
     """

@@ -7,9 +7,8 @@ from typing import Any, NotRequired, TypedDict, cast
 
 from radiogs_core.errors import DataError, UsageError
 
-from ..store.aside import kept_aside
-from ..store.folder import Store, checkpoint_name, product_name
-from ..store.names import plain_name
+from ..store.folder import Store, checkpoint_name, kept_aside, product_name
+from ..store.keys import plain_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.suite import COLUMNS, TASKS

@@ -4,22 +4,22 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 from radiogs_core.contract import Trained
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
-from ..scoring.determined import determined
 from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_views
 from ..scoring.metrics.protocols import protocol
+from ..scoring.what_images_determine import determined
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
 from ..suites.experiment import RELIGHTING
 from .cell import Cell
 from .result import EVALUATE, add_stage, data_of, empty_result
-from .scene_files import require_unchanged
 from .stages import Bench, Ledger, Score, facts_of, trained
+from .unchanged_scene import require_unchanged
 
 Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
 """Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""
@@ -75,15 +75,9 @@ def _whole(value: float, views: int) -> MetricValue:
 
 
 def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, facts: dict[str, Any]) -> Result:
-    result = empty_result(cell, evaluation.protocol)
-    result["metrics"] = dict(evaluation.metrics)
-    result["timings"] = dict(evaluation.timings)
-    result["views"] = evaluation.views
-    result["shown_view"] = evaluation.shown_view
-    result["shown_light"] = evaluation.shown_light
-    result["albedo_scale"] = evaluation.albedo_scale
+    measured = {name: value for name, value in vars(evaluation).items() if name != "arrays"}
+    result = cast(Result, {**empty_result(cell, evaluation.protocol), **measured})
     result["facts"] = facts
-    result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
     result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
     result["first_steps"] = {name: ledger["first_steps"] for name, ledger in ledgers.items() if "first_steps" in ledger}
     for name, ledger in ledgers.items():

@@ -28,7 +28,7 @@ from ..method_calls import calling
 from ..methods import budget_of, marks_of, method, variant_of
 from ..store.atomic import explained
 from ..store.folder import FOLDERS, Store, product_name
-from ..store.names import plain_name
+from ..store.keys import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .cell import Cell
 from .stages import facts_of, restored
@@ -148,8 +148,10 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
     if about["training_key"] == cell.training_key:
         return None
     if not replace:
+        preset = preset_text(about["preset"], marks_of(about.get("budget", {})))
         raise UsageError(
-            f"{folder} holds another trained model: {_described(about)}",
+            f"{folder} holds another trained model: {about['method']} of scene '{about['scene']}', preset {preset},"
+            f" seed {about['seed']}",
             "It was trained from another scene, with other settings, or by another version of the code.",
             "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
         )
@@ -158,12 +160,6 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
         if path.name not in FOLDERS and not path.name.startswith("replaced-"):
             os.replace(path, kept / path.name)
     return kept
-
-
-def _described(about: About) -> str:
-    """Method, scene, preset and seed of a model, in words."""
-    preset = preset_text(about["preset"], marks_of(about.get("budget", {})))
-    return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
 
 
 def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
@@ -175,7 +171,13 @@ def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] 
     about = read_about(folder)
     used = method(about["method"])
     variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
-    scene = scene_of(about)
+    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
+    if scene.checksum != about["checksum"]:
+        raise DataError(
+            f"scene '{about['scene']}' has changed since the model was trained",
+            "Its files have another checksum.",
+            "Put the old files back, or train again.",
+        )
     workspace = Store(folder).workspace(about["training_key"])
     budget = budget_of(used, about["preset"], about.get("budget"))
     run = Run(scene, variant, budget, about["seed"], device, workspace)
@@ -188,15 +190,3 @@ def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
     if stored is None:
         raise DataError(f"the model of '{folder}' is gone", "Its file in stages/ is missing.", "Train it again.")
     return cast(dict[str, Any], stored["product"])
-
-
-def scene_of(about: About) -> Scene:
-    """The scene that a model was trained on. Raises DataError if it is missing or has changed."""
-    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
-    if scene.checksum != about["checksum"]:
-        raise DataError(
-            f"scene '{about['scene']}' has changed since the model was trained",
-            "Its files have another checksum.",
-            "Put the old files back, or train again.",
-        )
-    return scene

@@ -18,20 +18,16 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from ..errors import MethodFailed
-from ..method_calls import calling, refused, require
-from ..own_values import own_light
+from ..method_calls import calling, own_camera, own_light, refused, require
 from ..process_state import as_before
+from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
-from .constant_maps import score_constant_light, score_constant_roughness
-from .frame_cost import FrameCosts
-from .kept_views import views_to_keep
-from .light_maps import light_maps
-from .maps import Maps, on_black
 from .metrics.protocol import Protocol
 from .metrics.values import Value
 from .metrics_by_view import MetricsByView
-from .near_light import withhold_light
-from .recovered_light import score_light
+from .recovered_light import score_constant_light, score_light, withhold_light
+from .rendering import Maps, frame_milliseconds, on_black
+from .report_arrays import ARRIVING, ReportArrays, surfel_arrays
 from .score_maps import (  # fmt: skip
     against_reference,
     compared_indirect,
@@ -39,21 +35,12 @@ from .score_maps import (  # fmt: skip
     lit_views,
     mean_roughness,
     score_albedo,
+    score_constant_roughness,
     score_depth,
     score_view,
     truth,
     without_reference,
 )
-from .shown_surfels import surfel_arrays
-
-SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
-"""Maps of the shown view that are stored with the result."""
-
-ARRIVING = ("incident", "incident_direct")
-"""Maps of incident light, indirect and direct, that are stored with it where a method offers them."""
-
-LIGHTS_SHOWN = 4
-"""Relit maps of the shown view are stored for this many lights, the first ones."""
 
 Advance = Callable[[int, int], None]
 
@@ -65,7 +52,7 @@ class Scope:
     timed: bool = True
     """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
-    """Number of views whose maps are kept as 8-bit codes (``KeptViews``); None: as many as fit its limit."""
+    """Number of views whose maps are kept as 8-bit codes (``ReportArrays``); None: as many as fit a limit."""
     reference: bool = False
     """Whether relit views are also compared with those of the method's reference mode (``RelitByReference``)."""
 
@@ -76,14 +63,7 @@ SCORES_ALONE = Scope(timed=False)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A trained model's metrics, and the maps of one view.
-
-    ``metrics`` and ``timings`` (milliseconds per frame, megabytes) are by ``task/measure``; ``views`` are the names of
-    the views in the order of each metric's values; ``albedo_scale`` aligns the recovered albedo with the true one, None
-    if that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view`` (relit: under
-    ``shown_light``); ``protocol`` describes the conventions; ``maps`` names the maps that the method rendered;
-    ``recovered`` has the mean ``roughness`` over what the test views show, if there is any.
-    """
+    """The measurements of a trained model: fields of a result (``store.schema.Result``), and its arrays."""
 
     metrics: dict[str, MetricValue]
     timings: dict[str, MetricValue]
@@ -92,6 +72,7 @@ class Evaluation:
     shown_light: str | None
     albedo_scale: list[float] | None
     arrays: dict[str, np.ndarray]
+    """See ``ReportArrays`` and ``surfel_arrays``."""
     protocol: dict[str, Any]
     maps: list[str] = field(default_factory=list)
     recovered: dict[str, float] = field(default_factory=dict)
@@ -109,15 +90,7 @@ def evaluate(
     """Score a model on every test view, and on every relit ground-truth image of the scene.
 
     ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
-    raise to stop. ``method``: its name in messages.
-
-    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
-    float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
-    ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
-    incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
-    ``light_maps``) if both lights are known; ``surfels/...`` of a model that is made of surfels (``surfel_arrays``);
-    ``views/...``, codes of 8 bits of the views that ``scope`` asks for (``KeptViews``). Relighting, light and albedo
-    of a scene without masks are n/a.
+    raise to stop. ``method``: its name in messages. Relighting, light and albedo of a scene without masks are n/a.
 
     Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
     not keep to its contract, NumericalFailure for an image that is not finite.
@@ -129,19 +102,18 @@ def evaluate(
     scale = evaluator.compare_whole()
     evaluator.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
     withhold_light(evaluator.scores, scene)
+    report, roughness = evaluator.report, evaluator.roughness
     return Evaluation(
         metrics=evaluator.scores.metrics(),
-        timings=evaluator.costs.timings(),
+        timings=evaluator.costs.metrics(),
         views=list(evaluator.scores.views),
-        shown_view=evaluator.shown.name,
-        shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
+        shown_view=report.shown.name,
+        shown_light=report.shown_light,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()}
-        | surfel_arrays(trained, initial_viewpoint(scene, evaluator.shown.camera))
-        | evaluator.views.codes,
+        arrays=report.arrays | surfel_arrays(trained, initial_viewpoint(scene, report.shown.camera)),
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
-        recovered={"roughness": math.fsum(found) / len(found)} if (found := evaluator.roughness) else {},
+        recovered={"roughness": math.fsum(roughness) / len(roughness)} if roughness else {},
     )
 
 
@@ -158,22 +130,22 @@ class _Evaluator:
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     roughness: list[float] = field(default_factory=list)
+    memory: dict[str, int] = field(default_factory=dict)
     done: int = 0
 
     def __post_init__(self) -> None:
-        scene, rules = self.scene, self.rules
-        self.scores = MetricsByView(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
-        self.costs = FrameCosts(MetricsByView(rules, *self.scores.groups), self.device)
-        self.shown = scene.test[len(scene.test) // 2]
+        scene = self.scene
+        names = ([view.name for view in views] for views in (scene.test, scene.relight))
+        self.scores = MetricsByView(self.rules, *names)
+        self.costs = MetricsByView(self.rules, *self.scores.groups)
         self.lit = {} if scene.surrounded else lit_views(scene, (*scene.test, *scene.relight))
-        self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
-        self.views = views_to_keep(scene, self.scope.kept_views)
+        self.report = ReportArrays(scene, self.lit, self.scope.kept_views)
         self.total = len(scene.test) + sum(map(len, self.lit.values()))
-        self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}
 
     def still_there(self) -> None:
-        """Report progress during a long preparation, which may be stopped here."""
-        self.advance(self.done, self.total)
+        """Report progress during a long preparation of a method, which may be stopped here."""
+        with as_before():
+            self.advance(self.done, self.total)
 
     def count(self) -> None:
         """Count one more scored image."""
@@ -189,8 +161,7 @@ class _Evaluator:
 
         def after_step() -> None:
             try:
-                with as_before():
-                    self.still_there()
+                self.still_there()
             except Exception as error:
                 ours.append(error)
                 raise
@@ -215,27 +186,35 @@ class _Evaluator:
         return on_black(prepared, camera, *further, method=self.method, view=view.name)
 
     def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
-        """Measure milliseconds and memory per frame."""
-        with calling(self.method, "render(), once more to be timed"):
-            self.costs.measure(task, prepared.render, views)
+        """Measure ``task/ms`` of each view and ``task/megabytes`` (10^6 bytes), the most that any of its frames took.
+
+        Memory is the peak of the CUDA allocator on a GPU, including what the model keeps between frames; on a CPU it is
+        the resident set of the whole process, including libraries and the scene's images.
+        """
+        if not (self.scope.timed and prepared.timed):
+            return
+        cameras = [own_camera(view.camera.to(self.device, torch.float32)) for view in views]
+        with calling(self.method, "render(), once more to be timed"), peaks_within(self.device) as peaks:
+            times = frame_milliseconds(prepared.render, cameras, self.device)
+        for view, milliseconds in zip(views, times, strict=True):
+            self.costs.add(task, view.name, {"ms": Value(milliseconds)})
+        self.memory[task] = max(self.memory.get(task, 0), peaks.get("device", peaks["host"]))
+        self.costs.add_whole(task, {"megabytes": Value(self.memory[task] / 1e6)})
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the recovered light, and keep the maps that are compared over all views."""
         whole = ("albedo", "alpha") if self.rules.depth is None else ("albedo", "alpha", "depth")
         for view in self.scene.test:
-            wanted = {compared_indirect(self.rules), *(ARRIVING if view is self.shown else ())}
+            wanted = {compared_indirect(self.rules), *(ARRIVING if view is self.report.shown else ())}
             maps = self.rendered(prepared, view, *(name for name in ARRIVING if name in wanted & {*prepared.offers}))
             self.given |= maps.keys()
             score_view(self.scores, view, maps, self.scene.extent)
             if (roughness := mean_roughness(view, maps)) is not None:
                 self.roughness.append(roughness)
-            self.views.rendered(view, {name: image for name, image in maps.items() if name != "albedo"})
+            self.report.add(view, maps)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
-            if view is self.shown:
-                self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, *ARRIVING) if name in maps}
             self.count()
-        if self.scope.timed and prepared.timed:
-            self.measure("nvs", prepared, self.scene.test)
+        self.measure("nvs", prepared, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
         """Score the recovered light where there is one and the true one is known."""
@@ -250,8 +229,7 @@ class _Evaluator:
         self.given.add("environment")
         score_light([self.scores], self.scene, light)
         score_constant_light(self.scores, self.scene)
-        if self.scene.training_light is not None:
-            self.arrays |= light_maps(light, self.scene.training_light)
+        self.report.add_light(light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
         """Score what is compared over all views: depth, albedo, constants; returns the albedo's factor per channel."""
@@ -259,12 +237,7 @@ class _Evaluator:
             score_constant_roughness(self.scores, self.scene)
         score_depth(self.scores, self.scene, self.kept)
         scale = score_albedo(self.scores, self.scene, self.kept)
-        factor = torch.ones(3) if scale is None else scale
-        for view in self.scene.test:
-            if "albedo" in self.kept[view.name]:
-                aligned = self.kept[view.name]["albedo"] * factor
-                self.views.rendered(view, {"albedo": aligned})
-                self.arrays |= {"render/albedo": aligned} if view is self.shown else {}
+        self.report.add_albedo(self.kept, scale)
         return scale
 
     def relight(self, trained: Trained, albedo_scale: Float[Tensor, "3"]) -> None:
@@ -281,8 +254,7 @@ class _Evaluator:
                 torch.cuda.synchronize(self.device)
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
-            if self.scope.timed and relit.timed:
-                self.measure("render", relit, views)
+            self.measure("render", relit, views)
             reference = self._reference(trained, light, albedo_scale)
             for view in views:
                 maps = self.rendered(relit, view)
@@ -291,19 +263,14 @@ class _Evaluator:
                     self.scores.add("relight", view.name, self._against(reference, view, maps))
                 self.count()
         if self.scope.timed and prepared_in:
-            self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
+            self.costs.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
     def _reference(self, trained: Trained, light: str, albedo_scale: Float[Tensor, "3"]) -> Prepared | None:
         """The model under a light in the reference mode of its method, if that is asked for and there is one."""
         if not (self.scope.reference and isinstance(trained, RelitByReference)):
             return None
-
-        def still_there() -> None:
-            with as_before():
-                self.still_there()
-
         with calling(self.method, "reference()"):
-            ready = trained.reference(own_light(self.scene.lights[light]), albedo_scale.clone(), still_there)
+            ready = trained.reference(own_light(self.scene.lights[light]), albedo_scale.clone(), self.still_there)
         require(self.method, ready, Prepared, "reference()")
         return ready
 
@@ -325,16 +292,9 @@ class _Evaluator:
             self.scores.add("relight", view.name, self.rules.no_comparison(f"{self.method} renders no relit image"))
             return
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
-        self.views.relit(view, light, image, target)
         self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))
-        if view is self.shown and light == self.shown_light:
-            self.arrays |= {"render/relit": image, "truth/relit": target}
-        if view is self.shown and list(self.lit).index(light) < LIGHTS_SHOWN:
-            self.arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
-            indirect = f"relit/{light}/indirect"
-            if "indirect" in maps and view.has(indirect) and compared_indirect(self.rules) == "indirect":
-                name = f"relit_indirect/{light}"
-                self.arrays |= {f"render/{name}": maps["indirect"], f"truth/{name}": truth(view, indirect)}
+        known = "indirect" in maps and view.has(f"relit/{light}/indirect")
+        self.report.add_relit(view, light, maps, target, indirect=known and compared_indirect(self.rules) == "indirect")
 
 
 def few_views(scene: Scene, count: int) -> Sequence[View]:

@@ -44,14 +44,10 @@ class MetricsByView:
         return dict(sorted(found.items()))
 
     def _metric(self, name: str, by_view: Mapping[str, list[Value]]) -> MetricValue:
-        expected = [view for group in self.groups if by_view.keys() & set(group) for view in group]
-        task = name.rpartition("/")[0]
-        values = {view: self._value(by_view.get(view, []), self._withheld.get((task, view))) for view in expected}
+        task, values = name.rpartition("/")[0], dict[str, Value]()
+        for view in (view for group in self.groups if by_view.keys() & set(group) for view in group):
+            reason = self._withheld.get((task, view), "not every test view has this ground truth")
+            values[view] = self.rules.mean(by_view[view]) if view in by_view else Value(None, reason)
         mean = self.rules.mean(list(values.values()), name)
         of_views = [values[view].value if view in values else None for view in self.views]
         return MetricValue(value=mean.value, reason=mean.reason or None, views=of_views)
-
-    def _value(self, values: Sequence[Value], withheld: str | None) -> Value:
-        if values:
-            return self.rules.mean(values)
-        return Value(None, withheld or "not every test view has this ground truth")

@@ -118,7 +118,8 @@ def _ground(what: str, pairs: Sequence[Pair]) -> tuple[Float[Tensor, "3"], list[
     colour = torch.cat(outside).median(0).values
     shares = [float(((each - colour).abs() <= GROUND_SPREAD).all(-1).float().mean()) for each in outside]
     uniform = sorted(shares)[len(shares) // 2] > 0.75
-    gain = _mean_gain([pair.image for pair in pairs], [p.image - colour * (1 - p.mask) for p in pairs], pairs)
+    on_black = [pair.image - colour * (1 - pair.mask) for pair in pairs]
+    gain = float((_fit(on_black, pairs) - _fit([pair.image for pair in pairs], pairs)).mean())
     if not uniform or float(colour.abs().max()) < GROUND_SPREAD:
         return black, []
     for name, level in (("white", 1.0), ("black", -1.0)):  # black where the layout has taken a white ground away
@@ -131,16 +132,10 @@ def _ground(what: str, pairs: Sequence[Pair]) -> tuple[Float[Tensor, "3"], list[
     return colour, [f"{sentence}: write them on black, or with coverage as a fourth channel"]
 
 
-def _errors(images: Sequence[Image], pairs: Sequence[Pair]) -> list[float]:
-    return [float((image - pair.target).square().mean()) for image, pair in zip(images, pairs, strict=True)]
-
-
-def _mean_gain(before: Sequence[Image], after: Sequence[Image], pairs: Sequence[Pair]) -> float:
-    """By how many dB the second images fit better, in the mean over views."""
-    gains = [
-        decibel(new) - decibel(old) for old, new in zip(_errors(before, pairs), _errors(after, pairs), strict=True)
-    ]
-    return math.fsum(gains) / len(gains)
+def _fit(images: Sequence[Image], pairs: Sequence[Pair]) -> Float[np.ndarray, " views"]:
+    """PSNR of each image against its truth, dB."""
+    errors = [float((image - pair.target).square().mean()) for image, pair in zip(images, pairs, strict=True)]
+    return np.array([decibel(error) for error in errors])
 
 
 def _order(what: str, views: Sequence[View], predictions: Predictions, name: str, ground: Float[Tensor, "3"]) -> str:
@@ -152,47 +147,26 @@ def _order(what: str, views: Sequence[View], predictions: Predictions, name: str
         given.append(_thumbnail(pair.image + removed * (1 - pair.mask)))
         wanted.append(_thumbnail(pair.target + (ground + removed) * (1 - pair.mask)))
     ours, theirs = torch.stack(given).flatten(1), torch.stack(wanted).flatten(1)
-    errors = np.stack([(theirs - each).square().mean(1).numpy() for each in ours])
+    errors = np.stack([(theirs - each).square().mean(1).double().numpy() for each in ours])
     fits: list[int] = linear_sum_assignment(errors)[1].tolist()
-    moved = [place for cycle in _cycles(fits) if _cycle_gain(errors, fits, cycle) >= FAR_BETTER for place in cycle]
+    gains = [decibel(errors[place, fit]) - decibel(errors[place, place]) for place, fit in enumerate(fits)]
+    moved = [place for place, gain in enumerate(gains) if gain >= FAR_BETTER]
     if not moved:
         return ""
-    gain = _cycle_gain(errors, fits, moved)
-    if len(moved) == 2:
-        first, second = (views[place].name for place in sorted(moved))
-        said = f"views {first} and {second} fit each other's truth better, by {gain:.0f} dB"
+    by = f"by {math.fsum(gains[place] for place in moved) / len(moved):.0f} dB"
+    if len(moved) == 2 and fits[moved[0]] == moved[1]:
+        first, second = (views[place].name for place in moved)
+        said = f"views {first} and {second} fit each other's truth better, {by}"
     else:
-        each = [f"{views[place].name} that of {views[fits[place]].name}" for place in sorted(moved)]
+        each = [f"{views[place].name} that of {views[fits[place]].name}" for place in moved]
         more = f", and {len(each) - NAMED_VIEWS} more" if len(each) > NAMED_VIEWS else ""
-        said = f"{len(moved)} views fit the truth of other views better, by {gain:.0f} dB"
-        said += f" ({', '.join(each[:NAMED_VIEWS])}{more})"
+        said = f"{len(moved)} views fit the truth of other views better, {by} ({', '.join(each[:NAMED_VIEWS])}{more})"
     return f"{what}: {said}: are the files in the order of the scene's test views?"
 
 
 def _thumbnail(image: Image) -> Float[Tensor, "side side 3"]:
     channels = image.float().permute(2, 0, 1)[None]
     return torch.nn.functional.adaptive_avg_pool2d(channels, THUMBNAIL)[0].permute(1, 2, 0)
-
-
-def _cycles(fits: Sequence[int]) -> list[list[int]]:
-    """The cycles of a permutation that have more than one place."""
-    left, found = {place for place, other in enumerate(fits) if place != other}, []
-    while left:
-        cycle = [min(left)]
-        while (following := fits[cycle[-1]]) != cycle[0]:
-            cycle.append(following)
-        left -= set(cycle)
-        found.append(cycle)
-    return found
-
-
-def _cycle_gain(errors: np.ndarray, fits: Sequence[int], places: Sequence[int]) -> float:
-    """By how many dB these views fit the truth that each is given better than its own."""
-    own, other = (
-        sum(errors[place, to] for place, to in zip(places, each, strict=True))
-        for each in (places, [fits[place] for place in places])
-    )
-    return decibel(float(other) / len(places)) - decibel(float(own) / len(places))
 
 
 Reading = Callable[[Image], Image]
@@ -219,31 +193,30 @@ CURVES: dict[bool, tuple[tuple[str, Reading], ...]] = {
 def _values(what: str, pairs: Sequence[Pair], *, linear: bool) -> list[str]:
     """A sentence if another order of channels or pixels, another curve, or one number fits the values far better."""
     images = [pair.image for pair in pairs]
-    plain = _errors(_aligned(images, pairs, linear), pairs)
+    plain = _fit(_aligned(images, pairs, linear), pairs)
+    fitted = (
+        []
+        if linear
+        else [(said, _fit(found, pairs)) for said, found in (_exposed(images, pairs), _gamma(images, pairs))]
+    )
+    fitted.sort(key=lambda each: -each[1].mean())
     readings = [*AXES, *CURVES[linear]]
-    fixed = [_errors(_aligned([read(image) for image in images], pairs, linear), pairs) for _, read in readings]
-    fitted = [] if linear else [_exposed(images, pairs), _gamma(images, pairs)]
-    limit = max((_level(_errors(found, pairs)) for _, found in fitted), default=-math.inf) - 1
-    best = max(range(len(readings)), key=lambda place: _level(fixed[place]))
-    needed = FAR_BETTER if best < len(AXES) else FAR_BETTER_CURVE
-    if _level(fixed[best]) >= max(limit, RECOGNISED) and _far_better(plain, fixed[best], needed):
-        gain = _level(fixed[best]) - _level(plain)
-        return [f"{what}: {readings[best][0]} they fit {gain:.0f} dB better"]
-    for said, found in sorted(fitted, key=lambda each: -_level(_errors(each[1], pairs))):
-        errors = _errors(found, pairs)
-        if _level(errors) >= RECOGNISED_FITTED and _far_better(plain, errors, FAR_BETTER_CURVE):
-            return [f"{what}: {said} they fit {_level(errors) - _level(plain):.0f} dB better"]
+    fixed = [_fit(_aligned([read(image) for image in images], pairs, linear), pairs) for _, read in readings]
+    best = max(range(len(readings)), key=lambda place: fixed[place].mean())
+    gain = FAR_BETTER if best < len(AXES) else FAR_BETTER_CURVE
+    least = max(RECOGNISED, fitted[0][1].mean() - 1) if fitted else RECOGNISED
+    tried = [(readings[best][0], fixed[best], least, gain)]
+    tried += [(said, fit, RECOGNISED_FITTED, FAR_BETTER_CURVE) for said, fit in fitted]
+    for said, fit, least, gain in tried:
+        if fit.mean() >= least and _far_better(plain, fit, gain):
+            return [f"{what}: {said} they fit {fit.mean() - plain.mean():.0f} dB better"]
     return []
 
 
-def _level(errors: Sequence[float]) -> float:
-    return math.fsum(map(decibel, errors)) / len(errors)
-
-
-def _far_better(before: Sequence[float], after: Sequence[float], gain: float) -> bool:
-    """Whether errors have fallen by ``gain`` dB in the mean, and by half of it in nearly all views."""
-    gains = [decibel(new) - decibel(old) for old, new in zip(before, after, strict=True)]
-    return math.fsum(gains) >= gain * len(gains) and sum(g >= gain / 2 for g in gains) >= IN_MOST_VIEWS * len(gains)
+def _far_better(before: Float[np.ndarray, " views"], after: Float[np.ndarray, " views"], gain: float) -> bool:
+    """Whether the fit has risen by ``gain`` dB in the mean, and by half of it in nearly all views."""
+    gains = after - before
+    return bool(gains.mean() >= gain and (gains >= gain / 2).mean() >= IN_MOST_VIEWS)
 
 
 def _aligned(images: list[Image], pairs: Sequence[Pair], linear: bool) -> list[Image]:
@@ -278,45 +251,38 @@ def _sampled(image: Image) -> Float[Tensor, "pixels 3"]:
     return image.flatten(0, 1)[:: max(1, image[..., 0].numel() // MOST_PIXELS)]
 
 
-@dataclass(frozen=True)
-class Normals:
-    """Predicted and true unit normals of a view's pixels, in the world, and the camera's axes as columns."""
-
-    found: Float[Tensor, "pixels 3"]
-    true: Float[Tensor, "pixels 3"]
-    axes: Float[Tensor, "3 3"]
-
-
 def _of_normals(views: Sequence[View], predictions: Predictions) -> list[str]:
     """A sentence if normals fit far better with their components exchanged or negated, in the world or the camera."""
-    seen = [each for view in _spaced(views) if len((each := _normals(predictions, view)).found)]
+    seen = [each for view in _spaced(views) if len((each := _normals(predictions, view))[0])]
     if not seen:
         return []
-    plain = [_degrees(each.found, each.true) for each in seen]
+    plain = np.array([_degrees(found, true) for found, true, _ in seen])
     best, sentence = plain, ""
     for order, signs, in_camera in itertools.product(
         itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3), (False, True)
     ):
         errors = []
-        for each in seen:
-            turned = each.found[:, order] * torch.tensor(signs)
-            errors.append(_degrees(turned @ each.axes.T if in_camera else turned, each.true))
-        if sum(errors) < sum(best):
-            best, sentence = errors, _axes_in_words(order, signs, in_camera)
-    better = [old - new >= TURNED / 2 for old, new in zip(plain, best, strict=True)]
-    before, after = sum(plain) / len(plain), sum(best) / len(best)
-    if before - after < TURNED or after > min(MOST_LEFT, before / 2) or sum(better) < IN_MOST_VIEWS * len(better):
+        for found, true, axes in seen:
+            turned = found[:, order] * torch.tensor(signs)
+            errors.append(_degrees(turned @ axes.T if in_camera else turned, true))
+        if sum(errors) < best.sum():
+            best, sentence = np.array(errors), _axes_in_words(order, signs, in_camera)
+    before, after, gains = plain.mean(), best.mean(), plain - best
+    if gains.mean() < TURNED or after > min(MOST_LEFT, before / 2) or (gains >= TURNED / 2).mean() < IN_MOST_VIEWS:
         return []
     return [
         f"normals: {sentence} they are {after:.0f} degrees off instead of {before:.0f}: write them in the world's axes"
     ]
 
 
-def _normals(predictions: Predictions, view: View) -> Normals:
+def _normals(
+    predictions: Predictions, view: View
+) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, "pixels 3"], Float[Tensor, "3 3"]]:
+    """Predicted and true unit normals of a view's pixels, in the world, and the camera's axes as columns."""
     pair = _pair(predictions, view, "normal")
     both = (pair.image.norm(dim=-1) > 0.5) & (pair.target.norm(dim=-1) > 0.5) & (pair.mask[..., 0] > 0.5)
     every = max(1, int(both.sum()) // MOST_NORMALS)
-    return Normals(pair.image[both][::every], pair.target[both][::every], view.camera.axes.float())
+    return pair.image[both][::every], pair.target[both][::every], view.camera.axes.float()
 
 
 def _degrees(found: Float[Tensor, "pixels 3"], true: Float[Tensor, "pixels 3"]) -> float:

@@ -2,7 +2,9 @@
 
 The error of texels is dominated by the sun, whose sharpness diffuse surfaces hide and whose texels a coarse map cannot
 hold. ``environment/floor`` is that error for the true light, averaged to the resolution of the recovered map.
-``environment/irradiance`` and ``environment/reflection`` compare what surfaces receive instead.
+``environment/irradiance`` and ``environment/reflection`` compare what surfaces receive instead, and
+``environment/constant`` is the error of the best light that is the same from all directions: a recovered light with
+that error carries no information.
 """
 
 import math
@@ -14,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.scene.scene import Scene, View
 
 from .metrics.environment import at_rows, averaged, glossy_reflection, irradiance, relative_squared_error
@@ -40,6 +42,9 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 
 BLACK = "the true light is black"
 
+NOT_DISTANT = "the scene has no masks: what lights it is part of the model, and not a distant light"
+"""Why the metrics of a scene without masks lack relighting and the recovered light."""
+
 
 @dataclass(frozen=True)
 class SeenSurface:
@@ -63,6 +68,30 @@ def score_light(by_protocol: Sequence[MetricsByView], scene: Scene, found: Envir
         whole = scores.rules.score_environment(_like(radiance, found), radiance)
         floor = {"floor": resolution_floor(scores.rules, radiance, *found.radiance.shape[:2])}
         scores.add_whole("environment", whole | floor | score_light_on_surfaces(scores.rules, seen, found, true))
+
+
+def score_constant_light(scores: MetricsByView, scene: Scene) -> None:
+    """Score the mean of the true light, which no constant light is closer to."""
+    if scene.training_light is None:
+        return
+    light = scene.training_light.radiance.cpu().double()
+    weight = texel_solid_angles(*light.shape[:2], dtype=light.dtype)[..., None].expand(light.shape)
+    mean = (weight * light).sum((0, 1)) / weight.sum((0, 1))
+    error = scores.rules.score_environment(mean.expand_as(light), light)["error_scaled"]
+    scores.add_whole("environment", {"constant": error})
+
+
+def withhold_light(scores: MetricsByView, scene: Scene) -> None:
+    """n/a with the reason, for relighting, the recovered light and the albedo under it, where surroundings are learnt.
+
+    An environment map would light such a model from outside the walls that it has learnt.
+    """
+    if not scene.surrounded:
+        return
+    for task in ("relight", "albedo"):
+        scores.add_whole(task, scores.rules.no_comparison(NOT_DISTANT))
+    measures = ("error", "error_scaled", "irradiance", "reflection")
+    scores.add_whole("environment", dict.fromkeys(measures, Value(None, NOT_DISTANT)))
 
 
 def resolution_floor(rules: Protocol, truth: Float[Tensor, "height width 3"], rows: int, columns: int) -> Value:

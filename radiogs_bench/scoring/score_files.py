@@ -1,6 +1,6 @@
 """Scoring somebody else's results: a folder of predictions of a scene, under one protocol or several."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -11,22 +11,15 @@ from radiogs_core.scene.scene import Scene, View
 
 from ..store.schema import MetricValue
 from .metrics.protocol import Protocol
-from .metrics.values import Value
 from .metrics_by_view import MetricsByView
-from .near_light import withhold_light
-from .recovered_light import score_light
-from .score_maps import (
-    Maps,
-    compared_indirect,
-    coverage,
-    lit_views,
-    score_albedo,
-    score_depth,
-    score_view,
-    truth,
-)
+from .recovered_light import score_light, withhold_light
+from .report_arrays import ReportArrays
+from .score_maps import Maps, compared_indirect, coverage, lit_views, score_albedo, score_depth, score_view, truth
 
 Advance = Callable[[int, int], None]
+
+Image = Float[Tensor, "height width 3"]
+Grey = Float[Tensor, "height width 1"]
 
 
 @dataclass(frozen=True)
@@ -39,16 +32,22 @@ class Score:
 
 
 def score_predictions(
-    predictions: Predictions, scene: Scene, protocols: Sequence[Protocol], advance: Advance = lambda done, total: None
+    predictions: Predictions,
+    scene: Scene,
+    protocols: Sequence[Protocol],
+    advance: Advance = lambda done, total: None,
+    report: ReportArrays | None = None,
 ) -> list[Score]:
     """Compare everything that a folder predicts with the scene's ground truth; every file is read once.
 
     With several lights there are metrics of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
-    which exist only if every light was rendered. ``advance`` is called with (done, total) views. Raises DataError for a
-    damaged file or one of the wrong size.
+    which exist only if every light was rendered: a mean over fewer lights would not be comparable. ``advance`` is
+    called with (done, total) views. ``report`` collects what is compared, with the albedo as the last protocol aligns
+    it. Raises DataError for a damaged file or one of the wrong size.
     """
     by_protocol = [MetricsByView(rules.on(scene.layout), [view.name for view in scene.test]) for rules in protocols]
     lit = lit_views(scene, scene.test) if predictions.relit and not scene.surrounded else {}
+    report = ReportArrays(scene, lit, 0) if report is None else report
     total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
@@ -56,25 +55,30 @@ def score_predictions(
         for each in by_protocol:
             score_view(each, view, maps, scene.extent)
             _withhold_missing(each, view, maps)
+        report.add(view, maps)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
-    measures: dict[str, tuple[str, ...]] = {}
-    for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
+    pairs = [(light, view) for light, views in lit.items() for view in views]
+    for done, (light, view) in enumerate(pairs, start=len(scene.test) + 1):
         if view.name in predictions.relit.get(light, {}):
-            own = kept[view.name].get("alpha")
-            measures |= _score_relit(by_protocol, predictions, light, view, own, several=len(lit) > 1)
+            image = predictions.read_relit(light, view, coverage(view))
+            _score_relit(by_protocol, light, view, image, kept[view.name].get("alpha"), several=len(lit) > 1)
+            report.add_relit(view, light, {"image": image}, truth(view, f"relit/{light}"))
+        else:
+            for each in by_protocol:
+                missing = each.rules.no_comparison(f"not every view is there under '{light}'")
+                each.add("relight", view.name, missing)
         advance(done, total)
-    for light, view in _lit_pairs(lit):
-        if view.name not in predictions.relit.get(light, {}):
-            _withhold_relit(by_protocol, measures, light, view)
     if (found := predictions.read_light()) is not None:
         score_light(by_protocol, scene, found)
+        report.add_light(found)
     scores = []
     for each in by_protocol:
         score_depth(each, scene, kept)
         scale = score_albedo(each, scene, kept)
         withhold_light(each, scene)
         scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))
+        report.add_albedo(kept, scale)
     return scores
 
 
@@ -87,36 +91,13 @@ def _withhold_missing(scores: MetricsByView, view: View, maps: Maps) -> None:
             scores.withhold(task, view.name, f"there is no prediction of '{name}' for view '{view.name}'")
 
 
-def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
-    return [(light, view) for light, views in lit.items() for view in views]
-
-
 def _score_relit(
-    by_protocol: Sequence[MetricsByView],
-    predictions: Predictions,
-    light: str,
-    view: View,
-    alpha: Float[Tensor, "height width 1"] | None,
-    *,
-    several: bool,
-) -> dict[str, tuple[str, ...]]:
-    """Score one relit image, whose predicted coverage ``alpha`` is the view's; returns each protocol's measures."""
-    mask = coverage(view)
-    image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
-    measures = {}
+    by_protocol: Sequence[MetricsByView], light: str, view: View, image: Image, alpha: Grey | None, *, several: bool
+) -> None:
+    """Score one relit image, whose predicted coverage ``alpha`` is the view's."""
+    mask, target = coverage(view), truth(view, f"relit/{light}")
     for each in by_protocol:
         scores = each.rules.score_image(image, target, mask, alpha, "relight")
         each.add("relight", view.name, scores)
         if several:
             each.add(f"relight/{light}", view.name, scores)
-        measures[each.rules.name] = tuple(scores)
-    return measures
-
-
-def _withhold_relit(
-    by_protocol: Sequence[MetricsByView], measures: Mapping[str, Sequence[str]], light: str, view: View
-) -> None:
-    """Record that a view was not rendered under a light: a mean over fewer lights would not be comparable."""
-    reason = Value(None, f"not every view is there under '{light}'")
-    for each in by_protocol:
-        each.add("relight", view.name, dict.fromkeys(measures[each.rules.name], reason))

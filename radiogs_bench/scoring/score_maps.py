@@ -60,23 +60,22 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
 def over_counting(scores: Mapping[str, Value], share: float) -> dict[str, Value]:
     """The values over the ``share`` of the pixels that count, from those over all pixels of images equal elsewhere.
 
-    Errors elsewhere are zero, so a mean over all pixels is that over the pixels that count times their share. This
+    Errors elsewhere are zero, so a mean over all pixels is the mean over the pixels that count times their share. This
     holds for the squared error of PSNR exactly, for the dissimilarities of SSIM (1 - SSIM) and LPIPS but for windows
     that straddle the border. Other measures of two pictures are n/a.
     """
-    return {name: _over_counting(name, value, share) for name, value in scores.items()}
-
-
-def _over_counting(name: str, value: Value, share: float) -> Value:
-    if value.value is None:
-        return value
-    if name.startswith("psnr"):
-        return value if value.value >= PSNR_CAP else Value(value.value + 10 * math.log10(share))
-    if name == "ssim":
-        return Value(1 - (1 - value.value) / share)
-    if name.startswith("lpips"):
-        return Value(value.value / share)
-    return Value(None, "pixels of this view are left out, and what this measure is without them is not known")
+    found = dict(scores)
+    for name, value in ((name, each.value) for name, each in scores.items() if each.value is not None):
+        if name.startswith("psnr"):
+            found[name] = Value(value if value >= PSNR_CAP else value + 10 * math.log10(share))
+        elif name == "ssim":
+            found[name] = Value(1 - (1 - value) / share)
+        elif name.startswith("lpips"):
+            found[name] = Value(value / share)
+        else:
+            reason = "pixels of this view are left out, and what this measure is without them is not known"
+            found[name] = Value(None, reason)
+    return found
 
 
 def mean_roughness(view: View, maps: Maps) -> float | None:
@@ -111,6 +110,31 @@ def against_reference(image: Image, reference: Image, mask: Float[Tensor, "heigh
 def without_reference(reason: str) -> dict[str, Value]:
     """The measures of ``against_reference``, all n/a with the given reason."""
     return dict.fromkeys(("bias", "psnr_reference"), Value(None, reason))
+
+
+def score_constant_roughness(scores: MetricsByView, scene: Scene) -> None:
+    """Score the best constant: ``roughness/constant``. A recovered roughness with that error carries no information.
+
+    The best constant has the least error, summed over the test views. Nothing is scored where a view has no true
+    roughness.
+    """
+    views = [view for view in scene.test if view.has("roughness")]
+    if not views or len(views) < len(scene.test):
+        return
+
+    def error(view: View, constant: float) -> Value:
+        mask = coverage(view)
+        return scores.rules.score_roughness(constant * mask, truth(view, "roughness"), mask)["mse"]
+
+    # The summed error is a parabola in the constant: three of its values give its lowest point.
+    found = [[error(view, constant).value for view in views] for constant in (0.0, 0.5, 1.0)]
+    zero, half, one = (math.fsum(each for each in of_views if each is not None) for of_views in found)
+    curvature = zero - 2 * half + one
+    known = curvature > 0 and not any(each is None for of_views in found for each in of_views)
+    for view in views:
+        best = 0.5 - (one - zero) / (4 * curvature) if known else None
+        value = Value(None, "no view shows a roughness") if best is None else error(view, best)
+        scores.add("roughness", view.name, {"constant": value})
 
 
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:

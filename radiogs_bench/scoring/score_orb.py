@@ -17,11 +17,10 @@ from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
 
 from ..store.schema import MetricValue
-from .metrics.chamfer import chamfer
 from .metrics.conventions import Task
-from .metrics.mesh_library import pyvista
 from .metrics.protocol import Protocol
 from .metrics.stanford_orb import StanfordOrb
+from .metrics.surface_distance import chamfer, read_mesh
 from .metrics.values import Value
 
 SOLID = 0.5
@@ -79,11 +78,14 @@ def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value
 
 
 def _scores(pair: Pair, output: Path | None, target: Path, rules: Protocol) -> dict[str, Value]:
+    task: Task = "nvs" if pair.task == "nvs" else "relight"
     if output is None:
         if not isinstance(rules, StanfordOrb):
             return rules.no_comparison("the JSON gives null: there is no prediction")
         white = _white(target)
-        return _albedo(pair, white, target, rules) if pair.task == "albedo" else _image(pair, white, target, rules)
+        if pair.task == "albedo":
+            return _albedo(pair, white, target, rules)
+        return rules.score_linear(white, _resized(_linear(target), white), _mask(pair, white), task)
     if pair.task == "shape":
         return {"chamfer": shape_distance(output, target)}
     if pair.task == "normal":
@@ -93,10 +95,10 @@ def _scores(pair: Pair, output: Path | None, target: Path, rules: Protocol) -> d
     if pair.task == "albedo":
         return _albedo(pair, ours, target, rules)
     if isinstance(rules, StanfordOrb):
-        return _image(pair, ours, target, rules)
+        return rules.score_linear(ours, _resized(_linear(target), ours), _mask(pair, ours), task)
     mask = _mask(pair, ours)
     shown = [_displayed(path, ours) * mask for path in (output, target)]
-    return rules.score_image(shown[0], shown[1], mask, task=_task(pair))
+    return rules.score_image(shown[0], shown[1], mask, task=task)
 
 
 def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rules: Protocol) -> dict[str, Value]:
@@ -104,15 +106,6 @@ def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rul
     mask = _mask(pair, ours)
     linear, aimed = ours * mask, srgb_decode(_resized(_numbers(target)[..., :3], ours)) * mask
     return rules.score_albedo(linear, aimed, rules.albedo_scale([linear], [aimed], [mask]), mask)
-
-
-def _image(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rules: StanfordOrb) -> dict[str, Value]:
-    """Scores of a linear image."""
-    return rules.score_linear(ours, _resized(_linear(target), ours), _mask(pair, ours), _task(pair))
-
-
-def _task(pair: Pair) -> Task:
-    return "nvs" if pair.task == "nvs" else "relight"
 
 
 def _white(target: Path) -> Float[Tensor, "height width 3"]:
@@ -162,9 +155,7 @@ def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channel
 def shape_distance(output: Path, target: Path) -> Value:
     """The chamfer distance of two mesh files, or the reason why there is none."""
     try:
-        library = pyvista()
+        (vertices, faces), (truth, _) = read_mesh(output), read_mesh(target)
     except UsageError as lacking:
         return Value(None, f"{lacking.what}: {lacking.remedy}")
-    ours, theirs = (library.read(path).triangulate() for path in (output, target))
-    faces = np.asarray(ours.faces).reshape(-1, 4)[:, 1:].astype(np.int32)
-    return Value(chamfer(np.asarray(ours.points, np.float64), faces, np.asarray(theirs.points, np.float64)))
+    return Value(chamfer(vertices, faces, truth))

@@ -2,25 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.layouts.stanford_orb import true_mesh_file
 
-from .metrics.chamfer import SAMPLES, sampled_surface
-from .metrics.mesh_library import pyvista
 from .metrics.surface_distance import (
+    SAMPLES,
     Distance,
     distance_from_cells,
     distance_from_mesh,
     distance_from_points,
     points_in_cells,
+    read_mesh,
+    sampled_surface,
 )
 
 SPACING = 1 / 400
@@ -52,7 +52,9 @@ def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
     if scene.layout == "stanford-orb" and scene.folder is not None:
         path = true_mesh_file(scene.folder)
         if path is not None:
-            return _scanned(path, seed)
+            vertices, faces = read_mesh(path)
+            points = sampled_surface(vertices, faces, SAMPLES, np.random.default_rng(seed))
+            return TrueShape(points, distance_from_mesh(vertices, faces), "the scanned mesh of Stanford-ORB", vertices)
     depths = [view for view in scene.test if view.has("depth") and view.has("alpha")]
     if scene.surfaces is not None:
         return _solids(scene, depths, seed)
@@ -67,27 +69,8 @@ def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
     )
 
 
-def _scanned(path: Path, seed: int) -> TrueShape:
-    vertices, faces = read_mesh(path)
-    points = sampled_surface(vertices, faces, SAMPLES, np.random.default_rng(seed))
-    return TrueShape(points, distance_from_mesh(vertices, faces), "the scanned mesh of Stanford-ORB", vertices)
-
-
-def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
-    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without it."""
-    library = pyvista()
-    try:
-        mesh = library.read(path).triangulate()
-    except (OSError, ValueError, AttributeError) as error:
-        raise DataError(f"cannot read the mesh {path}", f"{error}.") from error
-    faces = np.asarray(mesh.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
-    if not len(faces):
-        raise DataError(f"{path} holds no triangles")
-    return np.asarray(mesh.points, np.float64), faces
-
-
 def _solids(scene: Scene, depths: Sequence[View], seed: int) -> TrueShape:
-    """All of the solids to measure from, and of them what test views see to be found again."""
+    """The generator's solids; the points that have to be found again are on the parts that test views see."""
     samples = scene.true_surfaces(SPACING * scene.extent)
     points = points_in_cells(samples, SAMPLES, seed)
     source = "the generator's solids"

@@ -32,16 +32,11 @@ def write_atomically(path: Path, content: bytes | memoryview) -> None:
         except OSError:
             temporary.unlink(missing_ok=True)
             raise
-        _sync_folder(path.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable: a folder has a cache of its own."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        descriptor = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)  # the rename itself: a folder has a cache of its own
+        finally:
+            os.close(descriptor)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ import fcntl
 import os
 import socket
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -32,6 +32,8 @@ class Claimed(Exception):
 @contextmanager
 def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
     """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
+
+    A negative ``wait`` has no end.
 
     The claim is a kernel lock on the file, not the existence of the file. The kernel releases it when the process dies,
     by whatever signal, so a claim never goes stale and no process id has to be checked. A link is not followed.
@@ -74,11 +76,6 @@ def saying_who_holds(what: str) -> Iterator[None]:
             "Two processes would train the same model twice.",
             "Let it end, then run the same command again: it reads what that one made. Or use another folder.",
         ) from claimed
-
-
-def patient_claim(path: Path) -> AbstractContextManager[None]:
-    """Hold an exclusive claim, waiting until it is free; for short work."""
-    return claim(path, wait=-1.0)
 
 
 def _sign(descriptor: int) -> None:

@@ -16,30 +16,33 @@ import hashlib
 import io
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import torch
 
 from radiogs_core.own_files import require_own_folders
 
-from ..errors import MethodFailed, StoreError
-from .aside import set_aside
+from ..errors import MethodFailed
 from .atomic import write_atomically
-from .claim import claim, is_held, patient_claim
-from .keys import content_key
-from .names import plain_name
-from .opening import opened
+from .claim import claim, is_held
+from .keys import content_key, plain_name
+from .opening import explained_reading, opened
 from .schema import RESULT_SCHEMA, Failure, Result, contradiction
 from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
 
-FOLDERS = ("aside", "cells", "locks", "stages", "tracebacks", "work")
+T = TypeVar("T")
+
+ASIDE = "aside"
+"""The folder to which damaged files are moved: nothing is lost there."""
+
+FOLDERS = (ASIDE, "cells", "locks", "stages", "tracebacks", "work")
 """Folders of a store; their files are named by keys, and none replaces another's."""
 
 RESULT_KEYS = frozenset(Result.__required_keys__) | {"arrays"}
@@ -78,7 +81,7 @@ class Store:
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, waiting until it is free; for short work."""
-        return patient_claim(self.folder / "locks" / name)
+        return claim(self.folder / "locks" / name, wait=-1.0)
 
     def result(self, key: str) -> Result | None:
         """The finished result of a cell, or None. A file that does not agree with its seal is moved aside.
@@ -86,22 +89,22 @@ class Store:
         A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
         result of another version, StoreError where the folder cannot be read.
         """
+        stored, arrays = self._sound(self._cell_path(key), lambda: self.sealed_result(key)), self.arrays_path(key)
+        if stored is None:
+            return None
+        if not arrays.exists():
+            logger.warning("%s is gone: cell %s counts as not finished", arrays, key)
+        return self._sound(arrays, lambda: self.check_arrays(stored))
+
+    def _sound(self, path: Path, read: Callable[[], T]) -> T | None:
+        """The content of a file; None where there is none, and where it is damaged, which is moved aside."""
         try:
-            stored = self.sealed_result(key)
+            return read()
         except FileNotFoundError:
             return None
         except Broken as broken:
-            set_aside(self.folder, self._cell_path(key), broken.reason)
+            set_aside(self.folder, path, broken.reason)
             return None
-        try:
-            self.check_arrays(stored)
-        except FileNotFoundError:
-            logger.warning("%s is gone: cell %s counts as not finished", self.arrays_path(key), key)
-            return None
-        except Broken as broken:
-            set_aside(self.folder, self.arrays_path(key), broken.reason)
-            return None
-        return stored
 
     def sealed_result(self, key: str) -> Result:
         """The result of a cell, whose seal and key agree; nothing is moved.
@@ -116,25 +119,19 @@ class Store:
             raise Broken(wrong)
         return result
 
-    def check_arrays(self, result: Result) -> None:
-        """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""
+    def check_arrays(self, result: Result) -> Result:
+        """The result, whose array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
-        try:
-            with opened(path) as file:
-                stat = os.fstat(file.fileno())
-                mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
-                if self._agreed.get(named) == mark:
-                    return
-                found = hashlib.file_digest(file, "sha256").hexdigest()
-        except FileNotFoundError:
-            raise
-        except OSError as error:
-            raise StoreError(
-                f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
-            ) from error
+        with explained_reading(path), opened(path) as file:
+            stat = os.fstat(file.fileno())
+            mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+            if self._agreed.get(named) == mark:
+                return result
+            found = hashlib.file_digest(file, "sha256").hexdigest()
         if found != named:
             raise Broken("its digest is not the one that its cell names")
         self._agreed[named] = mark
+        return result
 
     def has_result(self, key: str) -> bool:
         """Whether the files of the cell's result exist; they are not read."""
@@ -179,13 +176,7 @@ class Store:
 
     def failure(self, key: str) -> Failure | None:
         """The failure of the cell in its last attempt, or None."""
-        try:
-            return self.sealed_failure(key)
-        except FileNotFoundError:
-            return None
-        except Broken as broken:
-            set_aside(self.folder, self._failure_path(key), broken.reason)
-            return None
+        return self._sound(self._failure_path(key), lambda: self.sealed_failure(key))
 
     def sealed_failure(self, key: str) -> Failure:
         """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
@@ -224,13 +215,7 @@ class Store:
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """
         path = self._tensors_path(name)
-        try:
-            return read_tensors(path, name, device)
-        except FileNotFoundError:
-            return None
-        except Broken as broken:
-            set_aside(self.folder, path, broken.reason)
-            return None
+        return self._sound(path, lambda: read_tensors(path, name, device))
 
     def put_tensors(self, name: str, content: Mapping[str, Any]) -> None:
         """Store tensors and plain values under a name such as ``stages/<key>``."""
@@ -288,3 +273,29 @@ def stage_claim(key: str) -> str:
 def checkpoint_name(key: str) -> str:
     """Name of an unfinished stage's checkpoint in a store."""
     return f"{product_name(key)}.checkpoint"
+
+
+def set_aside(folder: Path, path: Path, reason: str) -> None:
+    """Move a damaged file of the store ``folder`` out of the way, never over another one, and say so.
+
+    Where nothing can be moved (a folder that is only readable) the file stays, and counts as absent all the same.
+    """
+    aside = folder / ASIDE
+    try:
+        aside.mkdir(exist_ok=True)
+        taken = sum(1 for other in aside.iterdir() if other.name.startswith(path.name))
+        with suppress(FileNotFoundError):  # another process has just moved it
+            path.rename(aside / f"{path.name}.{taken}")
+    except OSError as error:
+        logger.warning("%s is damaged (%s) and is not used; it cannot be moved: %s", path, reason, error.strerror)
+        return
+    logger.warning("%s is damaged (%s); it was moved to %s and is not used", path, reason, aside)
+
+
+def kept_aside(folder: Path) -> list[str]:
+    """Names of the files in ``folder``/aside."""
+    aside = folder / ASIDE
+    try:
+        return sorted(path.name for path in aside.iterdir())
+    except OSError:
+        return []

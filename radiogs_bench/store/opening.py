@@ -14,6 +14,8 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError
 
+from ..errors import StoreError
+
 LARGEST_TEXT = 1 << 28
 """Bytes of a stored JSON file, 256 MiB: a million cells."""
 
@@ -51,6 +53,21 @@ def opened(path: Path, most: int = LARGEST_ARRAYS) -> Iterator[BufferedReader]:
         if found.st_size > SURELY_WHOLE and 512 * found.st_blocks < LEAST_WRITTEN * found.st_size:
             raise _refused(path, f"claims {found.st_size} bytes and holds next to none")
         yield file
+
+
+@contextmanager
+def explained_reading(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusal to read ``path`` into a StoreError; FileNotFoundError passes."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StoreError(
+            f"cannot read {path}: {error.strerror}",
+            "Results there can be neither used nor checked.",
+            "Make the folder readable, or name another one.",
+        ) from error
 
 
 def _refused(path: Path, what: str) -> DataError:

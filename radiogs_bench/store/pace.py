@@ -16,7 +16,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError
 
 from .folder import Store
-from .names import plain_name
+from .keys import plain_name
 from .opening import opened
 
 LARGEST_BYTES = 10_000
@@ -71,28 +71,19 @@ def pace_of(store: Store, key: str) -> Pace | None:
     """Progress of the cell; None if no process reports it."""
     try:
         with opened(_path(store, key)) as file:
-            stored = json.loads(file.read(LARGEST_BYTES))
-        return _checked(Pace(**stored))
-    except (DataError, OSError, ValueError, TypeError, RecursionError):
+            pace = Pace(**json.loads(file.read(LARGEST_BYTES)))
+        speed = 1.0 if pace.steps_a_second is None else pace.steps_a_second
+        whole = type(pace.done) is type(pace.total) is int and 0 <= pace.done <= pace.total
+        sound = whole and pace.task.isprintable() and isfinite(pace.written) and 0 < speed < 1e12
+    except (DataError, OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
+    return pace if sound else None
 
 
 def paces(store: Store) -> list[Pace]:
     """Progress of all cells in the folder that are being worked on."""
     found = (pace_of(store, path.stem) for path in sorted((store.folder / "locks").glob("*.pace")))
     return [pace for pace in found if pace is not None]
-
-
-def _checked(pace: Pace) -> Pace:
-    """Raises TypeError or ValueError for values that no process of ours writes."""
-    if not isinstance(pace.task, str) or not pace.task.isprintable():
-        raise TypeError("task")
-    if type(pace.done) is not int or type(pace.total) is not int:
-        raise TypeError("steps")
-    speed = pace.steps_a_second
-    if not 0 <= pace.done <= pace.total or not isfinite(pace.written) or (speed is not None and not 0 < speed < 1e12):
-        raise ValueError("out of bounds")
-    return pace
 
 
 def _path(store: Store, key: str) -> Path:

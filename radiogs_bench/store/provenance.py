@@ -71,12 +71,14 @@ def versions() -> dict[str, str]:
 @cache
 def cpu_name() -> str:
     """The processor's model name, as the kernel gives it where it does."""
-    if CPU_INFORMATION.exists():
-        for line in CPU_INFORMATION.read_text().splitlines():
-            name, _, value = line.partition(":")
-            if name.strip() == "model name":
-                return value.strip()
-    return platform.processor() or platform.machine()
+    return _processor().get("model name") or platform.processor() or platform.machine()
+
+
+def _processor() -> dict[str, str]:
+    """The kernel's description of the first processor, by the names of its lines; empty where it gives none."""
+    first = CPU_INFORMATION.read_text().split("\n\n")[0] if CPU_INFORMATION.exists() else ""
+    named = (line.partition(":") for line in first.splitlines())
+    return {name.strip(): value.strip() for name, _, value in named}
 
 
 @cache
@@ -85,12 +87,8 @@ def instructions() -> str:
 
     Virtual machines give processors of several generations one name, and kernels compiled for them round differently.
     """
-    if not CPU_INFORMATION.exists():
-        return ""
-    first = CPU_INFORMATION.read_text().split("\n\n")[0]
-    named = (line.partition(":") for line in first.splitlines())
-    kept = [f"{name.strip()}:{value.strip()}" for name, _, value in named if name.strip() in IDENTIFYING]
-    return hashlib.sha256("\n".join(kept).encode()).hexdigest()[:12]
+    kept = [f"{name}:{value}" for name, value in _processor().items() if name in IDENTIFYING]
+    return hashlib.sha256("\n".join(kept).encode()).hexdigest()[:12] if kept else ""
 
 
 def machine(device: torch.device) -> Machine:

@@ -36,7 +36,7 @@ class TrailPoint(TypedDict):
 
 
 class FirstStep(TypedDict):
-    """One of the first steps of a stage (see ``runs.first_steps``)."""
+    """One of the first steps of a stage (see ``runs.training_curves``)."""
 
     iteration: int
     """Steps taken, with this one."""
@@ -88,7 +88,7 @@ class Session(TypedDict):
 
 
 class Determined(TypedDict):
-    """How well the training images determine a recovered quantity (see ``scoring.determined``)."""
+    """How well the training images determine a recovered quantity (see ``scoring.what_images_determine``)."""
 
     value: float
     """Recovered value (``radiogs_core.capabilities.Varying.values``)."""
@@ -179,7 +179,7 @@ class Result(TypedDict):
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
-    """The losses, by stage, at geometrically spaced steps (see ``runs.trail``)."""
+    """The losses, by stage, at geometrically spaced steps (see ``runs.training_curves``)."""
     first_steps: NotRequired[dict[str, list[FirstStep]]]
     """The first steps of each stage, one by one; absent in results of earlier versions, and without training."""
     seconds: dict[str, float]

@@ -13,7 +13,7 @@ from typing import Any
 from ..errors import StoreError
 from .atomic import write_atomically
 from .keys import canonical
-from .opening import LARGEST_TEXT, opened
+from .opening import LARGEST_TEXT, explained_reading, opened
 from .shapes import mismatch
 
 SEAL = "seal"
@@ -61,17 +61,8 @@ def read_sealed(path: Path, schema: str, required: Collection[str], kind: Any = 
     large; OtherSchema for a file of another version; and Broken for everything else: no JSON, no object, no seal or
     another one than its content has, a missing key, a value of another type.
     """
-    try:
-        with opened(path, LARGEST_TEXT) as file:
-            content = file.read()
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise StoreError(
-            f"cannot read {path}: {error.strerror}",
-            "Results there can be neither used nor checked.",
-            "Make the folder readable, or name another one.",
-        ) from error
+    with explained_reading(path), opened(path, LARGEST_TEXT) as file:
+        content = file.read()
     stored = parsed(content)
     complaint = complaint_of(stored)
     if stored.get("schema") != schema and (complaint is None or SEAL not in stored):

@@ -1,6 +1,6 @@
 """Whether stored values have the types that a TypedDict declares, all the way down."""
 
-import math
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from itertools import islice
@@ -47,7 +47,10 @@ def _complaints(value: object, kind: Any, where: str) -> Iterator[str]:
         elif inner:
             for place, each in enumerate(value):
                 yield from _complaints(each, inner[0], f"{where}[{place}]")
-    elif not _is_plain(value, kind):
+    elif kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if not abs(value) <= sys.float_info.max:  # also for NaN
+            yield _wrong(where, value, NAMES[float])
+    elif type(value) is not (NoneType if kind is None else kind):
         yield _wrong(where, value, NAMES.get(kind, str(kind)))
 
 
@@ -63,19 +66,6 @@ def _of_table(value: object, kind: Any, where: str) -> Iterator[str]:
 
 
 NAMES = {float: "a number", int: "a whole number", str: "text", bool: "true or false", NoneType: "null"}
-
-
-def _is_plain(value: object, kind: Any) -> bool:
-    if kind is float:
-        return type(value) in (int, float) and _is_finite(value)
-    return value is None if kind in (None, NoneType) else type(value) is kind
-
-
-def _is_finite(value: Any) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond float64
-        return False
 
 
 @cache

@@ -3,14 +3,13 @@
 import io
 import pickle
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from ..errors import StoreError
-from .opening import opened
+from .opening import explained_reading, opened
 from .seal import Broken
 
 STORED_AS = "stored_as"
@@ -30,20 +29,19 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     FileNotFoundError, StoreError where the file cannot be read, DataError where it is no regular file, and Broken where
     it is damaged or another's.
     """
+
+    def placed(storage: Any, origin: str) -> Any:
+        return storage if origin == "cpu" else storage.to(device)
+
     try:
-        with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
-            if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
-                raise Broken("a part of it is compressed, which torch never does")
-            damaged = archive.testzip()
-        if damaged is not None:
-            raise Broken(f"the checksum of its part {damaged} is wrong")
-        stored = torch.load(path, _placed_on(device), weights_only=True)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise StoreError(
-            f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
-        ) from error
+        with explained_reading(path):
+            with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
+                if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
+                    raise Broken("a part of it is compressed, which torch never does")
+                damaged = archive.testzip()
+            if damaged is not None:
+                raise Broken(f"the checksum of its part {damaged} is wrong")
+            stored = torch.load(path, placed, weights_only=True)
     except (zipfile.BadZipFile, pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
         raise Broken(f"{error}".strip().partition("\n")[0] or type(error).__name__) from error
     if not isinstance(stored, dict) or not isinstance(stored.get("content"), dict):
@@ -51,10 +49,3 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     if stored.get(STORED_AS) != name:
         raise Broken(f"it was stored as {stored.get(STORED_AS)!r:.80}, not as '{name}'")
     return dict(stored["content"])
-
-
-def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:
-    def place(storage: Any, location: str) -> Any:
-        return storage if location == "cpu" else storage.to(device)
-
-    return place

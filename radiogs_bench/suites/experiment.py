@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
 
-EVALUATION = ("radiogs_bench.scoring.evaluate", "radiogs_bench.scoring.determined")
+EVALUATION = ("radiogs_bench.scoring.evaluate", "radiogs_bench.scoring.what_images_determine")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from radiogs_datasets.bounded_reading import read_toml
 from radiogs_reports.write.mathematics import is_mathematics
 
 from ..methods import SUFFIX, method, require_recipe
-from ..store.names import PLAIN
+from ..store.keys import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
 from .consistency import CLOSED, CONSISTENCY_LENGTH, DEPARTURES, RIVALS
 from .data_sets import DATA_SET_SUITES

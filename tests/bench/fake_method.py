@@ -23,7 +23,7 @@ from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.plan import RunPlan, planned
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.sweep import CellRef, Sweep, changing_sweep

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from radiogs_bench.scoring.metrics import stanford_orb as orb
-from radiogs_bench.scoring.metrics.chamfer import chamfer, sampled_surface
 from radiogs_bench.scoring.metrics.conventions import Depth
 from radiogs_bench.scoring.metrics.geometry import depth_errors
 from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.metrics.surface_distance import chamfer, sampled_surface
 from radiogs_bench.scoring.metrics.values import PSNR_CAP
 from radiogs_core.errors import DataError
 

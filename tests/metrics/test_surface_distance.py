@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 import pyvista
 
-from radiogs_bench.scoring.metrics.chamfer import sampled_surface
 from radiogs_bench.scoring.metrics.surface_distance import (
     distance_from_cells,
     distance_from_mesh,
     distance_from_points,
     points_in_cells,
+    read_mesh,
+    sampled_surface,
     surface_distance,
 )
-from radiogs_bench.scoring.true_shape import read_mesh, true_shape
+from radiogs_bench.scoring.true_shape import true_shape
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene

@@ -18,8 +18,8 @@ from ...method_calls import calling, losses_of
 from ...runs.cell import Cell, Work, cell_of
 from ...runs.stages import Held, begun, close_stage, facts_of, restored
 from ...scoring.evaluate import SCORES_ALONE, evaluate
-from ...scoring.maps import on_black
 from ...scoring.metrics.protocols import protocol
+from ...scoring.rendering import on_black
 from ...store.folder import Store, checkpoint_name, product_name
 from .phases import Phases
 from .plan import STEPS, Plan, RehearsedRow

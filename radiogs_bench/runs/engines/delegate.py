@@ -26,7 +26,7 @@ from ..cell import Cell, StageKey, Work, cell_of
 from ..interruption import Interruption
 from ..preflight import compile_kernels
 from ..progress import LogProgress
-from ..scene_digest import checksum_now
+from ..scene_checksum import checksum_now
 from ..stages import Bench, all_but_last
 
 Files = Mapping[str, bytes]

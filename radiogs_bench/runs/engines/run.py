@@ -29,11 +29,11 @@ from ...trusted_methods import trusted_files
 from ..cell import Cell
 from ..forecast import lengths_of
 from ..interruption import Interruption
-from ..kept_pace import KeptPace
 from ..plan import Cells, RunPlan
 from ..preflight import COMPILED_ON, preflight
 from ..progress import Progress
 from ..stages import Bench
+from ..stored_progress import KeptPace
 from ..sweep import CellRef, label
 from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, ray_library, run_on_cluster

@@ -4,7 +4,6 @@ Albedo and light are known only up to such a factor.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import torch
@@ -109,22 +108,14 @@ def ciede2000(ours: Image, theirs: Image, mask: Mask) -> float:
     inside = mask[..., 0] > SOLID
     if not inside.any():
         return float("nan")
-    return float(np.mean(colour_science().delta_E(lab(theirs[inside]), lab(ours[inside]), method="CIE 2000")))
+    with np.printoptions():  # the import changes how numpy prints numbers, and so the digits in CSV files
+        import colour  # slow, and only protocols that ask for it need it
 
-
-def colour_science() -> Any:
-    """colour-science, imported here because it is slow and only protocols that ask for it need it.
-
-    Importing it changes how numpy prints numbers, and so the digits in CSV files; numpy's settings are restored.
-    """
-    with np.printoptions():
-        import colour
-    return colour
-
-
-def lab(linear: Float[Tensor, "pixels 3"]) -> Float[np.ndarray, "pixels 3"]:
-    """CIE L*a*b* relative to D65 of linear sRGB, clipped to [0, 1]."""
     to_xyz = torch.tensor(TO_XYZ, dtype=torch.float64)
-    xyz = linear.clamp(0, 1).double() @ to_xyz.T
     white = to_xyz.sum(1)
-    return np.asarray(colour_science().XYZ_to_Lab(xyz.numpy(), (white[:2] / white.sum()).numpy()))
+
+    def lab(linear: Float[Tensor, "pixels 3"]) -> Float[np.ndarray, "pixels 3"]:
+        xyz = linear.clamp(0, 1).double() @ to_xyz.T
+        return np.asarray(colour.XYZ_to_Lab(xyz.numpy(), (white[:2] / white.sum()).numpy()))
+
+    return float(np.mean(colour.delta_E(lab(theirs[inside]), lab(ours[inside]), method="CIE 2000")))

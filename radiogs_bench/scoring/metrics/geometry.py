@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from .conventions import Bits, Depth, DepthOffset, Normal
+from .conventions import Depth, DepthOffset, Normal
 from .pictures import in_bits
 
 IN_MASK = Normal()
@@ -33,7 +33,10 @@ def normal_mae(
     ``mask`` is the true and ``alpha`` the predicted coverage (the true one if not given); normals are directions in one
     frame, zero where there are none; pixels without a true one are left out.
     """
-    normal = _through_bits(normal, rules.prediction_bits)
+    # A hole stays a hole: written as (n + 1) / 2 it would come back as grey, which is no direction either.
+    missing = (normal == 0).all(-1, keepdim=True)
+    if rules.prediction_bits != "float":
+        normal = torch.where(missing, 0.0, 2 * in_bits((normal + 1) / 2, rules.prediction_bits) - 1)
     inside = (mask[..., 0] > 0.5) & (target != 0).any(-1)  # without a true direction there is no error
     if rules.region == "image":
         own = mask if alpha is None else alpha
@@ -68,14 +71,6 @@ def over_background(
     return torch.where(coverage > 0, normalize(normal, dim=-1) * lengths * coverage, 0.0) + behind * (1 - coverage)
 
 
-def _through_bits(normal: Float[Tensor, "height width 3"], bits: Bits) -> Float[Tensor, "height width 3"]:
-    # A hole stays a hole: written as (n + 1) / 2 it would come back as grey, which is no direction either.
-    if bits == "float":
-        return normal
-    missing = (normal == 0).all(-1, keepdim=True)
-    return torch.where(missing, 0.0, 2 * in_bits((normal + 1) / 2, bits) - 1)
-
-
 Map = Float[Tensor, "height width 1"]
 
 ONE_SCALE = Depth()
@@ -90,7 +85,8 @@ def depth_errors(
     The mean is over the whole frame, with zeros outside the mask, as the benchmark has it; world units squared.
     ``masks`` count where they are above one half.
     """
-    pairs = [_inside(*view) for view in zip(depths, targets, masks, strict=True)]
+    pairs = [(depth[mask > 0.5].double(), target[mask > 0.5].double())
+             for depth, target, mask in zip(depths, targets, masks, strict=True)]  # fmt: skip
     if rules.scale == "all views":
         scales = [_factor(torch.cat([ours for ours, _ in pairs]), torch.cat([theirs for _, theirs in pairs]))]
         scales *= len(pairs)
@@ -111,11 +107,6 @@ def depth_offset(depth: Map, target: Map, mask: Map, extent: float, rules: Depth
     inside = (mask > rules.covered) & (target > 0)
     difference = (depth[inside].double() - target[inside].double()).abs()
     return 100 * float(difference.mean()) / extent if len(difference) else math.nan
-
-
-def _inside(depth: Map, target: Map, mask: Map) -> tuple[Float[Tensor, " pixels"], Float[Tensor, " pixels"]]:
-    inside = mask > 0.5
-    return depth[inside].double(), target[inside].double()
 
 
 def _factor(ours: Float[Tensor, " pixels"], theirs: Float[Tensor, " pixels"]) -> float:

@@ -264,3 +264,26 @@ def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mas
     if mask is None:
         mask = torch.ones(*target.shape[:2], 1)
     return mask, mask if alpha is None else alpha
+
+
+def alike(one: Protocol, other: Protocol, metric: str) -> bool:
+    """Whether both compute ``metric`` (``task/measure``) by the same conventions.
+
+    Metrics that no protocol governs, such as times, are alike in all.
+    """
+    return conventions(one, metric) == conventions(other, metric)
+
+
+def conventions(rules: Protocol, metric: str) -> tuple[Any, ...]:
+    """Every convention that a metric's value depends on; empty for times, memory and counts."""
+    task, measure, *_ = metric.split("/")
+    measured_by = {"psnr": rules.psnr, "ssim": rules.ssim, "lpips": rules.lpips[0], "change": rules.psnr}
+    if measure in measured_by or measure in COMPARED:
+        shown = {"nvs": rules.nvs, "relight": (rules.relight, rules.albedo), "indirect": rules.indirect}
+        return shown.get(task, rules.albedo), measured_by.get(measure)
+    return {
+        "normal": (rules.normal,),
+        "roughness": (rules.roughness,),
+        "depth": (rules.depth, rules.depth_offset),
+        "environment": (rules.environment,),
+    }.get(task, ())

@@ -47,10 +47,15 @@ def ssim_map(
 ) -> Float[Tensor, "channels rows columns"]:
     """SSIM of every window."""
     x, y = (side.double().permute(2, 0, 1)[:, None] for side in (image, target))
-    taps = _taps(rules, x)
+    reach = rules.window // 2
+    offset = torch.arange(rules.window, dtype=x.dtype, device=x.device) - reach
+    taps = torch.exp(-offset.square() / (2 * SIGMA**2)) if rules.taps == "gaussian" else torch.ones_like(offset)
+    taps = taps / taps.sum()
 
     def blur(value: Tensor) -> Tensor:
-        return conv2d(conv2d(_padded(value, rules), taps.view(1, 1, 1, -1)), taps.view(1, 1, -1, 1))
+        if rules.padding != "valid":
+            value = pad(value, [reach] * 4, mode="reflect" if rules.padding == "reflect" else "constant")
+        return conv2d(conv2d(value, taps.view(1, 1, 1, -1)), taps.view(1, 1, -1, 1))
 
     mean_x, mean_y = blur(x), blur(y)
     variance_x, variance_y = blur(x * x) - mean_x.square(), blur(y * y) - mean_y.square()
@@ -66,16 +71,3 @@ def ssim_map(
     luminance = (2 * mean_x * mean_y + guard_mean) / (mean_x.square() + mean_y.square() + guard_mean)
     contrast = (2 * covariance + guard_variance) / (variance_x + variance_y + guard_variance)
     return (luminance * contrast)[:, 0]
-
-
-def _taps(rules: Ssim, like: Tensor) -> Float[Tensor, " taps"]:
-    offset = torch.arange(rules.window, dtype=like.dtype, device=like.device) - rules.window // 2
-    taps = torch.exp(-offset.square() / (2 * SIGMA**2)) if rules.taps == "gaussian" else torch.ones_like(offset)
-    return taps / taps.sum()
-
-
-def _padded(value: Tensor, rules: Ssim) -> Tensor:
-    reach = [rules.window // 2] * 4
-    if rules.padding == "valid":
-        return value
-    return pad(value, reach, mode="reflect" if rules.padding == "reflect" else "constant")

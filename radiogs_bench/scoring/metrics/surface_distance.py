@@ -2,16 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.surfaces import SurfaceSamples
 
-from .chamfer import SAMPLES, Triangles, sampled_surface
-from .mesh_library import pyvista
+SAMPLES = 30_000
+"""Points that are drawn from the recovered surface, as Stanford-ORB does."""
+
+Triangles = Int[np.ndarray, "faces 3"]
 
 Points = Float[np.ndarray, "points 3"]
 Distance = Callable[[Points], Float[np.ndarray, " points"]]
@@ -54,8 +59,8 @@ def surface_distance(
 ) -> SurfaceDistance:
     """Compare a recovered mesh with a true surface, of which ``truth`` are points; nothing is aligned.
 
-    30,000 points are drawn on the mesh, uniformly by area (as Stanford-ORB does). Distances from it are exact. Raises
-    DataError for a mesh without area, and where there is no true point.
+    SAMPLES points are drawn on the mesh, uniformly by area. Distances from it are exact. Raises DataError for a mesh
+    without area, and where there is no true point.
     """
     if not len(truth):
         raise DataError("no point of the true surface is known")
@@ -63,6 +68,71 @@ def surface_distance(
     accuracy = float(np.mean(from_truth(ours))) / extent
     completeness = float(np.mean(distance_from_mesh(vertices, faces)(truth))) / extent
     return SurfaceDistance(accuracy, completeness, (len(ours), len(truth)), seed)
+
+
+def chamfer(
+    vertices: Float[np.ndarray, "vertices 3"],
+    faces: Triangles,
+    truth: Float[np.ndarray, "points 3"],
+    seed: int = 0,
+    samples: int = SAMPLES,
+) -> float:
+    """Half the sum of both mean squared distances, world units squared: recovered surface against true points.
+
+    The recovered mesh is sampled uniformly by area; ``truth`` are the true mesh's vertices, as the benchmark has it.
+    Nothing is aligned. Stanford-ORB's tables print this distance times 2000. Raises DataError for a shape without
+    surface or points.
+    """
+    if not len(truth):
+        raise DataError("the true shape has no vertices")
+    ours = sampled_surface(vertices, faces, samples, np.random.default_rng(seed))
+    to_truth, to_ours = cKDTree(truth).query(ours)[0], cKDTree(ours).query(truth)[0]
+    return float(np.mean(np.square(to_truth)) + np.mean(np.square(to_ours))) / 2
+
+
+def sampled_surface(
+    vertices: Float[np.ndarray, "vertices 3"], faces: Triangles, samples: int, generator: np.random.Generator
+) -> Float[np.ndarray, "samples 3"]:
+    """Points drawn uniformly by area from a triangle mesh. Raises DataError for one without area."""
+    corners = vertices[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1) / 2
+    if not np.isfinite(area).all() or area.sum() <= 0:
+        raise DataError(
+            "the recovered mesh has no surface to sample",
+            f"It has {len(faces)} faces with a total area of {area.sum():g}.",
+        )
+    chosen = corners[generator.choice(len(faces), samples, p=area / area.sum())]
+    # Uniform in a triangle: the square root turns the unit square into barycentric coordinates of equal area.
+    root, share = np.sqrt(generator.random((samples, 1))), generator.random((samples, 1))
+    return (1 - root) * chosen[:, 0] + root * ((1 - share) * chosen[:, 1] + share * chosen[:, 2])
+
+
+def pyvista() -> Any:
+    """pyvista, imported where meshes are read or a window is opened: few commands need it, and VTK loads slowly.
+
+    Raises UsageError where it cannot be loaded: VTK needs graphics libraries of the system.
+    """
+    try:
+        return import_module("pyvista")
+    except ImportError as error:
+        raise UsageError(
+            "meshes and windows need pyvista, which cannot be loaded",
+            str(error).splitlines()[0],
+            "Install what it names. VTK needs, on Debian:  apt-get install libgl1 libegl1 libxrender1",
+        ) from error
+
+
+def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
+    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without it."""
+    library = pyvista()
+    try:
+        mesh = library.read(path).triangulate()
+    except (OSError, ValueError, AttributeError) as error:
+        raise DataError(f"cannot read the mesh {path}", f"{error}.") from error
+    faces = np.asarray(mesh.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
+    if not len(faces):
+        raise DataError(f"{path} holds no triangles")
+    return np.asarray(mesh.points, np.float64), faces
 
 
 def distance_from_mesh(vertices: Float[np.ndarray, "vertices 3"], faces: Triangles) -> Distance:

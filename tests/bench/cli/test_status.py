@@ -19,8 +19,8 @@ from bench.fake_method import FakeSweep, asked, fake_cell, write_sweep
 from radiogs_bench.cli import main, reporter
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.runs.engines.run import OthersProgress
-from radiogs_bench.runs.kept_pace import KeptPace
 from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.stored_progress import KeptPace
 from radiogs_bench.runs.sweep import Sweep, label, read_sweep
 from radiogs_bench.store.folder import Store, stage_claim
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace

@@ -8,7 +8,7 @@ import pytest
 
 from radiogs_bench.cli import main
 from radiogs_bench.cli.status import line_of
-from radiogs_bench.runs import kept_pace
+from radiogs_bench.runs import stored_progress
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
 
@@ -53,8 +53,8 @@ def test_a_training_keeps_its_pace_while_it_works_and_status_names_its_model_aft
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = []
-    put = kept_pace.put_pace
-    monkeypatch.setattr(kept_pace, "put_pace", lambda store, key, pace: seen.append(pace) or put(store, key, pace))
+    put = stored_progress.put_pace
+    monkeypatch.setattr(stored_progress, "put_pace", lambda *given: seen.append(given[-1]) or put(*given))
     assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path)]) == 0
     assert [each.task for each in seen if each.done == 1] == ["stage 1, initialisation", "stage 2, inverse rendering"]
     capsys.readouterr()

@@ -13,11 +13,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from bench.chain_method import ChainPrepared
-from radiogs_bench.export import meshing
-from radiogs_bench.export.blocks import VoxelBlocks, key_of, place_of
-from radiogs_bench.export.fusion import Fusion, Lattice
-from radiogs_bench.export.mesh import Mesh, write_mesh
-from radiogs_bench.export.meshing import lattice_of, mesh_of, zero_level
+from radiogs_bench.export import mesh as meshing
+from radiogs_bench.export.fusion import Fusion, Lattice, VoxelBlocks, key_of, place_of
+from radiogs_bench.export.mesh import Mesh, lattice_of, mesh_of, write_mesh, zero_level
 from radiogs_core.contract import MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera

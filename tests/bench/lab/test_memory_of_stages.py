@@ -16,7 +16,7 @@ from radiogs_bench.lab.rehearsal.plan import Plan, RehearsedRow
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench, trained
 from radiogs_bench.store.folder import Store
 from scenes import sphere_scene

@@ -19,8 +19,8 @@ from radiogs_bench.results.doubts import (
     undetermined,
 )
 from radiogs_bench.results.summary import summarise
-from radiogs_bench.scoring.determined import STEPS
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
+from radiogs_bench.scoring.what_images_determine import STEPS
 from radiogs_bench.store.schema import Determined, MetricValue
 
 HIDDEN: dict[str, Any] = {"rise": 1e-7, "offset": None, "half_width": None}

@@ -19,7 +19,7 @@ from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.sweep import read_sweep, state_of
 from radiogs_bench.runs.train import train_and_score

@@ -9,12 +9,12 @@ import torch
 
 from bench.fake_method import CPU, FakeSweep, evaluate, fake_cell, method
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.runs.first_steps import FIRST_STEPS, FirstSteps
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.runs.training_curves import FIRST_STEPS, FirstSteps
 from radiogs_bench.store.schema import FirstStep, Result
 from radiogs_core.contract import Run
 from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading

@@ -11,8 +11,7 @@ import torch
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained
 from radiogs_bench.cli.main import main
 from radiogs_bench.installed_methods import substitutes
-from radiogs_bench.runs.method_check import check_method
-from radiogs_bench.runs.model_check import difference
+from radiogs_bench.runs.contract_check import check_method, difference
 from radiogs_core.contract import MapKind, Run
 from radiogs_core.scene.scene import Scene
 from scenes import sphere_scene

@@ -11,10 +11,10 @@ from PIL import Image
 
 from bench.fake_method import CPU, FakeStage, FakeSweep, FakeTrained, evaluate, fake_cell
 from radiogs_bench.runs.cell import Cell
-from radiogs_bench.runs.scene_digest import checksum_now
-from radiogs_bench.runs.scene_files import require_unchanged, require_unchanged_if_touched
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.runs.unchanged_scene import require_unchanged, require_unchanged_if_touched
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene

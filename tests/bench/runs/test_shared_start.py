@@ -16,7 +16,7 @@ from radiogs_bench.errors import Interrupted
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench, trained
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.store.folder import Store, product_name

@@ -89,7 +89,7 @@ MODULES: Mapping[str, set[str]] = {
     "radiogs_datasets.generate.surfaces": {"parity"},
     # the harness: metrics, what is scored along the way, experiments
     "radiogs_bench.scoring.metrics.psnr": RESULTS | {"cost: invert"},
-    "radiogs_bench.runs.trail": {"cost: invert", "cost", "audit", "parity", "stability"},
+    "radiogs_bench.runs.training_curves": {"cost: invert", "cost", "audit", "parity", "stability"},
     "radiogs_bench.runs.train": {"cost: invert", "cost", "audit"},
     "radiogs_bench.runs.forward_parity": {"parity"},
     # nothing that decides a value

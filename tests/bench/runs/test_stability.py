@@ -17,10 +17,11 @@ from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
 from radiogs_bench.runs import hard_cases
 from radiogs_bench.runs.cell import evaluation_code
-from radiogs_bench.runs.hard_cases import AXES, axis_and_points, run_stability, stand_of
+from radiogs_bench.runs.hard_cases import axis_and_points, run_stability, stand_of
 from radiogs_bench.runs.plan import planned
 from radiogs_bench.runs.spec import RunSpec
-from radiogs_bench.runs.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
+from radiogs_bench.runs.stability_axes import AXES
+from radiogs_bench.runs.stability_probes import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
 from radiogs_bench.suites.experiment import EXPERIMENTS
 from radiogs_bench.suites.paper import STABILITY_SUITE as STABILITY
 from radiogs_core.errors import DataError, UsageError

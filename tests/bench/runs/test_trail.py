@@ -9,10 +9,10 @@ from bench.fake_method import CPU, SCENE, FakeSweep, FakeTrained, evaluate, fake
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.trail import Trail, milestones
 from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.runs.training_curves import Trail, milestones
 from radiogs_bench.store.schema import Result
 from radiogs_bench.suites.experiment import COST
 from radiogs_core.instruments import count

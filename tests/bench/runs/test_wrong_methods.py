@@ -24,18 +24,17 @@ from radiogs_bench import installed_methods, methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.reporter import complain
 from radiogs_bench.errors import MethodFailed, exit_code, explain
-from radiogs_bench.method_calls import calling, lacking, losses_of, members, require, require_storable
-from radiogs_bench.own_values import own_scene
+from radiogs_bench.method_calls import calling, lacking, losses_of, members, own_scene, require, require_storable
 from radiogs_bench.process_state import begin_row
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.preflight import compile_kernels
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench, facts_of
 from radiogs_bench.runs.train import train_and_score
-from radiogs_bench.scoring.maps import on_black
+from radiogs_bench.scoring.rendering import on_black
 from radiogs_bench.store.folder import Store
 from radiogs_bench.whole_runs import explained_code
 from radiogs_core.contract import MapKind, Method, NotOffered, Prepared, Run, Stage, Trained

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from radiogs_bench.scoring.metrics.comparable import alike
 from radiogs_bench.scoring.metrics.conventions import Albedo, Lpips, Normal, Picture, Psnr, Roughness, Ssim
-from radiogs_bench.scoring.metrics.protocol import Protocol
+from radiogs_bench.scoring.metrics.protocol import Protocol, alike
 from radiogs_bench.scoring.metrics.protocols import protocol
 
 IMAGES = ("nvs", "relight", "albedo", "indirect")

@@ -13,7 +13,8 @@ from scipy import stats
 from bench.fake_method import CPU, FakeSweep, fake_cell
 from bench.perfect import Perfect, scene_of, view_with
 from radiogs_bench.errors import MethodFailed
-from radiogs_bench.scoring.determined import (
+from radiogs_bench.scoring.score_maps import truth
+from radiogs_bench.scoring.what_images_determine import (
     HALF_A_LEVEL,
     STEPS,
     VIEWS,
@@ -25,7 +26,6 @@ from radiogs_bench.scoring.determined import (
     spread_over,
     with_free_rise,
 )
-from radiogs_bench.scoring.score_maps import truth
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES
 from radiogs_core.errors import NumericalFailure

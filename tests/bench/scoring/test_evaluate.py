@@ -14,7 +14,6 @@ import torch
 from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from bench.perfect import EVERYTHING, SCALE, SIZE, Own, Perfect, scene_of, view_with
-from radiogs_bench.scoring import frame_cost
 from radiogs_bench.scoring.evaluate import Evaluation, evaluate
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.values import PSNR_CAP
@@ -85,7 +84,7 @@ def test_the_memory_of_frames_is_the_most_that_any_light_took(monkeypatch: pytes
     def peaks_within(device: torch.device) -> Iterator[dict[str, int]]:
         yield next(taken)
 
-    monkeypatch.setattr(frame_cost, "peaks_within", peaks_within)
+    monkeypatch.setattr("radiogs_bench.scoring.evaluate.peaks_within", peaks_within)
     timings = values(scene_of(view_with(0, EVERYTHING))).timings
     assert timings["nvs/megabytes"]["value"] == 3.0
     assert timings["render/megabytes"] == {"value": 5.0, "reason": None, "views": [None]}

@@ -6,10 +6,10 @@ import torch
 
 from bench.fake_method import CPU
 from bench.perfect import EVERYTHING, SCALE, Perfect, scene_of, view_with
-from radiogs_bench.scoring import kept_views
+from radiogs_bench.scoring import report_arrays
 from radiogs_bench.scoring.evaluate import Scope, evaluate
-from radiogs_bench.scoring.kept_views import views_to_keep
 from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.report_arrays import views_to_keep
 from radiogs_bench.scoring.score_maps import truth
 from radiogs_core.scene.scene import Scene
 from radiogs_reports import maps
@@ -71,10 +71,10 @@ def test_depth_is_kept_over_the_range_of_the_truth_whoever_renders_it() -> None:
 
 def test_as_many_views_are_kept_as_asked_for_the_shown_one_among_them() -> None:
     many = scene(9, image=3)
-    assert views_to_keep(many, 0).chosen == frozenset()
-    assert views_to_keep(many, 1).chosen == {"view_4"}
-    assert views_to_keep(many, 3).chosen == {"view_1", "view_4", "view_7"}
-    assert len(views_to_keep(many, 99).chosen) == 9
+    assert views_to_keep(many, 0) == frozenset()
+    assert views_to_keep(many, 1) == {"view_4"}
+    assert views_to_keep(many, 3) == {"view_1", "view_4", "view_7"}
+    assert len(views_to_keep(many, 99)) == 9
     assert codes(Perfect(many), 0) == {}
     assert {name.split("/")[1] for name in codes(Perfect(many), 3)} == {"1", "4", "7"}
 
@@ -82,12 +82,12 @@ def test_as_many_views_are_kept_as_asked_for_the_shown_one_among_them() -> None:
 def test_without_a_number_as_many_are_kept_as_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A view has at most 14 channels of maps and 3 of each of two lights, predicted and true."""
     model, bytes_of_view = Perfect(scene(4)), 2 * (14 + 2 * 3) * 16 * 16
-    assert len(views_to_keep(model.scene, None).chosen) == 4
-    monkeypatch.setattr(kept_views, "KEPT_BYTES", 3 * bytes_of_view - 1)
-    assert len(views_to_keep(model.scene, None).chosen) == 2
+    assert len(views_to_keep(model.scene, None)) == 4
+    monkeypatch.setattr(report_arrays, "KEPT_BYTES", 3 * bytes_of_view - 1)
+    assert len(views_to_keep(model.scene, None)) == 2
     assert sum(each.nbytes for each in codes(model, None).values()) == 2 * bytes_of_view
-    monkeypatch.setattr(kept_views, "KEPT_BYTES", 1)
-    assert views_to_keep(model.scene, None).chosen == {"view_2"}
+    monkeypatch.setattr(report_arrays, "KEPT_BYTES", 1)
+    assert views_to_keep(model.scene, None) == {"view_2"}
 
 
 def test_metrics_do_not_depend_on_what_is_kept() -> None:

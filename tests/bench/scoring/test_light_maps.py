@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_bench.scoring.light_maps import LARGEST_HEIGHT, light_maps
+from radiogs_bench.scoring.report_arrays import LARGEST_HEIGHT, light_maps
 from radiogs_core.scene.light import EnvironmentMap
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from radiogs_bench.errors import MethodFailed
-from radiogs_bench.scoring import maps as module
+from radiogs_bench.scoring import rendering as module
 from radiogs_core.contract import MapKind
 from scenes import sphere_scene
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.scoring import shown_surfels
-from radiogs_bench.scoring.shown_surfels import surfel_arrays
+from radiogs_bench.scoring import report_arrays
+from radiogs_bench.scoring.report_arrays import surfel_arrays
 from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 
@@ -78,7 +78,7 @@ def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
 def test_the_surfels_with_the_most_coverage_are_kept_of_a_large_model(
     surfels: Surfels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shown_surfels, "MOST", 2)
+    monkeypatch.setattr(report_arrays, "MOST_SURFELS", 2)
     faint = replace(surfels, log_scale=torch.zeros(COUNT, 2), opacity_logit=torch.tensor([0.0, -9.0, 3.0, -9.0, 1.0]))
     arrays = surfel_arrays(Model(faint), SEEN_FROM)
     assert (arrays["surfels/centre"] == surfels.centre[[2, 4]].numpy()).all()

@@ -9,8 +9,7 @@ import pytest
 from radiogs_bench.cli.export import shape_of
 from radiogs_bench.export.mesh import Mesh
 from radiogs_bench.scoring import score_orb
-from radiogs_bench.scoring.metrics.mesh_library import pyvista
-from radiogs_bench.scoring.true_shape import read_mesh
+from radiogs_bench.scoring.metrics.surface_distance import pyvista, read_mesh
 from radiogs_core.errors import UsageError
 from radiogs_datasets import load_scene
 

@@ -14,7 +14,7 @@ from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.store.folder import Store
 from radiogs_core.errors import DataError

@@ -18,7 +18,7 @@ from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.plan import RunPlan, planned
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.rows import of_methods
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.sweep import read_sweep

@@ -12,7 +12,7 @@ from radiogs.model import Model
 from radiogs.nuisance import Answer
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
-from radiogs_bench.scoring.determined import HALF_A_LEVEL, determined
+from radiogs_bench.scoring.what_images_determine import HALF_A_LEVEL, determined
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES, Nuisance, Part, Variable, Varying
 from radiogs_core.contract import Run

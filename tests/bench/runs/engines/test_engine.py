@@ -19,7 +19,7 @@ from radiogs_bench.runs.engines import in_process as engine
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.store.folder import product_name

@@ -2,16 +2,20 @@
 
 import os
 from collections.abc import Callable
-from functools import cache
+from contextlib import suppress
+from pathlib import Path
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-Mark = tuple[tuple[str, int, int, int], ...]
-
-
 Digest = Callable[[Scene], str]
-"""Gives the checksum of a scene's files as they are now (``runs.scene_digest``); raises DataError."""
+"""Gives the checksum of a scene's files as they are now (``runs.scene_checksum``); raises DataError."""
+
+Mark = tuple[tuple[str, int, int, int], ...]
+"""Name, size and times of every file below a scene's folders."""
+
+_seen: dict[tuple[Path, str], Mark] = {}
+"""The last mark of each scene whose digest agreed, by folder and checksum, for the life of the process."""
 
 
 def require_unchanged(scene: Scene, digest: Digest) -> None:
@@ -32,37 +36,22 @@ def require_unchanged_if_touched(scene: Scene, digest: Digest) -> None:
     """The same, where sizes or times of files are others than when it was last looked at: cheap while nothing is."""
     if scene.folder is None:
         return
-    seen, mark = _seen(str(scene.folder.resolve()), scene.checksum), _mark(scene)
-    if seen != [mark]:
+    key, mark = (scene.folder.resolve(), scene.checksum), _mark(scene)
+    if _seen.get(key) != mark:
         require_unchanged(scene, digest)
-        seen[:] = [mark]
-
-
-@cache
-def _seen(folder: str, checksum: str) -> list[Mark]:
-    """Where the last mark of a scene whose digest agreed is kept, for the life of the process."""
-    return []
+        _seen[key] = mark
 
 
 def _mark(scene: Scene) -> Mark:
-    """Name, size and times of every file below the scene's folders."""
-    roots = [scene.folder, scene.options.get("mask_folder")]
-    paths = (
-        os.path.join(folder, name)
-        for root in roots
-        if root is not None
-        for folder, _, names in os.walk(root, followlinks=True)
-        for name in names
-    )
-    return tuple(sorted(_mark_of(path) for path in paths))
-
-
-def _mark_of(path: str) -> tuple[str, int, int, int]:
-    try:
-        stat = os.stat(path)
-    except OSError:
-        return path, -1, -1, -1
-    return path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
+    found = []
+    for root in (scene.folder, scene.options.get("mask_folder")):
+        for folder, _, names in os.walk(root, followlinks=True) if root is not None else ():
+            for name in names:
+                path = os.path.join(folder, name)
+                with suppress(OSError):  # a file that is gone has no mark
+                    stat = os.stat(path)
+                    found.append((path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns))
+    return tuple(sorted(found))
 
 
 def _changed(scene: Scene, how: str) -> DataError:

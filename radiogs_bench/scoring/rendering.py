@@ -1,6 +1,7 @@
-"""Rendered maps as scoring takes them: on black, on the CPU, with the declared shape and colour space."""
+"""Rendered maps as scoring takes them: on black, on the CPU, with the declared shape and colour space; their time."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 
 import torch
 from jaxtyping import Float
@@ -11,8 +12,7 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 
-from ..method_calls import calling, refused
-from ..own_values import own_camera
+from ..method_calls import calling, own_camera, refused
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
@@ -40,7 +40,9 @@ def on_black(
         maps = dict(prepared.render(own_camera(camera), *further))
     for name, image in maps.items():
         require_declared(method, prepared, camera, name, image)
-    maps = {name: _kept(image) for name, image in maps.items()}
+        # Memory of its own: a method may render the next view into the same one. Float32 holds 16 bits exactly.
+        wide = torch.float32 if image.dtype.itemsize < 4 else image.dtype
+        maps[name] = image.detach().to("cpu", wide, copy=True)
     for name in FINITE:
         if name in maps and not (finite := maps[name].isfinite()).all():
             raise NumericalFailure(
@@ -48,6 +50,31 @@ def on_black(
                 f"{int((~finite).sum())} of its {finite.numel()} values are NaN or infinite.",
             )
     return {name: _shown(name, image, prepared.offers[name], maps.get("alpha")) for name, image in maps.items()}
+
+
+WARM_UP = 3
+"""Frames that are not timed: the first ones allocate memory and, on a GPU, select kernels."""
+
+
+def frame_milliseconds(
+    render: Callable[[Camera], object], cameras: Sequence[Camera], device: torch.device
+) -> list[float]:
+    """Wall-clock milliseconds of one rendering per camera; the device is idle before and after."""
+
+    def finish() -> None:
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+
+    for index in range(WARM_UP):
+        render(cameras[index % len(cameras)])
+    times = []
+    for camera in cameras:
+        finish()
+        started = time.perf_counter()
+        render(camera)
+        finish()
+        times.append(1e3 * (time.perf_counter() - started))
+    return times
 
 
 def require_declared(method: str, prepared: Prepared, camera: Camera, name: str, image: object) -> None:
@@ -74,15 +101,6 @@ def require_declared(method: str, prepared: Prepared, camera: Camera, name: str,
             f"it rendered a map '{name}' of shape {tuple(image.shape)}",
             f"The camera asks for {wanted}: height, width, channels.",
         )
-
-
-def _kept(image: Tensor) -> Tensor:
-    """A map on the CPU, in memory of its own: a method may render the next view into the same one.
-
-    Values of 16 bits or fewer become float32, which holds them exactly.
-    """
-    image = image.detach()
-    return image.to("cpu", torch.float32 if image.dtype.itemsize < 4 else image.dtype, copy=True)
 
 
 def _shown(name: str, image: Tensor, kind: MapKind, alpha: Tensor | None) -> Tensor:

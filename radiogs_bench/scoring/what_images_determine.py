@@ -14,8 +14,7 @@ from radiogs_core.contract import Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.scene import Scene, View
 
-from ..method_calls import calling, refused, require
-from ..own_values import own_camera
+from ..method_calls import calling, own_camera, refused, require
 from ..store.schema import Determined
 from .score_maps import coverage, truth
 
