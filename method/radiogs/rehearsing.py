@@ -10,8 +10,8 @@ each sample.
 from dataclasses import dataclass, replace
 
 from radiogs_core.capabilities import MemoryPhase, Relighting, ShortRun, StepKind, TrainingImages
+from radiogs_core.kernels.trace.hits import BUFFER
 from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE as CHUNK
-from radiogs_core.kernels.trace.hits_source import BUFFER
 from radiogs_core.learning.views import PREPARED_BYTES
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.interreflection import KEPT_BYTES

@@ -12,7 +12,7 @@ import torch
 import warp as wp
 from filelock import FileLock
 
-from .arguments import Arguments, Layout, parameters_of
+from .arguments import Arguments, parameters_of
 
 _ready: set[tuple[wp.Module, torch.device]] = set()
 """Modules that are loaded on a device."""
@@ -65,7 +65,7 @@ class Recorded:
         compile_for(device, kernel)
         where, first, *others = wp.device_from_torch(device), *parameters_of(kernel)
         command = wp.launch(kernel, dim=1, inputs=_nothing(kernel), device=where, record_cmd=True)
-        self.arguments = Arguments(Layout(kernel.key, _kind(command), others))
+        self.arguments = Arguments(kernel.key, _kind(command), others)
         """The arguments after the first, to be written before ``run``."""
         memory, self._bounds, self._shape = self.arguments.structure, command.bounds, command.bounds.shape
         self._first = ctypes.c_int32.from_buffer(memory, getattr(type(memory), first.name).offset)

@@ -9,8 +9,7 @@ from radiogs.method import RADIOGS
 from radiogs.rehearsing import SAMPLE, SURFEL, memory_of
 from radiogs.settings import PRESETS, Variant
 from radiogs_core.capabilities import MemoryPhase, PlansMemory, TrainingImages
-from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE
-from radiogs_core.kernels.trace.hits_source import BUFFER
+from radiogs_core.kernels.trace.hits import BUFFER, RAYS_AT_ONCE
 
 GIB = 2**30
 CARD = 24 * GIB

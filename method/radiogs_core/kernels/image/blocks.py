@@ -6,7 +6,7 @@ On the CPU a block is ``COLUMNS`` pixels wide, so that loops over it are vectori
 from ..native_text import native_file
 
 BLOCK = native_file(__package__, "blocks.inl")
-"""Sections of ``blocks.inl``."""
+"""The file ``blocks.inl``."""
 
 COLUMNS = 64
 """Pixels of a block on the CPU."""

@@ -1,13 +1,18 @@
 """K4: sums of spherical harmonics of many surfels in a few directions each; fused and differentiable."""
 
+from functools import cache, partial
 from typing import Any
 
 import torch
+import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import launch_in_parallel
-from .harmonics_source import harmonics_kernels
+from ..native_kernel import Pair, flat, native_kernel
+from ..native_text import native_file
+from ..runtime import ITEMWISE, launch_in_parallel
+
+HARMONICS = native_file(__package__, "harmonics.inl")
 
 
 def harmonic_sum(
@@ -27,7 +32,7 @@ class _HarmonicSum(torch.autograd.Function):
         sh, direction = (value.contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
         arguments = [sh.shape[1], direction.shape[1], sh, direction, out]
-        launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
+        launch_in_parallel(kernels.forward, len(sh), sh.device, arguments)
         ctx.save_for_backward(sh, direction)
         return out
 
@@ -36,5 +41,18 @@ class _HarmonicSum(torch.autograd.Function):
         sh, direction = ctx.saved_tensors
         gradients = torch.empty_like(sh), torch.empty_like(direction)
         arguments = [sh.shape[1], direction.shape[1], sh, direction, pull.contiguous(), *gradients]
-        launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
+        launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, arguments)
         return gradients
+
+
+@cache
+def harmonics_kernels(dtype: torch.dtype) -> Pair:
+    """The kernels for a scalar type; an item is a surfel.
+
+    The basis consists of polynomials of a unit direction of travel. Gradients to the direction are the polynomials';
+    only their tangential component counts for a direction of unit length.
+    """
+    make = partial(native_kernel, HARMONICS, dtype, ITEMWISE)
+    given = (wp.int32, "coefficients views"), (flat(dtype), "sh direction")
+    forward = make("forward", "surfel", *given, (flat(dtype), "out"))
+    return Pair(forward, make("backward", "surfel", *given, (flat(dtype), "pull grad_sh grad_direction")))

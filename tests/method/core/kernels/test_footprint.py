@@ -9,8 +9,7 @@ import torch
 from radiogs_core.kernels.rasterize.projection import project, project_surfels
 from radiogs_core.kernels.surfel.footprint import frames, widened
 from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
-from radiogs_core.kernels.surfel.support import support_of
-from radiogs_core.kernels.surfel.support_source import DEGENERATE, FAINT, REGULAR, SATURABLE
+from radiogs_core.kernels.surfel.support import DEGENERATE, FAINT, REGULAR, SATURABLE, support_of
 from radiogs_core.scene.camera import Camera
 from reference import surfels as dense
 from reference.trace import harmonics

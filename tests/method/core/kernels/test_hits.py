@@ -13,8 +13,7 @@ from radiogs_core.kernels.lanes import LANES
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
-from radiogs_core.kernels.trace.hits import HitLists, find_hits
-from radiogs_core.kernels.trace.hits_source import BUFFER, MOST_HITS, MOST_NODES
+from radiogs_core.kernels.trace.hits import BUFFER, MOST_HITS, MOST_NODES, HitLists, find_hits
 
 RAYS = 40
 

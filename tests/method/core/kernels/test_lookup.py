@@ -7,7 +7,7 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.shade.splitsum import look_up
+from radiogs_core.kernels.shade.lookup import look_up
 from radiogs_core.scene.light import EnvironmentMap
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")

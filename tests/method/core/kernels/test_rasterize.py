@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.rasterize.projection import Bounds, counted_lists, project, sorted_lists
+from radiogs_core.kernels.rasterize.binning import TILE, Bounds, counted_lists, sorted_lists
+from radiogs_core.kernels.rasterize.projection import project
 from radiogs_core.kernels.rasterize.rasterize import blend_together, rasterize
-from radiogs_core.kernels.rasterize.rasterize_source import TILE
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.scene.camera import Camera

@@ -7,8 +7,8 @@ import torch
 
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import launch_in_parallel, use_threads
-from radiogs_core.kernels.shade.shade import arrive, consistency_of, shade, shade_total
-from radiogs_core.kernels.shade.shade_source import LANES_ON_CPU
+from radiogs_core.kernels.shade.consistency import consistency_of
+from radiogs_core.kernels.shade.shade import LANES_ON_CPU, arrive, shade, shade_total
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.transport.sampling import hemisphere_directions
