@@ -9,8 +9,7 @@ import torch
 import warp as wp
 from torch import Tensor
 
-from .native_kernel import DOUBLES, INTEGERS, LONGS, native_kernel
-from .native_text import native_file
+from .native_kernel import DOUBLES, INTEGERS, LONGS, native_file, native_kernel
 from .runtime import NATIVE, launch_in_parallel
 
 ADAM = native_file(__package__, "adam.inl")

@@ -11,8 +11,7 @@ from torch import Tensor
 from ...scene.camera import Camera
 from ..arguments import lens_of
 from ..lanes import LANES
-from ..native_kernel import BYTES, SIGNS, Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import BYTES, SIGNS, Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, NATIVE, launch_in_parallel
 from .blocks import BLOCK, columns_of
 

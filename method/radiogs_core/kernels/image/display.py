@@ -9,16 +9,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.colour import LINEAR_KNEE
-from ..arrangement import as_on_cuda
+from ..arrangement import an_item, as_on_cuda, items_of
 from ..lanes import LANES, logarithm_words
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel, scalar_type
 
 DISPLAY = native_file(__package__, "display.inl", LANES)
 
 LANES_ON_CPU = 16
-"""Pixels in a block on the CPU. The snippet that spreads coverage over channels is written for this number."""
+"""Pixels in a block on the CPU, whose channels are three vectors. The snippet that spreads coverage over channels is
+written for this number."""
 
 
 def displayed(
@@ -46,8 +46,8 @@ class _Displayed(torch.autograd.Function):
     def forward(ctx: Any, blended: Tensor, alpha: Tensor, straight: bool, background: float) -> Tensor:
         given = blended.detach().contiguous(), alpha.detach().contiguous()
         encoded, out = (torch.empty_like(given[0]) for _ in range(2))
-        on_cuda = as_on_cuda(out.device)
-        ctx.kernels, ctx.blocks = display_kernels(out.dtype, on_cuda), -(-len(alpha) // pixels_an_item(on_cuda))
+        ctx.kernels = display_kernels(out.dtype, as_on_cuda(out.device))
+        ctx.blocks = items_of(len(alpha), out.device, LANES_ON_CPU)
         ctx.values = [len(alpha), len(blended), int(straight), background]
         launch_in_parallel(ctx.kernels.forward, ctx.blocks, out.device, [*ctx.values, *given, encoded, out])
         ctx.save_for_backward(*given, encoded)
@@ -62,18 +62,13 @@ class _Displayed(torch.autograd.Function):
         return *out, None, None
 
 
-def pixels_an_item(on_cuda: bool) -> int:
-    """Number of pixels of a block; the channels of a block are three vectors of so many numbers."""
-    return 1 if on_cuda else LANES_ON_CPU
-
-
 @cache
 def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
     """The kernels for a scalar type and a division of work; an item is a block of pixels of all images.
 
     ``encoded``: display colour before it is multiplied by coverage.
     """
-    words = {**power_words(dtype), "PIXELS_IN_A_BLOCK": pixels_an_item(on_cuda), "KNEE": LINEAR_KNEE}
+    words = {**power_words(dtype), "PIXELS_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU), "KNEE": LINEAR_KNEE}
     make, arrays = partial(native_kernel, DISPLAY, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
     given = (wp.int32, "pixels images straight"), (scalar_type(dtype), "background"), (arrays, "blended alpha encoded")
     forward = make("forward", "block", *given, (arrays, "out"))

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from ..arrangement import as_on_cuda
 from ..lanes import LANES, bell_words
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel, scalar_type
 from .blocks import BLOCK, blocks_in, columns_of
 

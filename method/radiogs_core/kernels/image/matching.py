@@ -12,8 +12,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from ...scene.camera import Camera
-from ..native_kernel import INTEGERS, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel
 
 MATCHING = native_file(__package__, "matching.inl")

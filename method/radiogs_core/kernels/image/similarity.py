@@ -15,8 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel
 from .blocks import BLOCK, blocks_in, columns_of
 

@@ -19,8 +19,7 @@ from ...scene.colour import LINEAR_KNEE
 from ..arguments import lens_of
 from ..arrangement import as_on_cuda
 from ..lanes import LANES
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel, scalar_type
 from .blocks import BLOCK, blocks_in, columns_of
 from .depth_map import PLANES, surface_kernel

@@ -17,8 +17,7 @@ from ...instruments import fire
 from ...scene.camera import Camera
 from ..arguments import MOST_ENTRIES, require_countable
 from ..arrangement import as_on_cuda
-from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, LONGS, native_kernel
-from ..native_text import native_file
+from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, LONGS, native_file, native_kernel
 from ..runtime import ITEMWISE, launch, launch_in_parallel
 from ..surfel.support import DEGENERATE, FAINT, SATURABLE
 

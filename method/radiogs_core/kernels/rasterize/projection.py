@@ -20,10 +20,9 @@ from torch import Tensor
 
 from ...scene.camera import Camera
 from ..arguments import lens_of
-from ..arrangement import as_on_cuda
+from ..arrangement import an_item, as_on_cuda, items_of
 from ..lanes import LANES, exponential_words, logarithm_words
-from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, launch_in_parallel, scalar_type
 from ..surfel.footprint import FOOTPRINT, FOOTPRINT_WORDS, FRAME
 from ..surfel.geometry import SplatGeometry
@@ -35,6 +34,9 @@ PROJECTION = native_file(__package__, "projection.inl", LANES, FRAME, FOOTPRINT,
 
 RECORD = 12
 """Scalars of a surfel's record: n' (3), m_u (3), m_v (3), offset, opacity, squared support radius."""
+
+SURFELS_ON_CPU = 128
+"""Surfels of an item on the CPU."""
 
 
 @dataclass(frozen=True)
@@ -111,15 +113,6 @@ def _lens(camera: Camera) -> tuple[wp.vec4d, wp.vec2i]:
     return lens_of(camera), wp.vec2i(camera.width, camera.height)
 
 
-def surfels_an_item(on_cuda: bool) -> int:
-    """Number of surfels that one item of the kernels projects."""
-    return 1 if on_cuda else 128
-
-
-def _items(surfels: Tensor) -> int:
-    return -(-len(surfels) // surfels_an_item(as_on_cuda(surfels.device)))
-
-
 def _new_bounds(like: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     count, device = len(like), like.device
     return (
@@ -136,9 +129,9 @@ class _FromGeometry(torch.autograd.Function):
         given, pose = [value.contiguous() for value in surfels], camera.camera_to_world.contiguous()
         records, bounds = given[0].new_empty(len(given[0]), RECORD), _new_bounds(given[0])
         arguments = [len(records), pose, *_lens(camera), *given, records, *bounds]
-        kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
-        launch_in_parallel(kernels.forward, _items(records), records.device, arguments)
-        ctx.pose = pose
+        ctx.kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
+        ctx.pose, ctx.items = pose, items_of(len(records), records.device, SURFELS_ON_CPU)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, records.device, arguments)
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
         ctx.set_materialize_grads(False)
@@ -151,8 +144,7 @@ class _FromGeometry(torch.autograd.Function):
             return (None,) * (1 + len(given))
         out = [torch.empty_like(value) for value in given]
         arguments = [len(pull), ctx.pose, *given, pull.contiguous(), *out]
-        kernels = geometry_kernels(pull.dtype, as_on_cuda(pull.device))
-        launch_in_parallel(kernels.backward, _items(pull), pull.device, arguments)
+        launch_in_parallel(ctx.kernels.backward, ctx.items, pull.device, arguments)
         return None, *out
 
 
@@ -173,9 +165,9 @@ class _FromSurfels(torch.autograd.Function):
             len(centre), pose, pixel, *_lens(camera), coefficients, int(shown_only), *given,
             records, normal, radiance, sent, *bounds,
         ]  # fmt: skip
-        kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))
-        launch_in_parallel(kernels.forward, _items(centre), centre.device, arguments)
-        ctx.settings = pose, pixel, coefficients
+        ctx.kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))
+        ctx.settings, ctx.items = (pose, pixel, coefficients), items_of(len(centre), centre.device, SURFELS_ON_CPU)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, centre.device, arguments)
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
         ctx.set_materialize_grads(False)
@@ -185,13 +177,12 @@ class _FromSurfels(torch.autograd.Function):
     def backward(ctx: Any, *pulls: Tensor | None) -> tuple[Tensor | None, ...]:
         given = ctx.saved_tensors
         pose, pixel, coefficients = ctx.settings
-        absent, device = given[0].new_empty(0), given[0].device
+        absent = given[0].new_empty(0)
         pulled = sum(1 << bit for bit, pull in enumerate(pulls[:4]) if pull is not None)
         by = [absent if pull is None else pull.contiguous() for pull in pulls[:4]]
         out = [torch.empty_like(value) for value in given]
         arguments = [len(given[0]), pose, pixel, coefficients, pulled, *given, *by, *out]
-        kernels = seen_kernels(absent.dtype, as_on_cuda(device))
-        launch_in_parallel(kernels.backward, _items(given[0]), device, arguments)
+        launch_in_parallel(ctx.kernels.backward, ctx.items, absent.device, arguments)
         return None, None, *out[:4], out[4] if coefficients else None
 
 
@@ -200,7 +191,7 @@ def _words(dtype: torch.dtype, on_cuda: bool) -> dict[str, object]:
         **logarithm_words(dtype),
         **exponential_words(dtype),
         "SURFELS_A_VECTOR": 1 if on_cuda else 16,
-        "SURFELS_AN_ITEM": surfels_an_item(on_cuda),
+        "SURFELS_AN_ITEM": an_item(on_cuda, SURFELS_ON_CPU),
         "TILE": TILE,
         "REGULAR": REGULAR,
         **FOOTPRINT_WORDS,

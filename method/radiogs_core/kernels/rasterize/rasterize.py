@@ -24,10 +24,9 @@ from torch import Tensor
 from ...instruments import amounts_in, count, current, require_finite_blend
 from ...scene.camera import Camera
 from ..arguments import lens_of
-from ..arrangement import as_on_cuda
+from ..arrangement import an_item, as_on_cuda, items_of
 from ..lanes import LANES, bell_words
-from ..native_kernel import INTEGERS, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel, scalar_type
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, SplatGeometry
 from .binning import TILE
@@ -184,15 +183,10 @@ def _addresses(image: Tensor | None, width: int) -> Iterator[int]:
         yield 0 if image is None else image.data_ptr() + channel * image.element_size()
 
 
-def pixels_an_item(on_cuda: bool) -> int:
-    """Number of pixels that one item of the kernels blends."""
-    return 1 if on_cuda else TILE * TILE
-
-
 def _items(camera: Camera, device: torch.device) -> int:
     """Number of items of the blending kernels, for whole tiles."""
     tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
-    return tiles * TILE * TILE // pixels_an_item(as_on_cuda(device))
+    return items_of(tiles * TILE * TILE, device, TILE * TILE)
 
 
 class BlendKernels(NamedTuple):
@@ -212,15 +206,16 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
 
     ``size``: width and height of the image, and tiles in a row.
     """
+    pixels, gradients = an_item(on_cuda, TILE * TILE), RECORD - 1 + channels
     words = {
-        "PIXELS_AN_ITEM": pixels_an_item(on_cuda),
+        "PIXELS_AN_ITEM": pixels,
         "TILE": TILE,
         "RECORD": RECORD,
         "CHANNELS": channels,
         "SUMS": PIXEL_SUMS,
         "MAX_ALPHA": MAX_ALPHA,
         "STOP": RASTER_TRANSMITTANCE_STOP,
-        "ROWS": _rows(channels, on_cuda),
+        "ROWS": -(-gradients // pixels) * pixels,  # whole vectors of lanes; the extra gradients are zero
         **bell_words(dtype),
     }
     make, arrays = partial(native_kernel, RASTERIZE, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
@@ -238,9 +233,3 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
     pulls = (Planes, "pulls"), (arrays, "sums"), (INTEGERS, "ends"), (arrays, "grad_records grad_features")
     forward, backward = make("forward", "item", *given, *out), make("backward", "item", *given, *pulls)
     return BlendKernels(forward, backward, Planes, Strides)
-
-
-def _rows(channels: int, on_cuda: bool) -> int:
-    """Number of a surfel's gradients, on the CPU rounded up to a multiple of the lanes; extra ones are zero."""
-    rows, lanes = RECORD - 1 + channels, pixels_an_item(on_cuda)
-    return -(-rows // lanes) * lanes

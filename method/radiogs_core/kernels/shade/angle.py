@@ -2,7 +2,7 @@
 
 import torch
 
-from ..native_text import native_file
+from ..native_kernel import native_file
 
 ANGLE = native_file(__package__, "angle.inl")
 """The file ``angle.inl``."""

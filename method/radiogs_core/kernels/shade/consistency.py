@@ -10,8 +10,7 @@ from torch import Tensor
 
 from ..arrangement import as_on_cuda
 from ..lanes import LANES
-from ..native_kernel import LONGS, Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import LONGS, Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel, scalar_type
 from ..surfel.harmonics import HARMONICS
 from .shade import (

@@ -7,8 +7,7 @@ import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ..native_kernel import flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel
 
 DIRECTIONS = native_file(__package__, "directions.inl")

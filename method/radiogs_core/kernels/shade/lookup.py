@@ -14,9 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.light import require_map
-from ..arrangement import as_on_cuda
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
 from .angle import ANGLE, ATAN_TERMS
 
@@ -44,8 +43,8 @@ class _Lookup(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
         radiance, directions = (value.contiguous() for value in inputs)
         count, out = directions.shape[:-1].numel(), torch.empty_like(directions)
-        on_cuda = as_on_cuda(radiance.device)
-        ctx.kernels, ctx.blocks = lookup_kernels(radiance.dtype, on_cuda), -(-count // directions_an_item(on_cuda))
+        ctx.kernels = lookup_kernels(radiance.dtype, as_on_cuda(radiance.device))
+        ctx.blocks = items_of(count, radiance.device, LANES_ON_CPU)
         ctx.given = [count, *radiance.shape[:2], radiance, directions]
         launch_in_parallel(ctx.kernels.forward, ctx.blocks, out.device, [*ctx.given, out])
         ctx.save_for_backward(radiance, directions)
@@ -63,15 +62,10 @@ class _Lookup(torch.autograd.Function):
         return maps.total()[0] if wants_radiance else None, to_directions if wants_directions else None
 
 
-def directions_an_item(on_cuda: bool) -> int:
-    """Number of directions of a block."""
-    return 1 if on_cuda else LANES_ON_CPU
-
-
 @cache
 def lookup_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
     """The kernels for a scalar type and a division of work; an item is a block of directions."""
-    words = {"DIRECTIONS_IN_A_BLOCK": directions_an_item(on_cuda), "ATAN_TERMS": ATAN_TERMS[dtype]}
+    words = {"DIRECTIONS_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU), "ATAN_TERMS": ATAN_TERMS[dtype]}
     make, arrays = partial(native_kernel, LOOKUP, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
     given = (wp.int32, "directions height width"), (arrays, "radiance direction")
     wants = (wp.int32, "wants_radiance wants_direction"), (arrays, "grad_direction grad_radiance")

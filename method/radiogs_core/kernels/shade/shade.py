@@ -22,10 +22,9 @@ from torch import Tensor
 
 from ...instruments import count
 from ..arguments import MOST_ENTRIES
-from ..arrangement import as_on_cuda
+from ..arrangement import an_item, as_on_cuda
 from ..lanes import LANES
-from ..native_kernel import INTEGERS, LONGS, Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, LONGS, Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
 from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
@@ -235,7 +234,7 @@ radiance is known, and where the numbers of a normal lie."""
 def shading_words(dtype: torch.dtype, on_cuda: bool, kind: Kind) -> dict[str, object]:
     """The values of the words in ``SHADE``."""
     return {
-        "SAMPLES_IN_A_BLOCK": 1 if on_cuda else LANES_ON_CPU,
+        "SAMPLES_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU),
         "ATAN_TERMS": ATAN_TERMS[dtype],
         "EXP_TERMS": EXP_TERMS[dtype],
         "F0": FRESNEL_NORMAL,

@@ -13,14 +13,16 @@ import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ..arrangement import as_on_cuda
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, WorkerSums, launch_in_parallel
 from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
 
 SPLITSUM = native_file(__package__, "splitsum.inl", ANGLE)
+
+POINTS_ON_CPU = 64
+"""Surface points of an item on the CPU."""
 
 
 def split_sum(
@@ -60,9 +62,9 @@ class _SplitSum(torch.autograd.Function):
     def forward(ctx: Any, first_level: float, table: Tensor, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.contiguous() for value in inputs)
         normal, *_, diffuse, glossy, sharp = inputs
-        on_cuda, sizes = as_on_cuda(normal.device), [len(diffuse), *sharp.shape[:2], len(table)]
-        ctx.kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, on_cuda)
-        ctx.given, ctx.items = [*sizes, *inputs, table], -(-len(normal) // points_an_item(on_cuda))
+        ctx.kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
+        ctx.given = [len(diffuse), *sharp.shape[:2], len(table), *inputs, table]
+        ctx.items = items_of(len(normal), normal.device, POINTS_ON_CPU)
         out = normal.new_empty(len(normal), 2, 3)
         launch_in_parallel(ctx.kernels.forward, ctx.items, out.device, [*ctx.given, out])
         ctx.save_for_backward(*inputs)
@@ -77,11 +79,6 @@ class _SplitSum(torch.autograd.Function):
         return None, None, *own, *maps.total()
 
 
-def points_an_item(on_cuda: bool) -> int:
-    """Number of surface points that one item of the kernels shades."""
-    return 1 if on_cuda else 64
-
-
 @cache
 def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cuda: bool) -> Pair:
     """The kernels for a scalar type and a division of work; an item is some surface points.
@@ -89,7 +86,7 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
     There are ``levels`` glossy maps, at the roughness ``first_level`` and its multiples.
     """
     words = {
-        "POINTS_AN_ITEM": points_an_item(on_cuda),
+        "POINTS_AN_ITEM": an_item(on_cuda, POINTS_ON_CPU),
         "FIRST_LEVEL": first_level,
         "LEVELS": levels,
         "F0": FRESNEL_NORMAL,

@@ -7,8 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, launch_in_parallel
 from .geometry import SplatGeometry
 

@@ -17,8 +17,7 @@ from torch import Tensor
 
 from ...scene.camera import Camera
 from ..lanes import LANES
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, launch_in_parallel, scalar_type
 from .geometry import SplatGeometry
 

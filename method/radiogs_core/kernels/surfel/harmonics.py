@@ -8,8 +8,7 @@ import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ..native_kernel import Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, launch_in_parallel
 
 HARMONICS = native_file(__package__, "harmonics.inl")

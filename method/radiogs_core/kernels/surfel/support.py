@@ -10,8 +10,7 @@ from torch import Tensor
 
 from ...instruments import current, fire
 from ..lanes import LANES
-from ..native_kernel import BYTES, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import BYTES, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, launch_in_parallel
 from .geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
 

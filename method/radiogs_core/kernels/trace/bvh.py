@@ -16,8 +16,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..native_kernel import BYTES, DOUBLES, INTEGERS, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import BYTES, DOUBLES, INTEGERS, flat, native_file, native_kernel
 from ..runtime import UNFUSED, launch, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from ..surfel.support import REGULAR, support_of

@@ -17,8 +17,7 @@ from ...instruments import amounts_in, count, current
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
 from ..lanes import LANES, bell_words
-from ..native_kernel import INTEGERS, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
 from ..runtime import CHUNKS_PER_WORKER, NATIVE, in_parallel, launch, scalar_type, workers
 from ..surfel.geometry import MAX_ALPHA
 from .bvh import LEAF_FIELDS, SurfelBVH

@@ -8,8 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ...errors import UsageError
-from ..native_kernel import INTEGERS, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
 from ..runtime import NATIVE, launch_in_parallel, scalar_type
 
 RAY_ORDER = native_file(__package__, "ray_order.inl")

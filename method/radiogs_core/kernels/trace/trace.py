@@ -15,10 +15,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...instruments import count, current, fire, require_finite_blend
-from ..arrangement import as_on_cuda
+from ..arrangement import an_item, as_on_cuda, items_of
 from ..lanes import LANES
-from ..native_kernel import INTEGERS, Pair, flat, native_kernel
-from ..native_text import native_file
+from ..native_kernel import INTEGERS, Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
 from ..surfel.geometry import MAX_ALPHA, TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from ..surfel.harmonics import HARMONICS
@@ -142,13 +141,13 @@ class _Blend(torch.autograd.Function):
         origin, *surface, sh, features = inputs
         inputs = origin.contiguous(), _rows(SplatGeometry(*surface)), sh.contiguous(), features.contiguous()
         origin, _, sh, features = inputs
-        direction = direction.contiguous()
-        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
-        rays = len(origin)
+        direction, rays = direction.contiguous(), len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
         lit = origin.new_empty(3 * len(lists.surfel) if learns and any(ctx.needs_input_grad) else 0)
         ctx.given = [*vars(lists).values(), direction, *inputs, sh.shape[1], features.shape[1]]
-        launch_in_parallel(kernels.forward, _runs(origin), origin.device, [*ctx.given, *outputs, lit])
+        ctx.kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
+        ctx.items = items_of(rays, origin.device, RAYS_OF_A_RUN)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, origin.device, [*ctx.given, *outputs, lit])
         of_surfel = (sh.shape[1] * sh.shape[2] + features.shape[1]) * origin.element_size()
         count(bytes_read=len(lists.surfel) * of_surfel)
         ctx.save_for_backward(*inputs, *outputs, lit)
@@ -157,23 +156,12 @@ class _Blend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor) -> Any:
         origin, surface, sh, features, *outputs = ctx.saved_tensors
-        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         grad_origin = torch.empty_like(origin)
         sums = WorkerSums((surface, sh, features), origin.device)
         arguments = [*ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
-        launch_in_parallel(kernels.backward, _runs(origin), origin.device, arguments, sums)
+        launch_in_parallel(ctx.kernels.backward, ctx.items, origin.device, arguments, sums)
         to_surface, to_sh, to_features = sums.total()
         return None, None, None, grad_origin, *_of_rows(to_surface), to_sh, to_features
-
-
-def rays_of_a_run(on_cuda: bool) -> int:
-    """Rays of an item: one on CUDA."""
-    return 1 if on_cuda else RAYS_OF_A_RUN
-
-
-def _runs(rays: Tensor) -> int:
-    """Number of items of the kernels."""
-    return -(-len(rays) // rays_of_a_run(as_on_cuda(rays.device)))
 
 
 @cache
@@ -184,7 +172,7 @@ def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
     surfel, centre and opacity, then each axis and the normal with a number that does not count. ``out_lit``: the colour
     of every hit, three numbers each, for the backward pass; none if it is empty.
     """
-    words, arrays = {"MAX_ALPHA": MAX_ALPHA, "RUN": rays_of_a_run(on_cuda)}, flat(dtype)
+    words, arrays = {"MAX_ALPHA": MAX_ALPHA, "RUN": an_item(on_cuda, RAYS_OF_A_RUN)}, flat(dtype)
     make = partial(native_kernel, TRACE, dtype, NATIVE, on_cuda=on_cuda, words=words)
     forward = (
         (INTEGERS, "hits_ray hits_begin hits_surfel"),

@@ -8,8 +8,7 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs_core.kernels.native_kernel import flat, native_kernel
-from radiogs_core.kernels.native_text import native_file
+from radiogs_core.kernels.native_kernel import flat, native_file, native_kernel
 from radiogs_core.kernels.runtime import NATIVE, launch
 
 CPU = torch.device("cpu")
