@@ -203,21 +203,21 @@ def launch_in_parallel(
     team = workers(device)
     if count == 0:
         return
-
-    def given(worker: int) -> Sequence[Any]:
-        return arguments if sums is None else [*arguments, *sums.of(worker)]
-
     if team == 1:
-        launch(kernel, count, device, given(0))
+        launch(kernel, count, device, _with_sums(arguments, sums, 0))
         return
     pieces = min(count, team * CHUNKS_PER_WORKER)
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        command, values = recorded(kernel, device), given(worker)
-        command.arguments.write(values)
+        command, given = recorded(kernel, device), _with_sums(arguments, sums, worker)
+        command.arguments.write(given)
         for begin, end in list(pairwise(bounds))[worker::team]:
             command.run(begin, end - begin)
 
     for done in [_pool(team).submit(work, worker) for worker in range(team)]:
         done.result()
+
+
+def _with_sums(arguments: Sequence[Any], sums: WorkerSums | None, worker: int) -> Sequence[Any]:
+    return arguments if sums is None else [*arguments, *sums.of(worker)]
