@@ -19,16 +19,22 @@ from .runtime import scalar_type, start_warp
 _SECTION = re.compile(r"// ---- (\w+)")
 _INCLUDE = re.compile(r'#include "([\w.:]+)"')
 
-INTEGERS, LONGS, DOUBLES = wp.array(dtype=wp.int32), wp.array(dtype=wp.int64), wp.array(dtype=wp.float64)
-"""Types of arrays whatever the scalar type, by their items: int32, int64 and float64."""
 
-BYTES, SIGNS, FLAGS = wp.array(dtype=wp.uint8), wp.array(dtype=wp.int8), wp.array(dtype=wp.bool)
-"""Further types of arrays: uint8, int8 and bool."""
+def array_of(items: Any) -> Any:
+    """The type of an array, by the type of its items."""
+    return wp.array(dtype=items)
 
 
 def flat(dtype: torch.dtype) -> Any:
     """The type of an array of scalars, float32 or float64."""
-    return wp.array(dtype=scalar_type(dtype))
+    return array_of(scalar_type(dtype))
+
+
+INTEGERS, LONGS, DOUBLES = array_of(wp.int32), array_of(wp.int64), array_of(wp.float64)
+"""Types of arrays whatever the scalar type: of int32, int64 and float64."""
+
+BYTES, SIGNS, FLAGS = array_of(wp.uint8), array_of(wp.int8), array_of(wp.bool)
+"""Further types of arrays: of uint8, int8 and bool."""
 
 
 class Pair(NamedTuple):

@@ -17,7 +17,7 @@ from ...instruments import amounts_in, count, current
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
 from ..lanes import LANES, bell_words
-from ..native_kernel import INTEGERS, flat, native_file, native_kernel
+from ..native_kernel import INTEGERS, array_of, flat, native_file, native_kernel
 from ..runtime import CHUNKS_PER_WORKER, NATIVE, in_parallel, launch, scalar_type, workers
 from ..surfel.geometry import MAX_ALPHA
 from .bvh import LEAF_FIELDS, SurfelBVH
@@ -154,7 +154,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> HitKernels:
         "MAX_ALPHA": MAX_ALPHA, **bell_words(dtype),
     }  # fmt: skip
     make, arrays = partial(native_kernel, HITS, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
-    vectors = wp.array(dtype=wp.types.vector(3, scalar_type(dtype)))
+    vectors = array_of(wp.types.vector(3, scalar_type(dtype)))
     gather = (
         (wp.int32, "of_origin"),
         (INTEGERS, "rays"),
