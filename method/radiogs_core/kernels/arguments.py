@@ -5,9 +5,8 @@ Warp array for each tensor, or ``wp.launch``, describes and checks all of them f
 """
 
 import ctypes
-import inspect
 from collections.abc import Sequence
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import torch
 import warp as wp
@@ -35,31 +34,19 @@ def lens_of(camera: Camera) -> wp.vec4d:
     return wp.vec4d(camera.fx, camera.fy, camera.cx, camera.cy)
 
 
-class Parameter(NamedTuple):
-    """A parameter of a kernel."""
-
-    name: str
-    """Its name."""
-    dtype: torch.dtype | None
-    """Type of the scalars of an array of one axis; None for other parameters."""
-    width: int
-    """Scalars of an item of the array: 3 for an array of vectors of three."""
-
-
 class Arguments:
-    """Values of a kernel's parameters in memory, as native code reads them.
+    """Values of a kernel's parameters after the first in memory, as native code reads them.
 
     Args:
-        kernel: Name of the kernel, for errors.
-        kind: Type of the ctypes structure that holds them. It has a field for each parameter, and may have more.
-        parameters: The parameters.
+        kernel: The kernel.
+        kind: Type of the ctypes structure that holds all parameters by their names.
     """
 
-    def __init__(self, kernel: str, kind: Any, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, kernel: wp.Kernel, kind: Any) -> None:
         memory = bytearray(-(-ctypes.sizeof(kind) // ADDRESS) * ADDRESS)
-        self.kernel, self.structure = kernel, kind.from_buffer(memory)
+        self.kernel, self.structure = kernel.key, kind.from_buffer(memory)
         self._addresses, self._lengths = memoryview(memory).cast("Q"), memoryview(memory).cast("i")
-        self._places = [_place(self.structure, parameter) for parameter in parameters]
+        self._places = [_place(self.structure, each.label, each.type) for each in kernel.adj.args[1:]]
 
     def write(self, values: Sequence[Any]) -> None:
         """Write a value for each parameter: contiguous tensors as arrays, other values as they are.
@@ -89,26 +76,17 @@ class Arguments:
         raise TypeError(f"'{name}' of {self.kernel} takes {takes}, not {tensor.dtype}{gaps}")
 
 
-def _place(structure: Any, parameter: Parameter) -> tuple[str, torch.dtype | None, int, int, int]:
-    """Name, type and width of a parameter, and where its address and length are; writes what an array always has."""
-    name, dtype, width = parameter
-    if dtype is None:
-        return name, dtype, width, 0, 0
-    array = getattr(structure, name)
+def _place(structure: Any, name: str, declared: Any) -> tuple[str, torch.dtype | None, int, int, int]:
+    """Name of a parameter, and where the address and the length of an array are; writes what an array always has.
+
+    Second and third are the type of an array's scalars, None for another parameter, and the number of scalars of an
+    item of the array.
+    """
+    if not isinstance(declared, wp.array):
+        return name, None, 1, 0, 0
+    dtype = wp.dtype_to_torch(getattr(declared.dtype, "_wp_scalar_type_", declared.dtype))
+    array, width = getattr(structure, name), wp.types.type_size(declared.dtype)
     array.ndim, array.strides[0] = 1, width * dtype.itemsize
     begin = getattr(type(structure), name).offset
     address, length = begin + type(array).data.offset, begin + type(array).shape.offset
     return name, dtype, width, address // ADDRESS, length // LENGTH
-
-
-def parameters_of(kernel: wp.Kernel) -> list[Parameter]:
-    """The parameters that a kernel declares."""
-    declared = inspect.signature(kernel.func).parameters.values()
-    return [_parameter(parameter.name, parameter.annotation) for parameter in declared]
-
-
-def _parameter(name: str, declared: Any) -> Parameter:
-    if not isinstance(declared, wp.array) or declared.ndim != 1:
-        return Parameter(name, None, 1)
-    scalar = getattr(declared.dtype, "_wp_scalar_type_", declared.dtype)
-    return Parameter(name, wp.dtype_to_torch(scalar), wp.types.type_size(declared.dtype))

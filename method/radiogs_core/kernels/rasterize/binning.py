@@ -19,7 +19,7 @@ from ..arguments import MOST_ENTRIES, require_countable
 from ..arrangement import as_on_cuda
 from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, LONGS, native_file, native_kernel
 from ..runtime import ITEMWISE, launch, launch_in_parallel
-from ..surfel.support import DEGENERATE, FAINT, SATURABLE
+from ..surfel.support import count_kinds
 
 BINNING = native_file(__package__, "binning.inl")
 
@@ -89,12 +89,8 @@ def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_a
 def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
     """``starts`` and ``members`` by a stable sort of all pairs, for CUDA."""
     across, count = _grid(camera)
-    kind, tiles = bounds.kind, bounds.tiles
-    fire(
-        degenerate_surfels=(kind == DEGENERATE).sum(),
-        faint_surfels=(kind == FAINT).sum(),
-        saturable_surfels=(kind == SATURABLE).sum(),
-    )
+    tiles = bounds.tiles
+    count_kinds(bounds.kind)
     drawn = torch.nonzero(bounds.touched)[:, 0]
     nearest_first = drawn[_in_order(bounds.depth[drawn]).argsort(stable=True)]
     counts = _pairs(tiles[nearest_first])

@@ -123,7 +123,8 @@ class _Blend(torch.autograd.Function):
             count(blended_pairs=pairs, bytes_read=pairs * read)
         if detached:
             # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
-            together = _joined(tuple(_zero_if(index in detached, values) for index, values in enumerate(features)))
+            kept = (torch.zeros_like(each) if k in detached else each for k, each in enumerate(features))
+            together = _joined(tuple(kept))
         ctx.view, ctx.items, ctx.detached = view, items, detached
         ctx.save_for_backward(records, together, sums, ends, *images)
         ctx.set_materialize_grads(False)
@@ -148,10 +149,6 @@ class _Blend(torch.autograd.Function):
 
 def _joined(features: tuple[Tensor, ...]) -> Tensor:
     return torch.cat(features, -1) if len(features) > 1 else features[0].contiguous()
-
-
-def _zero_if(absent: bool, values: Tensor) -> Tensor:
-    return torch.zeros_like(values) if absent else values
 
 
 def _view(seen: Projection, depth_unit: float) -> list[Any]:

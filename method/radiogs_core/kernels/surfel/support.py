@@ -47,15 +47,15 @@ class Support:
         """
         return self.kind >= REGULAR
 
-    def counted(self) -> "Support":
-        """This support, after counting its guards; call it once for each set of surfels that is binned or fitted."""
-        if current() is not None:
-            fire(
-                degenerate_surfels=(self.kind == DEGENERATE).sum(),
-                faint_surfels=(self.kind == FAINT).sum(),
-                saturable_surfels=(self.kind == SATURABLE).sum(),
-            )
-        return self
+
+def count_kinds(kind: UInt8[Tensor, " surfels"]) -> None:
+    """Count the guards of surfels by their kinds; call it once for each set of surfels that is binned or fitted."""
+    if current() is not None:
+        fire(
+            degenerate_surfels=(kind == DEGENERATE).sum(),
+            faint_surfels=(kind == FAINT).sum(),
+            saturable_surfels=(kind == SATURABLE).sum(),
+        )
 
 
 @torch.no_grad()

@@ -19,7 +19,7 @@ from ..arrangement import as_on_cuda
 from ..native_kernel import BYTES, DOUBLES, INTEGERS, flat, native_file, native_kernel
 from ..runtime import UNFUSED, launch, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
-from ..surfel.support import REGULAR, support_of
+from ..surfel.support import REGULAR, count_kinds, support_of
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 FIT = native_file(__package__, "fit.inl")
@@ -93,7 +93,8 @@ class SurfelBVH:
         self.leaves = centre.new_empty(leaves, LEAF_FIELDS, WIDTH)
         self.areas = centre.new_empty(nodes + leaves, dtype=torch.float64)
         bounds = [centre.new_empty(nodes + leaves, 6), self.areas]
-        support = support_of(geometry).counted()
+        support = support_of(geometry)
+        count_kinds(support.kind)
         surfels = [getattr(geometry, field.name).contiguous() for field in fields(geometry)]
         of_leaves = [nodes, order, *surfels, support.radius, support.extent, support.kind, self.leaves, *bounds]
         kernels = fit_kernels(centre.dtype)
