@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ...scene.camera import Camera
 from ..arguments import lens_of
+from ..differentiable import differentiable
 from ..lanes import LANES
 from ..native_kernel import BYTES, SIGNS, Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, NATIVE, launch_in_parallel
@@ -37,33 +38,19 @@ pixel itself and of its neighbours."""
 
 def points_of(camera: Camera, depth: Float[Tensor, "height width"]) -> Float[Tensor, "height width 3"]:
     """The world point of each pixel at its z-depth (world units); the camera's centre where the depth is zero."""
-    return _Points.apply(camera.to(depth.device, depth.dtype), depth)
-
-
-class _Points(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, camera: Camera, depth: Tensor) -> Tensor:
-        out = depth.new_empty(*depth.shape, 3)
-        ctx.camera = [depth.shape[1], lens_of(camera), camera.camera_to_world.contiguous()]
-        arguments = [*ctx.camera, depth.detach().contiguous(), out]
-        launch_in_parallel(point_kernels(depth.dtype).forward, depth.numel(), depth.device, arguments)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> tuple[None, Tensor]:
-        out = pull.new_empty(pull.shape[:2])
-        arguments = [*ctx.camera, pull.contiguous(), out]
-        launch_in_parallel(point_kernels(pull.dtype).backward, out.numel(), out.device, arguments)
-        return None, out
+    camera = camera.to(depth.device, depth.dtype)
+    constants = depth.shape[1], lens_of(camera), camera.camera_to_world.contiguous()
+    return differentiable(point_kernels(depth.dtype), depth.numel(), constants, [(*depth.shape, 3)], depth)[0]
 
 
 @cache
 def point_kernels(dtype: torch.dtype) -> Pair:
     """The kernels of points for a scalar type; an item is a pixel. ``pose``: camera to world, four rows of four."""
     make, arrays = partial(native_kernel, POINTS, dtype, ITEMWISE), flat(dtype)
-    given = (wp.int32, "width"), (wp.vec4d, "lens"), (arrays, "pose")
-    forward = make("forward", "item", *given, (arrays, "depth out"))
-    return Pair(forward, make("backward", "item", *given, (arrays, "pull out")))
+    given = (wp.int32, "width"), (wp.vec4d, "lens"), (arrays, "pose depth")
+    return Pair(
+        make("forward", "item", *given, (arrays, "out")), make("backward", "item", *given, (arrays, "pull out"))
+    )
 
 
 def one_sided_normals(

@@ -129,7 +129,8 @@ def image_terms(
         maps: Maps of 1 or 3 channels, one for each of ``terms.smoothness`` after the first.
     """
     widths = tuple(each.shape[-1] for each in maps)
-    plan = _planned(terms, widths, blended.alpha.shape, blended.alpha.dtype, blended.alpha.device)
+    alpha, on_cuda = blended.alpha, as_on_cuda(blended.alpha.device)
+    plan = _planned(terms, widths, alpha.shape, alpha.dtype, alpha.device, on_cuda)
     losses = _Terms.apply(plan, camera, aim, *blended, *images, *maps).unbind() if plan.names else ()
     return dict(zip(plan.names, losses, strict=True))
 
@@ -140,7 +141,15 @@ class _Plan:
     ``images``, ``maps``: indices of those that are used; map 0 is that of the normals.
     """
 
-    def __init__(self, terms: Terms, widths: tuple[int, ...], shape: torch.Size, like: Tensor) -> None:
+    def __init__(
+        self,
+        terms: Terms,
+        widths: tuple[int, ...],
+        shape: torch.Size,
+        dtype: torch.dtype,
+        device: torch.device,
+        on_cuda: bool,
+    ) -> None:
         self.terms, self.count = terms, len(terms.images)
         self.images = [k for k, each in enumerate(terms.images) if each.absolute or each.similarity or each.squared]
         self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
@@ -148,19 +157,20 @@ class _Plan:
         self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
         height, width = shape
         self.size, self.copied = (height, width), bool(self.maps) and (terms.masked or len(self.maps) > 1)
-        on_cuda, dtype = as_on_cuda(like.device), like.dtype
         self.kernels = term_kernels(dtype, on_cuda)
         self.items = blocks_in(height, width, columns_of(on_cuda))
         self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
         self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
-        self._place(height * width, like)
+        self._place(height * width)
+        self.mixing, self.constant = (value.to(device, dtype) for value in (self.mixing, self.constant))
+        self.unmixing = self.mixing.mT.contiguous()
         self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
         self.tail = [
             terms.background, terms.far, len(self.images), len(self.maps) if self.copied else 0,
             _filled(COUNTS, self.widths),
         ]  # fmt: skip
 
-    def _place(self, pixels: int, like: Tensor) -> None:
+    def _place(self, pixels: int) -> None:
         """Give each sum an index, -1 if it is absent; name the losses, and make the matrix that mixes the sums."""
         terms = self.terms
         rows: list[tuple[str, dict[int, float], float]] = []
@@ -181,16 +191,11 @@ class _Plan:
             self.sums += 1
         self.names = [name for name, _, _ in rows]
         mixing = [[entries.get(column, 0.0) for column in range(self.sums)] for _, entries, _ in rows]
-        self.mixing = torch.tensor(mixing, dtype=torch.float64).to(like)
-        self.unmixing = self.mixing.mT.contiguous()
-        self.constant = torch.tensor([constant for _, _, constant in rows], dtype=torch.float64).to(like)
+        self.mixing = torch.tensor(mixing, dtype=torch.float64)
+        self.constant = torch.tensor([constant for _, _, constant in rows], dtype=torch.float64)
 
 
-@lru_cache(maxsize=64)
-def _planned(
-    terms: Terms, widths: tuple[int, ...], shape: torch.Size, dtype: torch.dtype, device: torch.device
-) -> _Plan:
-    return _Plan(terms, widths, shape, torch.empty(0, dtype=dtype, device=device))
+_planned = lru_cache(maxsize=64)(_Plan)
 
 
 class _Terms(torch.autograd.Function):

@@ -109,10 +109,6 @@ def project_surfels(
     return ProjectedSurfels(camera, Bounds(*bounds), records, normal, radiance, sent)
 
 
-def _lens(camera: Camera) -> tuple[wp.vec4d, wp.vec2i]:
-    return lens_of(camera), wp.vec2i(camera.width, camera.height)
-
-
 def _new_bounds(like: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     count, device = len(like), like.device
     return (
@@ -128,7 +124,8 @@ class _FromGeometry(torch.autograd.Function):
     def forward(ctx: Any, camera: Camera, *surfels: Tensor) -> tuple[Tensor, ...]:
         given, pose = [value.contiguous() for value in surfels], camera.camera_to_world.contiguous()
         records, bounds = given[0].new_empty(len(given[0]), RECORD), _new_bounds(given[0])
-        arguments = [len(records), pose, *_lens(camera), *given, records, *bounds]
+        size = wp.vec2i(camera.width, camera.height)
+        arguments = [len(records), pose, lens_of(camera), size, *given, records, *bounds]
         ctx.kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
         ctx.pose, ctx.items = pose, items_of(len(records), records.device, SURFELS_ON_CPU)
         launch_in_parallel(ctx.kernels.forward, ctx.items, records.device, arguments)
@@ -160,9 +157,9 @@ class _FromSurfels(torch.autograd.Function):
         records, normal = centre.new_empty(len(centre), RECORD), torch.empty_like(centre)
         radiance = harmonics if sh is None else torch.empty_like(centre)
         sent = torch.empty_like(centre) if sh is not None and any(ctx.needs_input_grad) else radiance
-        bounds, pixel = _new_bounds(centre), 2 / (camera.fx + camera.fy)
+        bounds, pixel, size = _new_bounds(centre), 2 / (camera.fx + camera.fy), wp.vec2i(camera.width, camera.height)
         arguments = [
-            len(centre), pose, pixel, *_lens(camera), coefficients, int(shown_only), *given,
+            len(centre), pose, pixel, lens_of(camera), size, coefficients, int(shown_only), *given,
             records, normal, radiance, sent, *bounds,
         ]  # fmt: skip
         ctx.kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))

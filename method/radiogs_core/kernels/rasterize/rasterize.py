@@ -11,7 +11,7 @@ The item of both passes is a tile on the CPU: its pixels are the lanes of vector
 that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -113,9 +113,12 @@ class _Blend(torch.autograd.Function):
         sums, ends = records.new_empty(*shape, PIXEL_SUMS), seen.lists.starts.new_empty(shape)
         items = _items(camera, records.device)
         blended = ends.new_empty(items)
-        view = _view(seen, depth_unit)
-        outputs = [*_planes(kernels, images, planes), sums, ends, blended]
-        arguments = [*view, records, together, *outputs]
+        widths = [image.shape[-1] for image in images]
+        strides = kernels.Strides(*(width for width in widths for _ in range(width)))
+        size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))
+        view = [lens_of(camera), size, depth_unit, seen.lists.starts, seen.lists.members]
+        addresses = _planes(kernels.Planes, images, widths, planes)
+        arguments = [*view, records, together, addresses, strides, sums, ends, blended]
         launch_in_parallel(kernels.forward, items, records.device, arguments)
         if current() is not None:
             (pairs,) = amounts_in(blended.sum(0, keepdim=True))
@@ -125,7 +128,7 @@ class _Blend(torch.autograd.Function):
             # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
             kept = (torch.zeros_like(each) if k in detached else each for k, each in enumerate(features))
             together = _joined(tuple(kept))
-        ctx.view, ctx.items, ctx.detached = view, items, detached
+        ctx.kernels, ctx.view, ctx.strides, ctx.items, ctx.detached = kernels, view, strides, items, detached
         ctx.save_for_backward(records, together, sums, ends, *images)
         ctx.set_materialize_grads(False)
         return *planes, *images
@@ -133,16 +136,15 @@ class _Blend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor | None) -> Any:
         records, together, sums, ends, *images = ctx.saved_tensors
-        device = records.device
-        kernels = blend_kernels(records.dtype, together.shape[1], as_on_cuda(device))
+        device, kind = records.device, ctx.kernels.Planes
         kept = [None if index in ctx.detached else image for index, image in enumerate(images)]
         widths = [image.shape[-1] for image in images]
         given = [pull if pull is None else pull.contiguous() for pull in pulls]
-        planes, strides = _planes(kernels, kept, [None] * PLANES, widths)
-        pulls_of, _ = _planes(kernels, given[PLANES:], given[:PLANES], widths)
+        planes = _planes(kind, kept, widths, [None] * PLANES)
+        pulls_of = _planes(kind, given[PLANES:], widths, given[:PLANES])
         gradients = WorkerSums([records, together], device)
-        arguments = [*ctx.view, records, together, planes, strides, pulls_of, sums, ends]
-        launch_in_parallel(kernels.backward, ctx.items, device, arguments, gradients)
+        arguments = [*ctx.view, records, together, planes, ctx.strides, pulls_of, sums, ends]
+        launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments, gradients)
         to_records, to_features = gradients.total()
         return None, None, None, to_records, *(to_features.split(widths, -1) if len(widths) > 1 else [to_features])
 
@@ -151,33 +153,17 @@ def _joined(features: tuple[Tensor, ...]) -> Tensor:
     return torch.cat(features, -1) if len(features) > 1 else features[0].contiguous()
 
 
-def _view(seen: Projection, depth_unit: float) -> list[Any]:
-    """The arguments of both kernels that a projection gives, apart from the records."""
-    camera, lens = seen.camera, lens_of(seen.camera)
-    size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))
-    return [lens, size, depth_unit, seen.lists.starts, seen.lists.members]
-
-
-def _planes(
-    kernels: "BlendKernels",
-    images: Sequence[Tensor | None],
-    others: Sequence[Tensor | None],
-    widths: Sequence[int] | None = None,
-) -> list[Any]:
-    """The addresses of all channels and of ``others``, the PLANES, 0 where there is none; and the channels' strides.
+def _planes(kind: Any, images: Sequence[Tensor | None], widths: Sequence[int], others: Sequence[Tensor | None]) -> Any:
+    """The addresses of all channels, and of ``others``, the PLANES; 0 where there is none.
 
     Each of the images is contiguous; together they have all channels. ``widths``: their numbers of channels.
     """
-    widths = [image.shape[-1] for image in images if image is not None] if widths is None else widths
-    parts = [_addresses(image, width) for image, width in zip(images, widths, strict=True)]
-    strides = [width for width in widths for _ in range(width)]
-    ends = [0 if plane is None else plane.data_ptr() for plane in others]
-    return [kernels.Planes(*(address for part in parts for address in part), *ends), kernels.Strides(*strides)]
-
-
-def _addresses(image: Tensor | None, width: int) -> Iterator[int]:
-    for channel in range(width):
-        yield 0 if image is None else image.data_ptr() + channel * image.element_size()
+    channels = (
+        0 if image is None else image.data_ptr() + channel * image.element_size()
+        for image, width in zip(images, widths, strict=True)
+        for channel in range(width)
+    )
+    return kind(*channels, *(0 if plane is None else plane.data_ptr() for plane in others))
 
 
 def _items(camera: Camera, device: torch.device) -> int:

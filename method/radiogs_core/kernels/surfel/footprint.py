@@ -9,16 +9,16 @@ and the axes are the rows of L^-1 along the tangents. Footprints have no gradien
 """
 
 from functools import cache, partial
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
+from ..differentiable import differentiable
 from ..lanes import LANES
 from ..native_kernel import Pair, flat, native_file, native_kernel
-from ..runtime import ITEMWISE, launch_in_parallel, scalar_type
+from ..runtime import ITEMWISE, scalar_type
 from .geometry import SplatGeometry
 
 FRAME = native_file(__package__, "frame.inl", LANES)
@@ -38,25 +38,7 @@ FOOTPRINT_WORDS = {"PIXEL_VARIANCE": PIXEL_FILTER_VARIANCE, "LEAST_COSINE": EDGE
 
 def frames(rotation: Float[Tensor, "surfels 4"]) -> Float[Tensor, "surfels 3 3"]:
     """Rotation matrices of quaternions (w, x, y, z) of any length; zero for a zero quaternion."""
-    return _Frames.apply(rotation)
-
-
-class _Frames(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, rotation: Tensor) -> Tensor:
-        rotation = rotation.detach().contiguous()
-        out = rotation.new_empty(len(rotation), 3, 3)
-        launch_in_parallel(frame_kernels(out.dtype).forward, len(rotation), out.device, [rotation, out])
-        ctx.save_for_backward(rotation)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> Tensor:
-        (rotation,) = ctx.saved_tensors
-        out = torch.empty_like(rotation)
-        arguments = [rotation, pull.contiguous(), out]
-        launch_in_parallel(frame_kernels(out.dtype).backward, len(rotation), out.device, arguments)
-        return out
+    return differentiable(frame_kernels(rotation.dtype), len(rotation), (), [(len(rotation), 3, 3)], rotation)[0]
 
 
 @cache
@@ -90,32 +72,13 @@ def widened(
         scale: Standard deviations along t_u and t_v, world units.
         opacity: Peak opacities.
     """
-    camera = camera.to(centre.device, centre.dtype)
-    return SplatGeometry(centre, *_Widened.apply(camera, centre, frame, scale, opacity))
-
-
-class _Widened(torch.autograd.Function):
-    @staticmethod
-    def forward(
-        ctx: Any, camera: Camera, centre: Tensor, frame: Tensor, scale: Tensor, opacity: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        given = [value.detach().contiguous() for value in (centre, frame, scale, opacity)]
-        axis_u, axis_v, normal, widened_opacity = map(torch.empty_like, (centre, centre, centre, opacity))
-        out = axis_u, axis_v, normal, widened_opacity
-        ctx.arguments = [camera.camera_to_world.contiguous(), 2 / (camera.fx + camera.fy), *given]
-        arguments = [*ctx.arguments, *out]
-        launch_in_parallel(footprint_kernels(centre.dtype).forward, len(centre), centre.device, arguments)
-        ctx.save_for_backward(*given)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, *pulls: Tensor) -> tuple[None, None, Tensor, Tensor, Tensor]:
-        _, frame, scale, opacity = ctx.saved_tensors
-        to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
-        given = (pull.contiguous() for pull in pulls)
-        arguments = [*ctx.arguments, *given, to_frame, to_scale, to_opacity]
-        launch_in_parallel(footprint_kernels(scale.dtype).backward, len(scale), scale.device, arguments)
-        return None, None, to_frame, to_scale, to_opacity
+    camera, kernels = camera.to(centre.device, centre.dtype), footprint_kernels(centre.dtype)
+    pose, shape = camera.camera_to_world.contiguous(), centre.shape
+    constants = pose, 2 / (camera.fx + camera.fy), centre.detach().contiguous()
+    shapes = shape, shape, shape, shape[:1]
+    return SplatGeometry(
+        centre, *differentiable(kernels, len(centre), constants, shapes, frame, scale, opacity)
+    )  # fmt: skip
 
 
 @cache

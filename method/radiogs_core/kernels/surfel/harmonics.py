@@ -1,15 +1,15 @@
 """K4: sums of spherical harmonics of many surfels in a few directions each; fused and differentiable."""
 
 from functools import cache, partial
-from typing import Any
 
 import torch
 import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
+from ..differentiable import differentiable
 from ..native_kernel import Pair, flat, native_file, native_kernel
-from ..runtime import ITEMWISE, launch_in_parallel
+from ..runtime import ITEMWISE
 
 HARMONICS = native_file(__package__, "harmonics.inl")
 
@@ -22,26 +22,8 @@ def harmonic_sum(
     Gradients flow to both. The gradient to directions is that of the polynomials; it is tangential after a
     normalisation of the directions.
     """
-    return _HarmonicSum.apply(sh, direction)
-
-
-class _HarmonicSum(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        sh, direction = (value.contiguous() for value in inputs)
-        kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], sh, direction, out]
-        launch_in_parallel(kernels.forward, len(sh), sh.device, arguments)
-        ctx.save_for_backward(sh, direction)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor]:
-        sh, direction = ctx.saved_tensors
-        gradients = torch.empty_like(sh), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], sh, direction, pull.contiguous(), *gradients]
-        launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, arguments)
-        return gradients
+    sizes, kernels = [sh.shape[1], direction.shape[1]], harmonics_kernels(sh.dtype)
+    return differentiable(kernels, len(sh), sizes, [direction.shape], sh, direction)[0]
 
 
 @cache

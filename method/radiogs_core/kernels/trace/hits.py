@@ -270,7 +270,8 @@ def _gather(
     room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS + 8)
     hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
     hits_id = torch.empty(room, dtype=torch.int32, device=device)
-    items = len(rays) if as_on_cuda(device) else _groups(len(rays), of_origin)
+    groups = len(rays) // of_origin * -(-of_origin // TOGETHER) if of_origin else -(-len(rays) // TOGETHER)
+    items = len(rays) if as_on_cuda(device) else groups  # on the CPU, rays that go through the tree together
     found, visits = torch.empty_like(rays), torch.empty(2, items, dtype=torch.int32, device=device)
     rest = torch.empty_like(start[2])
     used = torch.zeros(1, dtype=torch.int32, device=device)
@@ -278,11 +279,6 @@ def _gather(
     hits = [hits_t, hits_id, hits_alpha, used, found, rest]
     launch(kernels.gather, items, device, [*arguments, *hits, *visits])
     return _Round(slot, found, rest, hits_id, hits_t, hits_alpha, visits, start)
-
-
-def _groups(rays: int, of_origin: int) -> int:
-    """Number of groups of rays that go through the tree together on the CPU."""
-    return rays // of_origin * -(-of_origin // TOGETHER) if of_origin else -(-rays // TOGETHER)
 
 
 def _joined(
