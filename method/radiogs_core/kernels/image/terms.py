@@ -161,8 +161,7 @@ class _Plan:
         self.items = blocks_in(height, width, columns_of(on_cuda))
         self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
         self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
-        self._place(height * width)
-        self.mixing, self.constant = (value.to(device, dtype) for value in (self.mixing, self.constant))
+        self.mixing, self.constant = (value.to(device, dtype) for value in self._place(height * width))
         self.unmixing = self.mixing.mT.contiguous()
         self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
         self.tail = [
@@ -170,8 +169,11 @@ class _Plan:
             _filled(COUNTS, self.widths),
         ]  # fmt: skip
 
-    def _place(self, pixels: int) -> None:
-        """Give each sum an index, -1 if it is absent; name the losses, and make the matrix that mixes the sums."""
+    def _place(self, pixels: int) -> tuple[Tensor, Tensor]:
+        """Give each sum an index, -1 if it is absent, and name the losses.
+
+        Returns the matrix by which sums become losses and what is added to them, float64.
+        """
         terms = self.terms
         rows: list[tuple[str, dict[int, float], float]] = []
         for place, each in enumerate(terms.images[k] for k in self.images):
@@ -191,8 +193,8 @@ class _Plan:
             self.sums += 1
         self.names = [name for name, _, _ in rows]
         mixing = [[entries.get(column, 0.0) for column in range(self.sums)] for _, entries, _ in rows]
-        self.mixing = torch.tensor(mixing, dtype=torch.float64)
-        self.constant = torch.tensor([constant for _, _, constant in rows], dtype=torch.float64)
+        constants = [constant for _, _, constant in rows]
+        return torch.tensor(mixing, dtype=torch.float64), torch.tensor(constants, dtype=torch.float64)
 
 
 _planned = lru_cache(maxsize=64)(_Plan)
