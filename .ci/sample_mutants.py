@@ -171,7 +171,6 @@ def importers(root: Path, file: str, tests: Sequence[str]) -> list[str]:
     """Test files of the room that import the module of a file."""
     module = file.removesuffix(".py").partition("/")[2].replace("/", ".")
     module = module if file.startswith(("method/", "datasets/", "reports/")) else f"radiogs_bench.{module}"
-    module = module.removesuffix("_source")  # tests call the operation, whose kernels stand beside it
     package, _, name = module.rpartition(".")
     wanted = re.compile(rf"from {re.escape(module)} import|from {re.escape(package)} import .*\b{name}\b")
     files = [

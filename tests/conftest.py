@@ -15,7 +15,7 @@ SHARED_DATA = Path(os.environ.get("RADIOGS_SHARED_DATA", ROOT.parent / "shared" 
 
 
 def _checked_modules() -> list[str]:
-    """Every module with shapes, but packages (a hook on one takes all it holds) and Warp sources, which Warp types.
+    """Every module with shapes, but packages (a hook on one takes all it holds).
 
     Modules without shapes are left to the type checker: a check at each of their calls took a third of the tests' time.
     """
@@ -25,10 +25,7 @@ def _checked_modules() -> list[str]:
         ".".join(path.relative_to(ROOT / room).with_suffix("").parts)
         for room, package in zip(rooms, packages, strict=True)
         for path in sorted((ROOT / room / package).rglob("*.py"))
-        if path.stem != "__init__"
-        and not path.stem.endswith("_source")
-        and path.stem != "runtime"
-        and "from jaxtyping import" in path.read_text()
+        if path.stem != "__init__" and path.stem != "runtime" and "from jaxtyping import" in path.read_text()
     ]
 
 

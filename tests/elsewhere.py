@@ -23,7 +23,7 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_map
 
-from radiogs_core.kernels.arguments import Arguments, Struct
+from radiogs_core.kernels.arguments import Arguments
 
 NAME = "elsewhere"
 ROOT = Path(__file__).parents[1]
@@ -216,39 +216,23 @@ def _held(value: Any) -> Any:
     return value.held if isinstance(value, There) else value
 
 
-def _sides(value: Any) -> Iterator[bool]:
-    """Whether an argument of a kernel is of the device, for each array in it that is not empty."""
-    if isinstance(value, torch.Tensor) and value.numel():
-        yield isinstance(value, There)
-    elif isinstance(value, wp.array) and value.size:
-        yield value.there
-    elif isinstance(value, Struct):
-        for each in value.values.values():
-            yield from _sides(each)
-
-
 @contextmanager
 def elsewhere() -> Iterator[Account]:
     """In this block ``registered()`` works as a device."""
     registered()
     account = Account()
-    from_torch, device_from_torch, write = wp.from_torch, wp.device_from_torch, Arguments.write
-
-    def array_of(tensor: torch.Tensor, *args: Any, **kwargs: Any) -> Any:
-        made = from_torch(_held(tensor), *args, **kwargs)
-        made.there = isinstance(tensor, There)
-        return made
+    device_from_torch, write = wp.device_from_torch, Arguments.write
 
     def written(arguments: Arguments, values: Sequence[Any]) -> None:
-        sides = {side for value in values for side in _sides(value)}
-        assert len(sides) <= 1, f"{_place()}: {arguments.owner} is given arrays of the device and of the host"
+        arrays = [value for value in values if isinstance(value, torch.Tensor) and value.numel()]
+        sides = {isinstance(value, There) for value in arrays}
+        assert len(sides) <= 1, f"{_place()}: {arguments.kernel} is given arrays of the device and of the host"
         write(arguments, [_held(value) for value in values])
 
     def runs_on(device: torch.device) -> Any:
         return device_from_torch("cpu" if device.type == NAME else device)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(wp, "from_torch", array_of)
         patch.setattr(Arguments, "write", written)
         patch.setattr(wp, "device_from_torch", runs_on)
         patch.setattr(torch, "Generator", _Generator)

@@ -4,7 +4,20 @@
     L_PBR(x, w_o) = sum over w_i of  dw_i f_r(w_i, w_o) (V(w_i) L_env(w_i) + L_ind(w_i)) (n . w_i)
 
 There are two w_o: the direction towards the camera, and one drawn uniformly over the hemisphere. w_i are the incident
-directions, dw_i their solid angles; V and L_ind are traced through the surfels.
+directions, dw_i their solid angles; V and L_ind are traced through the surfels. In PyTorch, with ``outgoing`` [surfels,
+2, 3] and ``direction`` [surfels, samples, 3] the unit vectors w_o and w_i, and ``specular`` of ``kernels.shade.brdf``:
+
+    n, wo, wi = torch.broadcast_tensors(normal[:, None, None], outgoing[:, :, None], direction[:, None])
+    cosine = (n * wi).sum(-1).clamp(min=0)
+    arriving = visibility[..., None] * EnvironmentMap(environment).lookup(direction) + indirect
+    lobe = albedo[:, None, None] / torch.pi + specular(n, wo, wi, roughness[:, None, None].expand_as(cosine))[..., None]
+    physical = (weight[:, None, :, None] * cosine[..., None] * lobe * arriving[:, None]).sum(2)
+    facing = (outgoing * normal[:, None]).sum(-1, keepdim=True) > 0
+    loss = torch.where(facing, surfel_radiance(sh, outgoing) - physical, 0.0).abs().sum(1).mean()
+
+The kernel does this in one pass over blocks of samples. ``arriving`` and ``cosine`` are in the sections ``block`` and
+``look_up`` of ``kernels/shade/shade.inl``, ``specular`` and its sum in ``lobe`` and ``shade_block``, the Lambertian sum
+in ``add_diffuse``; ``outgoing`` and ``loss`` are in ``sides`` and ``forward`` of ``consistency.inl``.
 """
 
 from collections.abc import Mapping
@@ -15,7 +28,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from radiogs_core.kernels.shade.shade import consistency_of
+from radiogs_core.kernels.shade.consistency import consistency_of
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident

@@ -8,9 +8,9 @@ counted are part of a formula and act on every value; counting them would cost a
 from dataclasses import dataclass
 
 from .kernels.arguments import MOST_ENTRIES
-from .kernels.image.terms_source import MASK_CONFIDENCE
+from .kernels.image.terms import MASK_CONFIDENCE
 from .kernels.surfel.geometry import ALPHA_THRESHOLD, MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, TRACE_TRANSMITTANCE_STOP
-from .kernels.trace.fit_source import COORDINATE_PADDING
+from .kernels.trace.bvh import COORDINATE_PADDING
 from .kernels.trace.topology import DEEPEST
 from .scene.camera import RIGID_TOLERANCE, STEEPEST_RAY
 from .scene.colour import LINEAR_KNEE

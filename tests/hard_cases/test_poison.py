@@ -18,14 +18,14 @@ from radiogs.model import Model
 from radiogs.settings import Variant
 from radiogs.showing import Renderer
 from radiogs_core.errors import ExplainedError
-from radiogs_core.kernels.surfel.footprint_source import PIXEL_FILTER_VARIANCE
+from radiogs_core.kernels.surfel.footprint import PIXEL_FILTER_VARIANCE
 from radiogs_core.kernels.surfel.geometry import (
     ALPHA_THRESHOLD,
     MAX_ALPHA,
     RASTER_TRANSMITTANCE_STOP,
     TRACE_TRANSMITTANCE_STOP,
 )
-from radiogs_core.kernels.trace.fit_source import EMPTY
+from radiogs_core.kernels.trace.bvh import EMPTY
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 

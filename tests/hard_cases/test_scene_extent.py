@@ -10,7 +10,8 @@ from radiogs.model import Model
 from radiogs.settings import Variant
 from radiogs.showing import Renderer
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.rasterize.projection import project, tile_lists
+from radiogs_core.kernels.rasterize.binning import tile_lists
+from radiogs_core.kernels.rasterize.projection import project
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import begins_of, number_of_entries

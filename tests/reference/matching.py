@@ -4,8 +4,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import conv2d, grid_sample
 
-from radiogs_core.kernels.image.matching import Matched
-from radiogs_core.kernels.image.matching_source import COVERED
+from radiogs_core.kernels.image.matching import COVERED, Matched
 from radiogs_core.scene.camera import Camera
 
 

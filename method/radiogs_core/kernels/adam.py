@@ -1,14 +1,24 @@
 """K18: one Adam step of any number of tensors, each at its own learning rate, in one launch."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import accumulate
 from typing import Any
 
 import torch
+import warp as wp
 from torch import Tensor
 
-from .adam_source import BLOCK, MEAN_DECAY, SQUARE_DECAY, step_kernel
-from .runtime import launch_in_parallel
+from .native_kernel import DOUBLES, INTEGERS, LONGS, native_file, native_kernel
+from .runtime import NATIVE, launch_in_parallel
+
+ADAM = native_file(__package__, "adam.inl")
+
+BLOCK = 4096
+"""Entries of an item: enough that finding its tensor costs nothing, few enough that workers share small models."""
+
+MEAN_DECAY, SQUARE_DECAY = 0.9, 0.999
+"""Adam's beta_1 and beta_2 (Kingma and Ba 2015)."""
 
 MOMENTS = ("exp_avg", "exp_avg_sq")
 """Names of the means of gradients and of their squares."""
@@ -73,5 +83,12 @@ def _launch(
     numbers = [torch.tensor(values, device=like.device).view(-1) for values in (table, lengths)]
     limits = torch.tensor(ends, dtype=torch.int32, device=like.device)
     scales = torch.tensor(factors, dtype=torch.float64, device=like.device).view(-1)
-    arguments = [*numbers, limits, scales]
-    launch_in_parallel(step_kernel(like.dtype, guard), ends[-1], like.device, lambda _: arguments)
+    launch_in_parallel(step_kernel(like.dtype, guard), ends[-1], like.device, [*numbers, limits, scales])
+
+
+@cache
+def step_kernel(dtype: torch.dtype, guard: float) -> wp.Kernel:
+    """The kernel for a scalar type and an epsilon; an item is a block of entries of one of the tensors."""
+    words = {"BLOCK_ENTRIES": BLOCK, "MEAN_DECAY": MEAN_DECAY, "SQUARE_DECAY": SQUARE_DECAY, "GUARD": guard}
+    parameters = (LONGS, "memory lengths"), (INTEGERS, "ends"), (DOUBLES, "factors")
+    return native_kernel(ADAM, dtype, NATIVE, "step", "block", *parameters, words=words)

@@ -22,3 +22,13 @@ def cpu_as_cuda() -> Iterator[None]:
         yield
     finally:
         _cpu_too = before
+
+
+def an_item(on_cuda: bool, on_cpu: int) -> int:
+    """Number of elements that an item of a kernel processes: one on CUDA, a block of ``on_cpu`` on the CPU."""
+    return 1 if on_cuda else on_cpu
+
+
+def items_of(count: int, device: torch.device, on_cpu: int) -> int:
+    """Number of items for ``count`` elements; the last one may be partly filled."""
+    return -(-count // an_item(as_on_cuda(device), on_cpu))

@@ -7,10 +7,10 @@ where an item has one lane, ``Lanes`` is a plain number.
 
 import torch
 
-from .native_text import native_file
+from .native_kernel import native_file
 
 LANES = native_file(__package__, "lanes.inl")
-"""Sections of ``lanes.inl``."""
+"""The file ``lanes.inl``."""
 
 
 def bell_words(dtype: torch.dtype) -> dict[str, str]:

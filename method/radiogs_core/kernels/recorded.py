@@ -12,7 +12,7 @@ import torch
 import warp as wp
 from filelock import FileLock
 
-from .arguments import Arguments, Layout, parameters_of
+from .arguments import Arguments
 
 _ready: set[tuple[wp.Module, torch.device]] = set()
 """Modules that are loaded on a device."""
@@ -63,12 +63,13 @@ class Recorded:
 
     def __init__(self, kernel: wp.Kernel, device: torch.device) -> None:
         compile_for(device, kernel)
-        where, first, *others = wp.device_from_torch(device), *parameters_of(kernel)
-        command = wp.launch(kernel, dim=1, inputs=_nothing(kernel), device=where, record_cmd=True)
-        self.arguments = Arguments(Layout(kernel.key, _kind(command), others))
+        where, first = wp.device_from_torch(device), kernel.adj.args[0].label
+        nothing = [_empty(argument.type) for argument in kernel.adj.args]
+        command = wp.launch(kernel, dim=1, inputs=nothing, device=where, record_cmd=True)
+        self.arguments = Arguments(kernel, _kind(command))
         """The arguments after the first, to be written before ``run``."""
         memory, self._bounds, self._shape = self.arguments.structure, command.bounds, command.bounds.shape
-        self._first = ctypes.c_int32.from_buffer(memory, getattr(type(memory), first.name).offset)
+        self._first = ctypes.c_int32.from_buffer(memory, getattr(type(memory), first).offset)
         self._start = _on_cpu(command, memory) if where.is_cpu else _on_cuda(command, memory)
 
     def run(self, first: int, count: int) -> None:
@@ -78,12 +79,8 @@ class Recorded:
         self._start()
 
 
-def _nothing(kernel: wp.Kernel) -> list[Any]:
-    """Arguments with which a kernel can be recorded, but not run."""
-    return [_empty(argument.type) for argument in kernel.adj.args]
-
-
 def _empty(declared: Any) -> Any:
+    """A value with which a kernel can be recorded, but not run."""
     if isinstance(declared, wp.array):
         return None
     return declared() if callable(declared) else 0

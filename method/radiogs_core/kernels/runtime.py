@@ -190,12 +190,12 @@ class WorkerSums:
 
 
 def launch_in_parallel(
-    kernel: wp.Kernel, count: int, device: torch.device, arguments: Callable[[int], Sequence[Any]]
+    kernel: wp.Kernel, count: int, device: torch.device, arguments: Sequence[Any], sums: WorkerSums | None = None
 ) -> None:
     """Run ``kernel`` for items [0, count) on all workers.
 
-    The kernel's first argument is the first item of its range; ``arguments(worker)`` are the others (see
-    ``Arguments.write``).
+    The kernel's first argument is the first item of its range; ``arguments`` are the others (see ``Arguments.write``),
+    followed by a worker's copies of ``sums``, if there are any.
     On CUDA this is one launch. On the CPU the items are divided into equal chunks, and chunk k goes to worker k mod n,
     so that sums repeat for a given number of threads. Warp releases the interpreter lock during a launch, so the
     workers run in parallel.
@@ -204,16 +204,20 @@ def launch_in_parallel(
     if count == 0:
         return
     if team == 1:
-        launch(kernel, count, device, arguments(0))
+        launch(kernel, count, device, _with_sums(arguments, sums, 0))
         return
     pieces = min(count, team * CHUNKS_PER_WORKER)
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        command, given = recorded(kernel, device), arguments(worker)
+        command, given = recorded(kernel, device), _with_sums(arguments, sums, worker)
         command.arguments.write(given)
         for begin, end in list(pairwise(bounds))[worker::team]:
             command.run(begin, end - begin)
 
     for done in [_pool(team).submit(work, worker) for worker in range(team)]:
         done.result()
+
+
+def _with_sums(arguments: Sequence[Any], sums: WorkerSums | None, worker: int) -> Sequence[Any]:
+    return arguments if sums is None else [*arguments, *sums.of(worker)]

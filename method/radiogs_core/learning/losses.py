@@ -9,8 +9,7 @@ from torch import Tensor
 
 from ..kernels.image.edges import edge_allowance
 from ..kernels.image.similarity import compared
-from ..kernels.image.terms import Aim, Blended
-from ..kernels.image.terms_source import MASK_CONFIDENCE
+from ..kernels.image.terms import MASK_CONFIDENCE, Aim, Blended
 from .views import TrainingView
 
 ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT = 0.8, 0.2

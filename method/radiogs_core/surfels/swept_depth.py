@@ -13,8 +13,7 @@ from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, normalize
 
-from ..kernels.image.matching import Matched, Textures, matching_costs
-from ..kernels.image.matching_source import COVERED
+from ..kernels.image.matching import COVERED, Matched, Textures, matching_costs
 from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.scene import View

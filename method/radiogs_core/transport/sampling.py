@@ -11,8 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..kernels.runtime import launch_in_parallel
-from ..kernels.shade.shade_source import spread_kernel
+from ..kernels.shade.directions import spread
 from ..scene.light_sampler import LightSampler
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -65,20 +64,13 @@ def hemisphere_directions(
     shift = _shares(normal, generator) if shifted else None
     direction = normal.new_empty(len(normal), samples, 3)
     for some in _pieces(len(normal), samples):
-        _spread(normal[some], turn[some], None if shift is None else shift[some], around_z, direction[some])
+        spread(normal[some], turn[some], None if shift is None else shift[some], around_z, direction[some])
     return direction, share.repeat(len(normal), 1)
 
 
 def _shares(normal: Tensor, generator: torch.Generator | None) -> Float[Tensor, " surfels"]:
     """A uniform number in [0, 1) for each normal, the same in either precision."""
     return torch.rand(len(normal), generator=generator, device=normal.device).to(normal.dtype)
-
-
-def _spread(normal: Tensor, turn: Tensor, shift: Tensor | None, around_z: Tensor, direction: Tensor) -> None:
-    """Write the set ``around_z``, turned by ``turn`` turns and to each normal, to ``direction``."""
-    shifts = normal[:0, 0] if shift is None else shift
-    given = [len(around_z), int(shift is not None), normal, turn, shifts.contiguous(), around_z, direction]
-    launch_in_parallel(spread_kernel(normal.dtype), len(normal), normal.device, lambda _: given)
 
 
 @cache

@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import pad
 
+from ..kernels.image.depth_map import SOLID_ALPHA as SOLID_ALPHA
 from ..kernels.image.depth_map import one_sided_normals, points_of
-from ..kernels.image.depth_map_source import SOLID_ALPHA as SOLID_ALPHA
 from ..kernels.rasterize.rasterize import blend_together
 from ..scene.camera import Camera
 from ..surfels.surfels import Surfels

@@ -9,7 +9,8 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from ..kernels.shade.brdf import correlated_visibility, smith_visibility
-from ..kernels.shade.splitsum import look_up, split_sum
+from ..kernels.shade.lookup import look_up
+from ..kernels.shade.splitsum import split_sum
 from ..scene.light import texel_solid_angles
 from .light_filters import LEVELS, filtered_light
 

@@ -71,7 +71,7 @@ RESULTS = {*TRAINED, "parity", "stability"}
 
 MODULES: Mapping[str, set[str]] = {
     # the kit: what is shared by all, and what the second stage alone uses
-    "radiogs_core.kernels.rasterize.rasterize_source": FIRST | SECOND | RESULTS,
+    "radiogs_core.kernels.rasterize.rasterize": FIRST | SECOND | RESULTS,
     "radiogs_core.transport.tracer": SECOND | {*TRAINED, "parity"},
     # RadioGS: stages, showing
     "radiogs.initialise": FIRST | SECOND | TRAINED,
@@ -123,7 +123,7 @@ def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
     assert {name for name in unchanged if unchanged[name] != changed[name]} == MODULES[module]
 
 
-SHADED = "radiogs_core.kernels.shade.shade_source"
+SHADED = "radiogs_core.kernels.shade.shade"
 
 
 @pytest.mark.slow

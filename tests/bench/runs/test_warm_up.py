@@ -8,7 +8,7 @@ from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS, Variant
 from radiogs_bench.runs.preflight import compile_kernels
 from radiogs_core.contract import Run
-from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
+from radiogs_core.kernels.rasterize.rasterize import blend_kernels
 from radiogs_core.plain_values import with_values
 from scenes import sphere_scene
 

@@ -10,7 +10,7 @@ import pytest
 from radiogs.method import RADIOGS
 from radiogs.settings import DEVIATIONS, Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import from_plain, to_plain, with_values
+from radiogs_core.plain_values import PlainReader, to_plain, with_values
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,11 @@ class Outer:
             raise UsageError("count: below zero", "It counts.", "Leave it out.")
 
 
+READER = PlainReader("variant of m", "See its fields.")
+
+
 def read(**given: Any) -> Outer:
-    made: Outer = from_plain(Outer, {"name": "n", **given}, "variant of m")
+    made: Outer = READER.build(Outer, {"name": "n", **given}, "")
     return made
 
 
@@ -130,7 +133,7 @@ def test_wrong_values_are_refused_with_the_path_of_their_field(given: dict[str, 
 
 def test_a_field_without_a_default_is_asked_for() -> None:
     with pytest.raises(UsageError, match="variant of m: the field 'name' is missing"):
-        from_plain(Outer, {}, "variant of m")
+        READER.build(Outer, {}, "")
 
 
 @pytest.mark.parametrize(
@@ -138,4 +141,4 @@ def test_a_field_without_a_default_is_asked_for() -> None:
     [Variant(), Variant(effects="auto"), Variant(effects=("visibility",)), Variant(deviations=tuple(DEVIATIONS))],
 )
 def test_a_variant_comes_back_from_what_is_stored_of_it(variant: Variant) -> None:
-    assert from_plain(RADIOGS.variant, json.loads(json.dumps(to_plain(variant))), "v") == variant
+    assert READER.build(RADIOGS.variant, json.loads(json.dumps(to_plain(variant))), "") == variant

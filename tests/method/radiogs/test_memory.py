@@ -15,8 +15,7 @@ from radiogs.relighting import relight
 from radiogs.settings import PRESETS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.trace.hits import RAYS_AT_ONCE
-from radiogs_core.kernels.trace.hits_source import BUFFER
+from radiogs_core.kernels.trace.hits import BUFFER, RAYS_AT_ONCE
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.enlargement import enlarged

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.rasterize.binning import TILE
 from radiogs_core.kernels.rasterize.projection import Projection
-from radiogs_core.kernels.rasterize.rasterize_source import TILE
 from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
 from radiogs_core.surfels.surfels import Surfels
 

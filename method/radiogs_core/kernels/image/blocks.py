@@ -3,10 +3,11 @@
 On the CPU a block is ``COLUMNS`` pixels wide, so that loops over it are vectorised; for CUDA it is one pixel.
 """
 
-from ..native_text import native_file
+from ..arrangement import an_item
+from ..native_kernel import native_file
 
 BLOCK = native_file(__package__, "blocks.inl")
-"""Sections of ``blocks.inl``."""
+"""The file ``blocks.inl``."""
 
 COLUMNS = 64
 """Pixels of a block on the CPU."""
@@ -14,7 +15,7 @@ COLUMNS = 64
 
 def columns_of(on_cuda: bool) -> int:
     """Number of pixels of a block."""
-    return 1 if on_cuda else COLUMNS
+    return an_item(on_cuda, COLUMNS)
 
 
 def blocks_in(height: int, width: int, columns: int) -> int:

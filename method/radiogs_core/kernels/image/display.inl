@@ -1,4 +1,4 @@
-// Display colour of a block of pixels of all images; see display_source.py.
+// Display colour of a block of pixels of all images; see display.py.
 
 // ---- power
 // ``power``, x^(1 / 2.4) of ``Lanes``, as vector code on the CPU: by the mathematical library a number takes 13 ns.

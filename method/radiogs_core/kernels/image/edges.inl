@@ -1,4 +1,4 @@
-// Gradients of images, and edge-aware smoothness; see edges_source.py.
+// Gradients of images, and edge-aware smoothness; see edges.py.
 
 // ---- slopes
 // ``slope``, along x and along y, of the block's entries.

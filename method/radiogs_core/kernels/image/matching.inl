@@ -1,4 +1,4 @@
-// A plane sweep: one plane, a loop over the other views; see matching_source.py.
+// A plane sweep: one plane, a loop over the other views; see matching.py.
 
 // ---- sweep
 constexpr int LANES = PIXELS_AT_ONCE;

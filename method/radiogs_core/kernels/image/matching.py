@@ -2,16 +2,29 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 
 import torch
+import warp as wp
 from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import pad
 
 from ...scene.camera import Camera
-from ..runtime import launch_in_parallel
-from .matching_source import PIXELS_AT_ONCE, TEXEL, scratch_of, sweep_kernel
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
+from ..runtime import NATIVE, launch_in_parallel
+
+MATCHING = native_file(__package__, "matching.inl")
+
+PIXELS_AT_ONCE = 16
+"""Pixels that are processed together; padding pixels write to an extra entry behind all others."""
+
+COVERED = 0.5
+"""Coverage above which a pixel shows the object."""
+
+TEXEL = 4
+"""Numbers of a texel in memory: three colours and coverage."""
 
 
 @dataclass(frozen=True)
@@ -80,18 +93,34 @@ def matching_costs(
     colours = pad(matched.colour.T, (0, TEXEL - 3, 0, spare)).to(dtype)
     room = planes.new_empty(len(planes) * scratch_of(rows, columns, window, agreeing))
     out = planes.new_empty(len(planes), rows, columns)
-    given = [
-        planes,
-        targets,
-        colours,
-        pixels_inside(matched.covered, window).to(dtype),
-        begins,
-        pad(slopes, (0, spare)),
-    ]
-    arguments = [rows, columns, len(targets), len(others), window, agreeing, *given]
-    arguments += [torch.tensor(sizes, dtype=torch.int32), textures.memory, room, out]
-    launch_in_parallel(sweep_kernel(dtype), len(planes), planes.device, lambda _: arguments)
+    inside = pixels_inside(matched.covered, window).to(dtype)
+    arguments = [
+        rows, columns, len(targets), len(others), window, agreeing, planes, targets, colours, inside, begins,
+        pad(slopes, (0, spare)), torch.tensor(sizes, dtype=torch.int32), textures.memory, room, out,
+    ]  # fmt: skip
+    launch_in_parallel(sweep_kernel(dtype), len(planes), planes.device, arguments)
     return out
+
+
+@cache
+def sweep_kernel(dtype: torch.dtype) -> wp.Kernel:
+    """The kernel for a scalar type; an item is a plane, with a loop over the other views."""
+    parameters = (
+        (wp.int32, "rows columns pixels others window agreeing"),
+        (flat(dtype), "planes"),
+        (INTEGERS, "targets"),
+        (flat(dtype), "colours inside begins slopes"),
+        (INTEGERS, "sizes"),
+        (flat(dtype), "textures room out"),
+    )
+    words = {"TEXEL": TEXEL, "COVERED": COVERED, "PIXELS_AT_ONCE": PIXELS_AT_ONCE}
+    return native_kernel(MATCHING, dtype, NATIVE, "sweep", "plane", *parameters, words=words)
+
+
+def scratch_of(rows: int, columns: int, window: int, agreeing: int) -> int:
+    """Size of the scratch memory of an item, in numbers."""
+    wide = columns + window // 2 * 2
+    return (rows + window // 2 * 2) * wide + 1 + agreeing * rows * columns + wide + columns
 
 
 def _projected(matched: Matched, other: Camera) -> tuple[Float[Tensor, "3"], Float[Tensor, "3 pixels"]]:

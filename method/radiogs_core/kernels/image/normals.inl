@@ -1,4 +1,4 @@
-// Normals from a depth map's points; see depth_map_source.py.
+// Normals from a depth map's points; see depth_map.py.
 
 // ---- forward
 // Along each axis, the side on which inverse depth is more nearly linear; 0 if neither side has a neighbour.
@@ -133,8 +133,8 @@ for (int c = 0; c < size; ++c) {
         given[k][c] = pose.data[k] * from[0] + pose.data[4 + k] * from[1] + pose.data[8 + k] * from[2];
     coverage[c] = alpha.data[place + c];
 }
-const SCALAR wide_pixel = SCALAR(1) / focal[0], high_pixel = SCALAR(1) / focal[1];
-const SCALAR y = (SCALAR(row) + SCALAR(0.5) - offset[1]) * high_pixel;
+const SCALAR wide_pixel = SCALAR(1) / SCALAR(lens[0]), high_pixel = SCALAR(1) / SCALAR(lens[1]);
+const SCALAR middle = SCALAR(lens[2]), y = (SCALAR(row) + SCALAR(0.5) - SCALAR(lens[3])) * high_pixel;
 // How much inverse depth bends on one side; a side without neighbour is never chosen, one of NaN neither.
 auto bend = [&](Lanes here, Lanes next, Lanes second) -> Lanes {
     const Lanes by = here - SCALAR(2) * next + second, size_of_bend = by < zero ? -by : by;
@@ -144,7 +144,7 @@ auto bend = [&](Lanes here, Lanes next, Lanes second) -> Lanes {
 for (int c = 0; c < BLOCK_COLUMNS; c += LANES) {
     Lanes x;
     for (int lane = 0; lane < LANES; ++lane)
-        LANE(x, lane) = (SCALAR(begin + c + lane) + SCALAR(0.5) - offset[0]) * wide_pixel;
+        LANE(x, lane) = (SCALAR(begin + c + lane) + SCALAR(0.5) - middle) * wide_pixel;
     auto depth_at = [&](int down, int right) -> Lanes { return read(z[reach + down] + c + reach + right); };
     auto bend_to = [&](int down, int right) -> Lanes {
         const SCALAR* at[3];

@@ -1,8 +1,8 @@
-// Points of a depth map; see depth_map_source.py.
+// Points of a depth map; see depth_map.py.
 
 // ---- ray
-const SCALAR x = (SCALAR(item % width) + SCALAR(0.5) - offset[0]) / focal[0];
-const SCALAR y = (SCALAR(item / width) + SCALAR(0.5) - offset[1]) / focal[1];
+const SCALAR x = (SCALAR(item % width) + SCALAR(0.5) - SCALAR(lens[2])) / SCALAR(lens[0]);
+const SCALAR y = (SCALAR(item / width) + SCALAR(0.5) - SCALAR(lens[3])) / SCALAR(lens[1]);
 SCALAR ray[3];
 for (int c = 0; c < 3; ++c) ray[c] = pose.data[4 * c] * x + pose.data[4 * c + 1] * y + pose.data[4 * c + 2];
 

@@ -1,4 +1,4 @@
-// L1, SSIM and squared error between images; see similarity_source.py.
+// L1, SSIM and squared error between images; see similarity.py.
 
 // ---- window
 #include "blocks.inl:block"

@@ -1,4 +1,4 @@
-// The terms of a step's image losses that pixels have of their own, and their gradients; see terms_source.py.
+// The terms of a step's image losses that pixels have of their own, and their gradients; see terms.py.
 
 // ---- block
 // Coverage and mask of a block's pixels, in arrays that are zero beyond ``size``. Images and maps are passed by their

@@ -6,21 +6,40 @@ loss whose weight is zero.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple
 
 import torch
+import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
+from ...scene.colour import LINEAR_KNEE
+from ..arguments import lens_of
 from ..arrangement import as_on_cuda
-from ..runtime import launch_in_parallel
-from .blocks import blocks_in
-from .depth_map_source import surface_kernel
-from .edges_source import edge_kernels
-from .similarity_source import similarity_kernels
-from .terms_source import ENCODINGS, MOST, term_kernels
+from ..lanes import LANES
+from ..native_kernel import Pair, flat, native_file, native_kernel
+from ..runtime import NATIVE, launch_in_parallel, scalar_type
+from .blocks import BLOCK, blocks_in, columns_of
+from .depth_map import PLANES, surface_kernel
+from .display import DISPLAY, power_words
+from .edges import edge_kernels
+from .similarity import similarity_kernels
+
+TERMS = native_file(__package__, "terms.inl", BLOCK, LANES, DISPLAY)
+
+MASK_CONFIDENCE = 1e-6
+"""Coverage is kept this far from 0 and 1 inside the logarithm: one wrong pixel costs at most 13.8 nats."""
+
+MOST = 8
+"""Largest number of images, and of maps."""
+
+ENCODINGS = {"premultiplied": 0, "straight": 1, "display": 2}
+"""Numbers of the encodings: the first two are those of ``display.displayed``; "display": radiance is display sRGB."""
+
+ADDRESSES, COUNTS = wp.types.vector(MOST, wp.uint64), wp.types.vector(MOST, wp.int32)
+"""The types by which a kernel takes the addresses of images or maps, and the numbers of the maps' channels."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +65,7 @@ class Terms:
     images: tuple[Compared, ...]
     """How each image is compared with the target."""
     encoding: str
-    """How blended radiance becomes display colour: a name of ``terms_source.ENCODINGS``."""
+    """How blended radiance becomes display colour: a name of ``ENCODINGS``."""
     background: float
     """Grey level, display sRGB, behind images and target."""
     mask: float
@@ -110,7 +129,8 @@ def image_terms(
         maps: Maps of 1 or 3 channels, one for each of ``terms.smoothness`` after the first.
     """
     widths = tuple(each.shape[-1] for each in maps)
-    plan = _planned(terms, widths, blended.alpha.shape, blended.alpha.dtype, blended.alpha.device)
+    alpha, on_cuda = blended.alpha, as_on_cuda(blended.alpha.device)
+    plan = _planned(terms, widths, alpha.shape, alpha.dtype, alpha.device, on_cuda)
     losses = _Terms.apply(plan, camera, aim, *blended, *images, *maps).unbind() if plan.names else ()
     return dict(zip(plan.names, losses, strict=True))
 
@@ -121,7 +141,15 @@ class _Plan:
     ``images``, ``maps``: indices of those that are used; map 0 is that of the normals.
     """
 
-    def __init__(self, terms: Terms, widths: tuple[int, ...], shape: torch.Size, like: Tensor) -> None:
+    def __init__(
+        self,
+        terms: Terms,
+        widths: tuple[int, ...],
+        shape: torch.Size,
+        dtype: torch.dtype,
+        device: torch.device,
+        on_cuda: bool,
+    ) -> None:
         self.terms, self.count = terms, len(terms.images)
         self.images = [k for k, each in enumerate(terms.images) if each.absolute or each.similarity or each.squared]
         self.maps = [k for k, (_, weight) in enumerate(terms.smoothness) if weight]
@@ -129,20 +157,23 @@ class _Plan:
         self.attached = sum(terms.images[k].attached << place for place, k in enumerate(self.images))
         height, width = shape
         self.size, self.copied = (height, width), bool(self.maps) and (terms.masked or len(self.maps) > 1)
-        on_cuda, dtype = as_on_cuda(like.device), like.dtype
         self.kernels = term_kernels(dtype, on_cuda)
-        self.items = blocks_in(height, width, self.kernels.columns)
+        self.items = blocks_in(height, width, columns_of(on_cuda))
         self.compare, self.surface = similarity_kernels(dtype, on_cuda), surface_kernel(dtype, on_cuda)
         self.smooth = edge_kernels(dtype, on_cuda, self.widths) if self.widths else None
-        self._place(height * width, like)
+        self.mixing, self.constant = (value.to(device, dtype) for value in self._place(height * width))
+        self.unmixing = self.mixing.mT.contiguous()
         self.head = [*self.size, ENCODINGS[terms.encoding], int(terms.masked), self.mask, self.distortion]
         self.tail = [
             terms.background, terms.far, len(self.images), len(self.maps) if self.copied else 0,
-            _filled(self.kernels.counts, self.widths),
+            _filled(COUNTS, self.widths),
         ]  # fmt: skip
 
-    def _place(self, pixels: int, like: Tensor) -> None:
-        """Give each sum an index, -1 if it is absent; name the losses, and make the matrix that mixes the sums."""
+    def _place(self, pixels: int) -> tuple[Tensor, Tensor]:
+        """Give each sum an index, -1 if it is absent, and name the losses.
+
+        Returns the matrix by which sums become losses and what is added to them, float64.
+        """
         terms = self.terms
         rows: list[tuple[str, dict[int, float], float]] = []
         for place, each in enumerate(terms.images[k] for k in self.images):
@@ -162,33 +193,28 @@ class _Plan:
             self.sums += 1
         self.names = [name for name, _, _ in rows]
         mixing = [[entries.get(column, 0.0) for column in range(self.sums)] for _, entries, _ in rows]
-        self.mixing = torch.tensor(mixing, dtype=torch.float64).to(like)
-        self.unmixing = self.mixing.mT.contiguous()
-        self.constant = torch.tensor([constant for _, _, constant in rows], dtype=torch.float64).to(like)
+        constants = [constant for _, _, constant in rows]
+        return torch.tensor(mixing, dtype=torch.float64), torch.tensor(constants, dtype=torch.float64)
 
 
-@lru_cache(maxsize=64)
-def _planned(
-    terms: Terms, widths: tuple[int, ...], shape: torch.Size, dtype: torch.dtype, device: torch.device
-) -> _Plan:
-    return _Plan(terms, widths, shape, torch.empty(0, dtype=dtype, device=device))
+_planned = lru_cache(maxsize=64)(_Plan)
 
 
 class _Terms(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, plan: _Plan, camera: Camera, aim: Aim, *given: Tensor) -> Tensor:
         alpha, normal, depth, distortion, *others = (each.contiguous() for each in given)
-        like, kernels, images = alpha, plan.kernels, [others[k] for k in plan.images]
+        like, images = alpha, [others[k] for k in plan.images]
         maps = [(normal, *others[plan.count :])[k] for k in plan.maps]
         sums = like.new_empty(plan.sums, plan.items)
         encoded, shown = (like.new_empty(len(images), *plan.size, 3) for _ in range(2))
         together = like.new_empty(*plan.size, sum(plan.widths)) if plan.copied else maps[0] if maps else encoded
-        addresses = _addresses(kernels.addresses, images)
+        addresses = _addresses(images)
         arguments = [
-            *plan.head, *plan.tail, addresses, _addresses(kernels.addresses, maps),
+            *plan.head, *plan.tail, addresses, _addresses(maps),
             alpha, depth, distortion, aim.mask, encoded, shown, together, sums,
         ]  # fmt: skip
-        launch_in_parallel(kernels.forward, plan.items, like.device, lambda _: arguments)
+        launch_in_parallel(plan.kernels.forward, plan.items, like.device, arguments)
         slopes = _compare(plan, aim, shown, sums)
         normals = _orient(plan, camera, alpha, normal, depth, sums)
         answers = _smooth(plan, aim, together, sums)
@@ -202,7 +228,7 @@ class _Terms(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> tuple[Tensor | None, ...]:
         plan: _Plan = ctx.plan
         alpha, depth, target, mask, encoded, shown, slopes, normals, answers, *images = ctx.saved_tensors
-        pulls, kernels = plan.unmixing @ pull, plan.kernels
+        pulls = plan.unmixing @ pull
         of_shown = _pull_images(plan, shown, target, slopes, pulls)
         of_maps = _pull_maps(plan, answers, pulls)
         to_alpha, to_images = torch.empty_like(alpha), [torch.empty_like(each) for each in images]
@@ -214,10 +240,10 @@ class _Terms(torch.autograd.Function):
         outputs = [alpha if each is None else each for each in (to_normal, to_depth, to_distortion)]
         arguments = [
             *plan.head, plan.normal, int(smoothed), plan.attached, *plan.tail,
-            ctx.addresses, _addresses(kernels.addresses, to_images), _addresses(kernels.addresses, to_maps),
+            ctx.addresses, _addresses(to_images), _addresses(to_maps),
             alpha, depth, mask, encoded, normals, of_shown, of_maps, pulls, to_alpha, *outputs,
         ]  # fmt: skip
-        launch_in_parallel(kernels.backward, plan.items, alpha.device, lambda _: arguments)
+        launch_in_parallel(plan.kernels.backward, plan.items, alpha.device, arguments)
         others: list[Tensor | None] = [None] * ctx.further
         for place, found in zip(plan.images, to_images, strict=True):
             others[place] = found
@@ -232,9 +258,44 @@ def _filled(kind: Any, numbers: Sequence[int]) -> Any:
     return kind(*numbers, *[0] * (MOST - len(numbers)))
 
 
-def _addresses(kind: Any, tensors: Sequence[Tensor]) -> Any:
+def _addresses(tensors: Sequence[Tensor]) -> Any:
     """The addresses of tensors, as a kernel takes them."""
-    return _filled(kind, [tensor.data_ptr() for tensor in tensors])
+    return _filled(ADDRESSES, [tensor.data_ptr() for tensor in tensors])
+
+
+@cache
+def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
+    """The kernels of the terms that each pixel has of its own; an item is a block of pixels in one row.
+
+    The forward kernel also prepares what is compared with neighbours: images in display colour, and masked maps.
+    Images and maps are passed by their addresses, and maps by their ``widths``, the numbers of their channels. A term
+    that is absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied by
+    the mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see
+    ``surface_kernel``. ``attached``: bit k: coverage has a gradient by image k.
+    """
+    words = {
+        **power_words(dtype), **PLANES, "ENTRIES": 1, "REACH": 0, "BLOCK_COLUMNS": columns_of(on_cuda),
+        "VECTOR_SIZE": 1 if on_cuda else 16, "KNEE": LINEAR_KNEE, "CONFIDENCE": MASK_CONFIDENCE,
+        "STRAIGHT": ENCODINGS["straight"], "IN_DISPLAY": ENCODINGS["display"],
+    }  # fmt: skip
+    make, arrays = partial(native_kernel, TERMS, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
+    head = wp.int32, "height width encoding masked mask_term distortion_term"
+    tail = (scalar_type(dtype), "background far"), (wp.int32, "images map_count"), (COUNTS, "widths")
+    forward = (
+        head,
+        *tail,
+        (ADDRESSES, "blended given_maps"),
+        (arrays, "alpha depth distortion mask encoded shown maps sums"),
+    )
+    backward = (
+        head,
+        (wp.int32, "normal_term normal_is_smoothed attached"),
+        *tail,
+        (ADDRESSES, "blended to_blended to_maps"),
+        (arrays, "alpha depth mask encoded normals of_shown of_maps pulls"),
+        (arrays, "to_alpha to_normal to_depth to_distortion"),
+    )
+    return Pair(make("forward", "item", *forward), make("backward", "item", *backward))
 
 
 def _compare(plan: _Plan, aim: Aim, shown: Tensor, sums: Tensor) -> Tensor:
@@ -242,7 +303,7 @@ def _compare(plan: _Plan, aim: Aim, shown: Tensor, sums: Tensor) -> Tensor:
     slopes = shown.new_empty((3, *shown.shape))
     if plan.images:
         arguments = [len(shown), *plan.size, 1, shown, aim.image, slopes, sums]
-        launch_in_parallel(plan.compare.forward, plan.items, shown.device, lambda _: arguments)
+        launch_in_parallel(plan.compare.forward, plan.items, shown.device, arguments)
     return slopes
 
 
@@ -250,7 +311,7 @@ def _pull_images(plan: _Plan, shown: Tensor, target: Tensor, slopes: Tensor, pul
     out = torch.empty_like(shown)
     if plan.images:
         arguments = [len(shown), *plan.size, shown, target, slopes, pulls, out]
-        launch_in_parallel(plan.compare.backward, len(shown) * plan.items, shown.device, lambda _: arguments)
+        launch_in_parallel(plan.compare.backward, len(shown) * plan.items, shown.device, arguments)
     return out
 
 
@@ -258,11 +319,9 @@ def _orient(plan: _Plan, camera: Camera, alpha: Tensor, normal: Tensor, depth: T
     """Add up the distance of the normals from those of the depth map; returns these and the sum's derivatives."""
     out = alpha.new_empty((8, *plan.size) if plan.normal >= 0 else 0)
     if plan.normal >= 0:
-        pair = plan.surface.pair
-        lens = pair(camera.fx, camera.fy), pair(camera.cx, camera.cy)
-        pose = camera.camera_to_world.to(alpha).contiguous()
-        arguments = [*plan.size, int(plan.terms.one_sided), plan.normal, *lens, pose, depth, alpha, normal, out, sums]
-        launch_in_parallel(plan.surface.forward, plan.items, alpha.device, lambda _: arguments)
+        lens, pose = lens_of(camera), camera.camera_to_world.to(alpha).contiguous()
+        arguments = [*plan.size, int(plan.terms.one_sided), plan.normal, lens, pose, depth, alpha, normal, out, sums]
+        launch_in_parallel(plan.surface, plan.items, alpha.device, arguments)
     return out
 
 
@@ -272,7 +331,7 @@ def _smooth(plan: _Plan, aim: Aim, maps: Tensor, sums: Tensor) -> Tensor:
         return maps.new_empty(0)
     answers = maps.new_empty(2, *maps.shape)
     arguments = [*plan.size, plan.first_map, 1, maps, aim.allowance, answers, sums]
-    launch_in_parallel(plan.smooth.forward, plan.items, maps.device, lambda _: arguments)
+    launch_in_parallel(plan.smooth.forward, plan.items, maps.device, arguments)
     return answers
 
 
@@ -281,5 +340,5 @@ def _pull_maps(plan: _Plan, answers: Tensor, pulls: Tensor) -> Tensor:
         return answers
     out = answers.new_empty(answers.shape[1:])
     arguments = [*plan.size, plan.first_map, answers, pulls, out]
-    launch_in_parallel(plan.smooth.backward, plan.items, out.device, lambda _: arguments)
+    launch_in_parallel(plan.smooth.backward, plan.items, out.device, arguments)
     return out

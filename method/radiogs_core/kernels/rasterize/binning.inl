@@ -1,6 +1,18 @@
-// The lists of tiles, by one thread; see binning_source.py. For the CPU's arrangement alone.
+// The lists of tiles; see binning.py.
+
+// ---- entries
+// Every pair of a surfel and a tile, in depth order, for sorting by tile.
+const int surfel = (int)nearest_first.data[index];
+const int* box = tiles.data + 4LL * surfel;
+long long entry = begins.data[index];
+for (int row = box[1]; row <= box[3]; ++row)
+    for (int column = box[0]; column <= box[2]; ++column) {
+        out_tile.data[entry] = row * across + column;
+        out_member.data[entry++] = surfel;
+    }
 
 // ---- ordered
+// By one thread of a CPU, as ``listed``.
 // Depths are sorted by KEY_BITS of their place between the nearest and the farthest, by counting twice, and what falls
 // on one key by insertion; the key never decreases with the depth. If many fall on one, all 64 bits are sorted instead.
 constexpr int DIGIT = 11, DIGITS = 1 << DIGIT, LONGEST_RUN = 32;

@@ -1,4 +1,4 @@
-// Surfels projected into a camera: homographies of pixel rays, and bounds on the screen; see projection_source.py.
+// Surfels projected into a camera: homographies of pixel rays, and bounds on the screen; see projection.py.
 
 // ---- each
 // ``chosen``: the indices of the ``count`` surfels of an item. A call for each surfel would copy all arguments.

@@ -1,55 +1,42 @@
-"""K11: surfels projected into a camera. Their homographies and bounds on the screen, and each tile's list.
+"""K11: surfels projected into a camera: their homographies, and their bounds on the screen.
 
 ``project`` begins with a geometry, ``project_surfels`` with raw parameters: what a step or a frame needs of surfels for
 one camera is one launch, and one more for all gradients.
+
+A surfel's record is its homography of pixel rays (see ``rasterize``), its opacity and the square of its support radius.
+With t = centre - eye it consists of offset = n . t, m_u = offset axis_u - (axis_u . t) n and m_v likewise; n, m_u and
+m_v are in camera axes. Bounds are computed in float64: far from the origin the rounding errors of float32 are as large
+as a pixel.
 """
 
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import torch
 import warp as wp
-from jaxtyping import Bool, Float, Float64, Int, Int64, UInt8
+from jaxtyping import Float
 from torch import Tensor
 
-from ...instruments import fire
 from ...scene.camera import Camera
-from ..arguments import MOST_ENTRIES, require_countable
-from ..arrangement import as_on_cuda
-from ..runtime import launch, launch_in_parallel
+from ..arguments import lens_of
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..lanes import LANES, exponential_words, logarithm_words
+from ..native_kernel import BYTES, DOUBLES, FLAGS, INTEGERS, Pair, flat, native_file, native_kernel
+from ..runtime import ITEMWISE, launch_in_parallel, scalar_type
+from ..surfel.footprint import FOOTPRINT, FOOTPRINT_WORDS, FRAME
 from ..surfel.geometry import SplatGeometry
-from ..surfel.support_source import DEGENERATE, FAINT, SATURABLE
-from .binning_source import binning_kernels
-from .projection_source import geometry_kernels, seen_kernels, surfels_an_item
-from .rasterize_source import RECORD, TILE
+from ..surfel.harmonics import HARMONICS
+from ..surfel.support import REGULAR, SUPPORT, SUPPORT_WORDS
+from .binning import TILE, Bounds, TileLists, tile_lists
 
+PROJECTION = native_file(__package__, "projection.inl", LANES, FRAME, FOOTPRINT, SUPPORT, HARMONICS)
 
-@dataclass(frozen=True)
-class TileLists:
-    """The surfels of each tile: ``members[starts[k]:starts[k + 1]]`` for tile k, nearest centre first, ties by
-    index."""
+RECORD = 12
+"""Scalars of a surfel's record: n' (3), m_u (3), m_v (3), offset, opacity, squared support radius."""
 
-    starts: Int[Tensor, " tiles_and_one"]
-    """First entry of each tile in ``members``, and at the end the number of entries."""
-    members: Int[Tensor, " entries"]
-    """Indices of the surfels, tile after tile."""
-    touched: Bool[Tensor, " surfels"]
-    """Whether the surfel's bounds intersect the image."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Where surfels can lie on the screen, without gradient."""
-
-    tiles: Int[Tensor, "surfels 4"]
-    """Column and row of the first tile and of the last one; 0, 0, -1, -1 beside the image."""
-    depth: Float64[Tensor, " surfels"]
-    """z-depth of the centre, world units."""
-    kind: UInt8[Tensor, " surfels"]
-    """DEGENERATE, FAINT, REGULAR or SATURABLE (see ``support_source``)."""
-    touched: Bool[Tensor, " surfels"]
-    """Whether the surfel's bounds intersect the image."""
+SURFELS_ON_CPU = 128
+"""Surfels of an item on the CPU."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +48,7 @@ class Projection:
     bounds: Bounds
     """Where the surfels can lie on the screen."""
     records: Float[Tensor, "surfels 12"]
-    """The surfels' homographies of pixel rays, opacities and squared support radii (see ``rasterize_source``)."""
+    """The surfels' homographies of pixel rays, opacities and squared support radii."""
 
     @cached_property
     def lists(self) -> TileLists:
@@ -122,14 +109,6 @@ def project_surfels(
     return ProjectedSurfels(camera, Bounds(*bounds), records, normal, radiance, sent)
 
 
-def _lens(camera: Camera) -> tuple[Any, Any]:
-    return wp.vec4d(camera.fx, camera.fy, camera.cx, camera.cy), wp.vec2i(camera.width, camera.height)
-
-
-def _items(surfels: Tensor) -> int:
-    return -(-len(surfels) // surfels_an_item(as_on_cuda(surfels.device)))
-
-
 def _new_bounds(like: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     count, device = len(like), like.device
     return (
@@ -145,10 +124,11 @@ class _FromGeometry(torch.autograd.Function):
     def forward(ctx: Any, camera: Camera, *surfels: Tensor) -> tuple[Tensor, ...]:
         given, pose = [value.contiguous() for value in surfels], camera.camera_to_world.contiguous()
         records, bounds = given[0].new_empty(len(given[0]), RECORD), _new_bounds(given[0])
-        arguments = [len(records), pose, *_lens(camera), *given, records, *bounds]
-        kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
-        launch_in_parallel(kernels.forward, _items(records), records.device, lambda _: arguments)
-        ctx.pose = pose
+        size = wp.vec2i(camera.width, camera.height)
+        arguments = [len(records), pose, lens_of(camera), size, *given, records, *bounds]
+        ctx.kernels = geometry_kernels(records.dtype, as_on_cuda(records.device))
+        ctx.pose, ctx.items = pose, items_of(len(records), records.device, SURFELS_ON_CPU)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, records.device, arguments)
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
         ctx.set_materialize_grads(False)
@@ -161,8 +141,7 @@ class _FromGeometry(torch.autograd.Function):
             return (None,) * (1 + len(given))
         out = [torch.empty_like(value) for value in given]
         arguments = [len(pull), ctx.pose, *given, pull.contiguous(), *out]
-        kernels = geometry_kernels(pull.dtype, as_on_cuda(pull.device))
-        launch_in_parallel(kernels.backward, _items(pull), pull.device, lambda _: arguments)
+        launch_in_parallel(ctx.kernels.backward, ctx.items, pull.device, arguments)
         return None, *out
 
 
@@ -178,14 +157,14 @@ class _FromSurfels(torch.autograd.Function):
         records, normal = centre.new_empty(len(centre), RECORD), torch.empty_like(centre)
         radiance = harmonics if sh is None else torch.empty_like(centre)
         sent = torch.empty_like(centre) if sh is not None and any(ctx.needs_input_grad) else radiance
-        bounds, pixel = _new_bounds(centre), 2 / (camera.fx + camera.fy)
+        bounds, pixel, size = _new_bounds(centre), 2 / (camera.fx + camera.fy), wp.vec2i(camera.width, camera.height)
         arguments = [
-            len(centre), pose, pixel, *_lens(camera), coefficients, int(shown_only), *given,
+            len(centre), pose, pixel, lens_of(camera), size, coefficients, int(shown_only), *given,
             records, normal, radiance, sent, *bounds,
         ]  # fmt: skip
-        kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))
-        launch_in_parallel(kernels.forward, _items(centre), centre.device, lambda _: arguments)
-        ctx.settings = pose, pixel, coefficients
+        ctx.kernels = seen_kernels(centre.dtype, as_on_cuda(centre.device))
+        ctx.settings, ctx.items = (pose, pixel, coefficients), items_of(len(centre), centre.device, SURFELS_ON_CPU)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, centre.device, arguments)
         ctx.save_for_backward(*given)
         ctx.mark_non_differentiable(*bounds)
         ctx.set_materialize_grads(False)
@@ -195,92 +174,72 @@ class _FromSurfels(torch.autograd.Function):
     def backward(ctx: Any, *pulls: Tensor | None) -> tuple[Tensor | None, ...]:
         given = ctx.saved_tensors
         pose, pixel, coefficients = ctx.settings
-        absent, device = given[0].new_empty(0), given[0].device
+        absent = given[0].new_empty(0)
         pulled = sum(1 << bit for bit, pull in enumerate(pulls[:4]) if pull is not None)
         by = [absent if pull is None else pull.contiguous() for pull in pulls[:4]]
         out = [torch.empty_like(value) for value in given]
         arguments = [len(given[0]), pose, pixel, coefficients, pulled, *given, *by, *out]
-        kernels = seen_kernels(absent.dtype, as_on_cuda(device))
-        launch_in_parallel(kernels.backward, _items(given[0]), device, lambda _: arguments)
+        launch_in_parallel(ctx.kernels.backward, ctx.items, absent.device, arguments)
         return None, None, *out[:4], out[4] if coefficients else None
 
 
-@torch.no_grad()
-def tile_lists(camera: Camera, bounds: Bounds) -> TileLists:
-    """Sort the surfels into tiles of TILE x TILE pixels; tiles are numbered row by row.
+def _words(dtype: torch.dtype, on_cuda: bool) -> dict[str, object]:
+    return {
+        **logarithm_words(dtype),
+        **exponential_words(dtype),
+        "SURFELS_A_VECTOR": 1 if on_cuda else 16,
+        "SURFELS_AN_ITEM": an_item(on_cuda, SURFELS_ON_CPU),
+        "TILE": TILE,
+        "REGULAR": REGULAR,
+        **FOOTPRINT_WORDS,
+        **SUPPORT_WORDS,
+    }
 
-    Depths are compared in float64. In a scene far from the origin, centres on a common lattice have depths that differ
-    only by float32's rounding, and each pair that the rounding swaps changes the image (measured 1e6 units from the
-    origin: by 0.018 in float32, by nothing in float64).
+
+BOUNDS = (INTEGERS, "out_tiles"), (DOUBLES, "out_depth"), (BYTES, "out_kind"), (FLAGS, "out_touched")
+"""The last parameters of kernels that project: the fields of ``Bounds``."""
+
+
+@cache
+def geometry_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
+    """The kernels from a ``SplatGeometry`` for a scalar type and a division of work; an item is some surfels.
+
+    ``pose``: camera to world. ``size``: width and height of the image.
     """
-    gather = sorted_lists if as_on_cuda(bounds.depth.device) else counted_lists
-    starts, members = gather(camera, bounds)
-    return TileLists(starts, members, bounds.touched)
+    words, arrays = _words(dtype, on_cuda), flat(dtype)
+    make = partial(native_kernel, PROJECTION, dtype, ITEMWISE, on_cuda=on_cuda, words=words)
+    begin, given = ((wp.int32, "surfels"), (arrays, "pose")), (arrays, "centre axis_u axis_v normal opacity")
+    camera, pulls = ((wp.vec4d, "lens"), (wp.vec2i, "size")), (arrays, "pull to_centre to_u to_v to_normal to_opacity")
+    forward = make("geometry_forward", "item", *begin, *camera, given, (arrays, "out_records"), *BOUNDS)
+    return Pair(forward, make("geometry_backward", "item", *begin, given, pulls))
 
 
-def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
-    """``starts`` and ``members`` by sorting and counting in one thread, for the CPU."""
-    across, count = _grid(camera)
-    if count > MOST_ENTRIES:
-        _require_countable(int(_pairs(bounds.tiles).sum()))
-    down, surfels, kernels = count // across, len(bounds.depth), binning_kernels()
-    scratch = torch.empty(4, surfels, dtype=torch.int32)
-    corners = torch.zeros(down + 1, across + 1, dtype=torch.int32)
-    starts, tally = torch.empty(count + 1, dtype=torch.int32), torch.empty(5, dtype=torch.int64)
-    values = [bounds.tiles, bounds.depth, bounds.kind, bounds.touched]
-    launch(kernels.ordered, 1, tally.device, [surfels, across, down, *values, scratch, corners, starts, tally])
-    drawn, entries, degenerate, faint, saturable = tally.tolist()
-    fire(degenerate_surfels=degenerate, faint_surfels=faint, saturable_surfels=saturable)
-    _require_countable(entries)
-    members = torch.empty(entries, dtype=torch.int32)
-    launch(kernels.listed, 1, tally.device, [drawn, across, count, scratch[2], bounds.tiles, starts, members])
-    return starts, members
+@cache
+def seen_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
+    """The kernels from raw parameters for a scalar type and a division of work; an item is some surfels.
 
-
-def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
-    """``starts`` and ``members`` by a stable sort of all pairs, for CUDA."""
-    across, count = _grid(camera)
-    kind, tiles = bounds.kind, bounds.tiles
-    fire(
-        degenerate_surfels=(kind == DEGENERATE).sum(),
-        faint_surfels=(kind == FAINT).sum(),
-        saturable_surfels=(kind == SATURABLE).sum(),
+    They do what frames, footprints, supports and radiance are to a view. ``size_of_pixel``: side of a pixel at depth 1,
+    world units. ``coefficients``: number of harmonics; 0 leaves the radiance out. ``shown_only``: whether the radiance
+    of surfels beside the image may be zero. ``pulled``: a bit for each of the pulls that are given.
+    """
+    words, arrays = _words(dtype, on_cuda), flat(dtype)
+    make = partial(native_kernel, PROJECTION, dtype, ITEMWISE, on_cuda=on_cuda, words=words)
+    begin = (wp.int32, "surfels"), (arrays, "pose"), (scalar_type(dtype), "size_of_pixel")
+    given = arrays, "centre rotation log_scale opacity_logit sh"
+    forward = (
+        *begin,
+        (wp.vec4d, "lens"),
+        (wp.vec2i, "size"),
+        (wp.int32, "coefficients shown_only"),
+        given,
+        (arrays, "out_records out_normal out_radiance out_sent"),
+        *BOUNDS,
     )
-    drawn = torch.nonzero(bounds.touched)[:, 0]
-    nearest_first = drawn[_in_order(bounds.depth[drawn]).argsort(stable=True)]
-    counts = _pairs(tiles[nearest_first])
-    begins = counts.cumsum(0) - counts
-    entries = int(counts.sum())
-    _require_countable(entries)
-    tile, member = (torch.empty(entries, dtype=torch.int32, device=tiles.device) for _ in range(2))
-    write, arguments = binning_kernels().entries, [across, nearest_first, begins, tiles, tile, member]
-    launch_in_parallel(write, len(nearest_first), tiles.device, lambda _: arguments)
-    # Pairs come in depth order; a stable sort by tile keeps that order within each tile.
-    tile, order = tile.sort(stable=True)
-    starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)
-    return starts, member[order]
-
-
-def _pairs(tiles: Int[Tensor, "surfels 4"]) -> Int64[Tensor, " surfels"]:
-    """Number of tiles of each surfel."""
-    first, last = tiles.long().view(-1, 2, 2).unbind(1)
-    return (last - first + 1).prod(-1)
-
-
-def _require_countable(entries: int) -> None:
-    require_countable(entries, "pairs of a surfel and a tile", "Render a smaller image, or fewer surfels.")
-
-
-def _in_order(numbers: Float64[Tensor, " numbers"]) -> Int64[Tensor, " numbers"]:
-    """Integers in the order of the numbers: their bits, inverted for negative numbers.
-
-    Integers are sorted by a radix sort, which for 100,000 of them takes a quarter of the time.
-    """
-    bits = numbers.view(torch.int64)
-    return bits ^ ((bits >> 63) & torch.iinfo(torch.int64).max)
-
-
-def _grid(camera: Camera) -> tuple[int, int]:
-    """Number of tiles in a row, and in the whole image."""
-    across = -(-camera.width // TILE)
-    return across, across * -(-camera.height // TILE)
+    backward = (
+        *begin,
+        (wp.int32, "coefficients pulled"),
+        given,
+        (arrays, "pull_records pull_normal pull_radiance pull_sent"),
+        (arrays, "to_centres to_rotations to_log_scales to_logits to_sh"),
+    )
+    return Pair(make("raw_forward", "item", *forward), make("raw_backward", "item", *backward))

@@ -1,4 +1,4 @@
-// Blending a tile's surfels front to back; see rasterize_source.py.
+// Blending a tile's surfels front to back; see rasterize.py.
 
 // ---- tile
 constexpr int LANES = PIXELS_AN_ITEM;
@@ -15,8 +15,8 @@ int pixel[LANES];
 for (int c = 0; c < LANES; ++c) {
     const int place = item * LANES % (TILE * TILE) + c;
     const int column = tile_column + place % TILE, row = tile_row + place / TILE;
-    LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - lens[2]) / lens[0];
-    LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - lens[3]) / lens[1];
+    LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - SCALAR(lens[2])) / SCALAR(lens[0]);
+    LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - SCALAR(lens[3])) / SCALAR(lens[1]);
     const bool is_inside = (column < size[0]) & (row < size[1]);
     LANE(inside, c) = is_inside;
     pixel[c] = is_inside ? row * size[0] + column : -1;

@@ -1,8 +1,20 @@
-"""K1: blend projected surfels into any number of feature channels in one pass, differentiable in every parameter."""
+"""K1: blend projected surfels into any number of feature channels in one pass, differentiable in every parameter.
 
-from collections.abc import Collection, Iterator, Sequence
+A surfel is a homography from the pixel ray d (camera axes, z-depth 1) to its plane: with
+n' = normal, m_u = (axis_u . (o - c)) n' + (n' . (c - o)) axis_u, all in camera axes,
+
+    t = offset / (n' . d),   u = (m_u . d) / (n' . d),   v = (m_v . d) / (n' . d),
+
+so a hit costs three dot products; ``projection`` applies the chain rule to centre, axes and normal.
+
+The item of both passes is a tile on the CPU: its pixels are the lanes of vectors, and a surfel has weight zero in lanes
+that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
+"""
+
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import torch
 import warp as wp
@@ -11,11 +23,23 @@ from torch import Tensor
 
 from ...instruments import amounts_in, count, current, require_finite_blend
 from ...scene.camera import Camera
-from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, launch_in_parallel
-from ..surfel.geometry import SplatGeometry
-from .projection import Projection, project
-from .rasterize_source import PIXEL_SUMS, PLANES, TILE, blend_kernels, pixels_an_item
+from ..arguments import lens_of
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..lanes import LANES, bell_words
+from ..native_kernel import INTEGERS, flat, native_file, native_kernel
+from ..runtime import NATIVE, WorkerSums, launch_in_parallel, scalar_type
+from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, SplatGeometry
+from .binning import TILE
+from .projection import RECORD, Projection, project
+
+RASTERIZE = native_file(__package__, "rasterize.inl", LANES)
+
+PLANES = 4
+"""Images beside the channels: alpha, depth, mean depth, distortion."""
+
+PIXEL_SUMS = 5
+"""Sums stored for each pixel for the backward pass: sum w, sum w z, distortion, sum w m, sum w m^2, with
+m = z / depth_unit."""
 
 
 @dataclass(frozen=True)
@@ -89,18 +113,22 @@ class _Blend(torch.autograd.Function):
         sums, ends = records.new_empty(*shape, PIXEL_SUMS), seen.lists.starts.new_empty(shape)
         items = _items(camera, records.device)
         blended = ends.new_empty(items)
-        view = _view(kernels, seen, depth_unit)
-        outputs = [*_planes(kernels, images, planes), sums, ends, blended]
-        arguments = [*view, records, together, *outputs]
-        launch_in_parallel(kernels.forward, items, records.device, lambda _: arguments)
+        widths = [image.shape[-1] for image in images]
+        strides = kernels.Strides(*(width for width in widths for _ in range(width)))
+        size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))
+        view = [lens_of(camera), size, depth_unit, seen.lists.starts, seen.lists.members]
+        addresses = _planes(kernels.Planes, images, widths, planes)
+        arguments = [*view, records, together, addresses, strides, sums, ends, blended]
+        launch_in_parallel(kernels.forward, items, records.device, arguments)
         if current() is not None:
             (pairs,) = amounts_in(blended.sum(0, keepdim=True))
             read = (records.shape[1] + together.shape[1]) * records.element_size()
             count(blended_pairs=pairs, bytes_read=pairs * read)
         if detached:
             # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
-            together = _joined(tuple(_zero_if(index in detached, values) for index, values in enumerate(features)))
-        ctx.view, ctx.items, ctx.detached = view, items, detached
+            kept = (torch.zeros_like(each) if k in detached else each for k, each in enumerate(features))
+            together = _joined(tuple(kept))
+        ctx.kernels, ctx.view, ctx.strides, ctx.items, ctx.detached = kernels, view, strides, items, detached
         ctx.save_for_backward(records, together, sums, ends, *images)
         ctx.set_materialize_grads(False)
         return *planes, *images
@@ -108,16 +136,15 @@ class _Blend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor | None) -> Any:
         records, together, sums, ends, *images = ctx.saved_tensors
-        device = records.device
-        kernels = blend_kernels(records.dtype, together.shape[1], as_on_cuda(device))
+        device, kind = records.device, ctx.kernels.Planes
         kept = [None if index in ctx.detached else image for index, image in enumerate(images)]
         widths = [image.shape[-1] for image in images]
         given = [pull if pull is None else pull.contiguous() for pull in pulls]
-        planes, strides = _planes(kernels, kept, [None] * PLANES, widths)
-        pulls_of, _ = _planes(kernels, given[PLANES:], given[:PLANES], widths)
+        planes = _planes(kind, kept, widths, [None] * PLANES)
+        pulls_of = _planes(kind, given[PLANES:], widths, given[:PLANES])
         gradients = WorkerSums([records, together], device)
-        arguments = [*ctx.view, records, together, planes, strides, pulls_of, sums, ends]
-        launch_in_parallel(kernels.backward, ctx.items, device, lambda worker: [*arguments, *gradients.of(worker)])
+        arguments = [*ctx.view, records, together, planes, ctx.strides, pulls_of, sums, ends]
+        launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments, gradients)
         to_records, to_features = gradients.total()
         return None, None, None, to_records, *(to_features.split(widths, -1) if len(widths) > 1 else [to_features])
 
@@ -126,41 +153,66 @@ def _joined(features: tuple[Tensor, ...]) -> Tensor:
     return torch.cat(features, -1) if len(features) > 1 else features[0].contiguous()
 
 
-def _zero_if(absent: bool, values: Tensor) -> Tensor:
-    return torch.zeros_like(values) if absent else values
-
-
-def _view(kernels: Any, seen: Projection, depth_unit: float) -> list[Any]:
-    """The arguments of both kernels that a projection gives, apart from the records."""
-    camera = seen.camera
-    lens = kernels.Lens(camera.fx, camera.fy, camera.cx, camera.cy)
-    size = wp.vec3i(camera.width, camera.height, -(-camera.width // TILE))
-    return [lens, size, depth_unit, seen.lists.starts, seen.lists.members]
-
-
-def _planes(
-    kernels: Any,
-    images: Sequence[Tensor | None],
-    others: Sequence[Tensor | None],
-    widths: Sequence[int] | None = None,
-) -> list[Any]:
-    """The addresses of all channels and of ``others``, the PLANES, 0 where there is none; and the channels' strides.
+def _planes(kind: Any, images: Sequence[Tensor | None], widths: Sequence[int], others: Sequence[Tensor | None]) -> Any:
+    """The addresses of all channels, and of ``others``, the PLANES; 0 where there is none.
 
     Each of the images is contiguous; together they have all channels. ``widths``: their numbers of channels.
     """
-    widths = [image.shape[-1] for image in images if image is not None] if widths is None else widths
-    parts = [_addresses(image, width) for image, width in zip(images, widths, strict=True)]
-    strides = [width for width in widths for _ in range(width)]
-    ends = [0 if plane is None else plane.data_ptr() for plane in others]
-    return [kernels.Planes(*(address for part in parts for address in part), *ends), kernels.Strides(*strides)]
-
-
-def _addresses(image: Tensor | None, width: int) -> Iterator[int]:
-    for channel in range(width):
-        yield 0 if image is None else image.data_ptr() + channel * image.element_size()
+    channels = (
+        0 if image is None else image.data_ptr() + channel * image.element_size()
+        for image, width in zip(images, widths, strict=True)
+        for channel in range(width)
+    )
+    return kind(*channels, *(0 if plane is None else plane.data_ptr() for plane in others))
 
 
 def _items(camera: Camera, device: torch.device) -> int:
     """Number of items of the blending kernels, for whole tiles."""
     tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
-    return tiles * TILE * TILE // pixels_an_item(as_on_cuda(device))
+    return items_of(tiles * TILE * TILE, device, TILE * TILE)
+
+
+class BlendKernels(NamedTuple):
+    """The kernels for a number of feature channels, and the types of two of their parameters."""
+
+    forward: wp.Kernel
+    backward: wp.Kernel
+    Planes: Any
+    """An address for each channel and each of the PLANES, so that images need not lie together."""
+    Strides: Any
+    """Numbers from pixel to pixel of each channel."""
+
+
+@cache
+def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKernels:
+    """The kernels for a scalar type, a number of feature channels and a division of work.
+
+    ``size``: width and height of the image, and tiles in a row.
+    """
+    pixels, gradients = an_item(on_cuda, TILE * TILE), RECORD - 1 + channels
+    words = {
+        "PIXELS_AN_ITEM": pixels,
+        "TILE": TILE,
+        "RECORD": RECORD,
+        "CHANNELS": channels,
+        "SUMS": PIXEL_SUMS,
+        "MAX_ALPHA": MAX_ALPHA,
+        "STOP": RASTER_TRANSMITTANCE_STOP,
+        "ROWS": -(-gradients // pixels) * pixels,  # whole vectors of lanes; the extra gradients are zero
+        **bell_words(dtype),
+    }
+    make, arrays = partial(native_kernel, RASTERIZE, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
+    Planes, Strides = wp.types.vector(channels + PLANES, wp.uint64), wp.types.vector(channels, wp.int32)
+    given = (
+        (wp.vec4d, "lens"),
+        (wp.vec3i, "size"),
+        (scalar_type(dtype), "depth_unit"),
+        (INTEGERS, "starts members"),
+        (arrays, "records features"),
+        (Planes, "planes"),
+        (Strides, "strides"),
+    )
+    out = (arrays, "out_sums"), (INTEGERS, "out_end out_blended")
+    pulls = (Planes, "pulls"), (arrays, "sums"), (INTEGERS, "ends"), (arrays, "grad_records grad_features")
+    forward, backward = make("forward", "item", *given, *out), make("backward", "item", *given, *pulls)
+    return BlendKernels(forward, backward, Planes, Strides)

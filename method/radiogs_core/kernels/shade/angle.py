@@ -2,10 +2,10 @@
 
 import torch
 
-from ..native_text import native_file
+from ..native_kernel import native_file
 
 ANGLE = native_file(__package__, "angle.inl")
-"""Sections of ``angle.inl``."""
+"""The file ``angle.inl``."""
 
 ATAN_TERMS = {torch.float32: 9, torch.float64: 20}
 """Number of terms of atan's series, for arguments up to tan(pi/8), that reach the last digit of each type."""

@@ -1,4 +1,4 @@
-// A spherical-Fibonacci set over the hemisphere of a surfel; see shade_source.py.
+// A spherical-Fibonacci set over the hemisphere of a surfel; see directions.py.
 
 // ---- spread
 const SCALAR* n = normal.data + 3LL * surfel;

@@ -1,4 +1,4 @@
-// Bilinear lookup of light by direction, a block of directions at a time; see splitsum_source.py.
+// Bilinear lookup of light by direction, a block of directions at a time; see lookup.py.
 
 // ---- block
 constexpr int LANES = DIRECTIONS_IN_A_BLOCK;

@@ -1,4 +1,4 @@
-// Shading: the sums of a surfel over its samples and views; see shade_source.py.
+// Shading: the sums of a surfel over its samples and views; see shade.py.
 
 // ---- lobe_functions
 // Schlick's F: 2^p = (e^(p log(2) / 16))^16, with -12.6 < p < 0.
@@ -42,7 +42,7 @@ constexpr int LANES = SAMPLES_IN_A_BLOCK;
 #include "lanes.inl:sum_of_lanes"
 const SCALAR zero = SCALAR(0), one = SCALAR(1), pi = SCALAR(3.14159265358979323846);
 const Lanes none = Lanes{};
-const int samples = given.samples, height = given.height, width = given.width;
+const int samples = given_samples, height = given_height, width = given_width;
 const long long first_sample = (long long)samples * surfel;
 #include "angle.inl:angle"
 auto total_of = [&](Lanes lanes) -> SCALAR { return sum_of((const SCALAR*)&lanes); };
@@ -136,7 +136,7 @@ place[3] = TEXEL * (width * under + next);
     for (int i = 0; i < 3; ++i) {
         light[i] = zero;
         for (int corner = 0; corner < 4; ++corner)
-            light[i] += share[corner] * given.environment.data[place[corner] + i];
+            light[i] += share[corner] * given_environment.data[place[corner] + i];
     }
 #else
     Texel texel[LANES];
@@ -144,7 +144,7 @@ place[3] = TEXEL * (width * under + next);
     for (int c = 0; c < LANES; ++c) {
         texel[c] = Texel{};
         for (int corner = 0; corner < 4; ++corner)
-            texel[c] += share[corner][c] * *(const Texel*)(given.environment.data + place[corner][c]);
+            texel[c] += share[corner][c] * *(const Texel*)(given_environment.data + place[corner][c]);
     }
     for (int c = 0; c < LANES; ++c)
         for (int i = 0; i < 3; ++i) light[i][c] = texel[c][i];
@@ -154,10 +154,10 @@ place[3] = TEXEL * (width * under + next);
 // ---- surfel
 // The surfel of row ``row``, and its views ``wo_of_view``.
 #include "samples"
-const SCALAR* albedo = given.albedo.data + 3LL * row;
-const SCALAR* normal = given.normal.data + (long long)NORMAL_STRIDE * row + NORMAL_FIRST;
+const SCALAR* albedo = given_albedo.data + 3LL * row;
+const SCALAR* normal = given_normal.data + (long long)NORMAL_STRIDE * row + NORMAL_FIRST;
 const SCALAR nx = normal[0], ny = normal[NORMAL_STEP], nz = normal[2 * NORMAL_STEP];
-const SCALAR roughness = given.roughness.data[row];
+const SCALAR roughness = given_roughness.data[row];
 const SCALAR alpha_squared = roughness * roughness * roughness * roughness;
 const SCALAR k = (roughness + one) * (roughness + one) / SCALAR(8);
 #include "lobe_functions"
@@ -165,7 +165,7 @@ auto faces = [&](const SCALAR* wo) -> bool { return nx * wo[0] + ny * wo[1] + nz
 
 // ---- views
 // No lobe is evaluated for a surfel without a specular part.
-const int specular_views = given.lobes_everywhere || given.specular_at.data[row] ? views : 0;
+const int specular_views = given_lobes_everywhere || given_specular_at.data[row] ? views : 0;
 bool seen_from_any = false;
 for (int view = 0; view < views; ++view) seen_from_any |= faces(wo_of_view + 3 * view);
 // Irradiance of the channels; the same for all views.
@@ -174,8 +174,8 @@ Lanes diffuse[CHANNELS] = {};
 // ---- block
 const int count = samples - begin < LANES ? samples - begin : LANES;
 Lanes wx, wy, wz, weight;
-read_three(given.direction.data + 3 * (first_sample + begin), count, wx, wy, wz);
-read(given.weight.data + first_sample + begin, count, weight);
+read_three(given_direction.data + 3 * (first_sample + begin), count, wx, wy, wz);
+read(given_weight.data + first_sample + begin, count, weight);
 const Lanes from_above = nx * wx + ny * wy + nz * wz;
 const Mask above = from_above > none;
 wx = above ? wx : none + nx;
@@ -188,7 +188,7 @@ const Lanes flow = weight * light_cosine;
 Lanes incident[CHANNELS], light[3], seen, down, right;
 Whole place[4];
 read_three(
-    given.indirect.data + 3 * (first_sample + begin), count,
+    given_indirect.data + 3 * (first_sample + begin), count,
     incident[CHANNELS - 3], incident[CHANNELS - 2], incident[CHANNELS - 1]
 );
 #if !KNOWN
@@ -197,7 +197,7 @@ if (kept) {
 } else {
 #include "look_up"
 }
-read(given.visibility.data + first_sample + begin, count, seen);
+read(given_visibility.data + first_sample + begin, count, seen);
 for (int i = 0; i < 3; ++i) incident[i] = seen * light[i] + (CHANNELS == 3 ? incident[i] : none);
 #endif
 for (int i = 0; i < CHANNELS; ++i) diffuse[i] += flow * incident[i];
@@ -221,8 +221,8 @@ for (int i = 0; i < CHANNELS; ++i) {
 }
 
 // ---- forward
-const int views = given.views, row = surfel;
-const SCALAR* wo_of_view = given.outgoing.data + 3LL * views * surfel;
+const int views = given_views, row = surfel;
+const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * surfel;
 const SCALAR* kept = nullptr;
 #include "surfel"
 #include "views"
@@ -336,8 +336,8 @@ grad_roughness.data[row]
     = SCALAR(4) / roughness * total_of(sharpness_pull) + (roughness + one) / SCALAR(4) * total_of(k_pull);
 
 // ---- backward
-const int views = given.views, row = surfel;
-const SCALAR* wo_of_view = given.outgoing.data + 3LL * views * surfel;
+const int views = given_views, row = surfel;
+const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * surfel;
 const SCALAR* kept = nullptr;
 #include "surfel"
 #include "views"
@@ -352,83 +352,10 @@ for (int begin = 0; begin < samples; begin += LANES) {
     const int count = samples - begin < LANES ? samples - begin : LANES;
     Lanes wx, wy, wz, seen, met[3], light[3], down, right;
     Whole place[4];
-    read_three(given.direction.data + 3 * (first_sample + begin), count, wx, wy, wz);
-    read_three(given.indirect.data + 3 * (first_sample + begin), count, met[0], met[1], met[2]);
-    read(given.visibility.data + first_sample + begin, count, seen);
+    read_three(given_direction.data + 3 * (first_sample + begin), count, wx, wy, wz);
+    read_three(given_indirect.data + 3 * (first_sample + begin), count, met[0], met[1], met[2]);
+    read(given_visibility.data + first_sample + begin, count, seen);
 #include "look_up"
     for (int i = 0; i < 3; ++i) met[i] += seen * light[i];
     write_three(met[0], met[1], met[2], count, arriving.data + 3 * (samples * row + begin));
 }
-
-// ---- sides
-// The directions of L_rad: towards the camera, and the drawn one, turned to the surface's side.
-constexpr int views = 2;
-const long long row = index.data[surfel];
-#include "surfel"
-SCALAR wo_of_view[3 * views];
-auto unit = [](SCALAR x, SCALAR y, SCALAR z, SCALAR* to) {
-    const SCALAR length = wp::sqrt(x * x + y * y + z * z), least = SCALAR(1e-12);
-    const SCALAR divisor = length < least ? least : length;
-    to[0] = x / divisor;
-    to[1] = y / divisor;
-    to[2] = z / divisor;
-};
-const SCALAR* place = centre.data + 3 * row;
-unit(camera.data[0] - place[0], camera.data[1] - place[1], camera.data[2] - place[2], wo_of_view);
-const SCALAR* any_side = drawn.data + 3LL * surfel;
-unit(any_side[0], any_side[1], any_side[2], wo_of_view + 3);
-if (nx * wo_of_view[3] + ny * wo_of_view[4] + nz * wo_of_view[5] < zero)
-    for (int i = 3; i < 6; ++i) wo_of_view[i] = -wo_of_view[i];
-#include "views"
-const SCALAR* sh_of_surfel = sh.data + 3LL * coefficients * row;
-
-// ---- consistency
-const SCALAR* kept = nullptr;
-#include "sides"
-SCALAR shaded[3 * views] = {};
-if (seen_from_any) {
-    for (int begin = 0; begin < samples; begin += LANES) {
-#include "block"
-#include "shade_block"
-        if (keeps_light) write_three(light[0], light[1], light[2], count, lights.data + 3 * (first_sample + begin));
-    }
-#include "add_diffuse"
-}
-SCALAR loss = zero;
-for (int view = 0; view < views; ++view) {
-    const SCALAR x = -wo_of_view[3 * view], y = -wo_of_view[3 * view + 1], z = -wo_of_view[3 * view + 2];
-#include "harmonics.inl:harmonics"
-    const bool counts = faces(wo_of_view + 3 * view);
-    for (int i = 0; i < 3; ++i) {
-        SCALAR own = SCALAR(0.5);
-        for (int j = 0; j < coefficients; ++j) own += harmonic[j] * sh_of_surfel[3 * j + i];
-        const SCALAR residual = (own < zero ? zero : own) - shaded[3 * view + i];
-        const SCALAR sign = residual > zero ? scale : (residual < zero ? -scale : zero);
-        // A NaN stays one.
-        loss += counts ? (residual < zero ? -residual : residual) * scale : zero;
-        SCALAR* slope = slopes.data + 6 * ((long long)views * surfel + view) + i;
-        slope[0] = counts && own >= zero ? sign : zero;
-        slope[3] = counts ? -sign : zero;
-    }
-}
-losses.data[surfel] = loss;
-
-// ---- pull_consistency
-const SCALAR* kept = has_light ? lights.data : nullptr;
-#include "sides"
-const SCALAR* slope = slopes.data + 6LL * views * surfel;
-const SCALAR whole_pull = pulls.data[0];
-if (wants_own) {
-    SCALAR* to_sh = grad_sh.data + 3LL * coefficients * row;
-    for (int view = 0; view < views; ++view) {
-        const SCALAR x = -wo_of_view[3 * view], y = -wo_of_view[3 * view + 1], z = -wo_of_view[3 * view + 2];
-#include "harmonics.inl:harmonics"
-        for (int j = 0; j < coefficients; ++j)
-            for (int i = 0; i < 3; ++i) to_sh[3 * j + i] += harmonic[j] * (whole_pull * slope[6 * view + i]);
-    }
-}
-if (!wants_physical) return;
-SCALAR pull_of_view[3 * views];
-for (int view = 0; view < views; ++view)
-    for (int i = 0; i < 3; ++i) pull_of_view[3 * view + i] = whole_pull * slope[6 * view + 3 + i];
-#include "pull"

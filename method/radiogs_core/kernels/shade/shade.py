@@ -1,19 +1,51 @@
-"""K3: the Monte-Carlo sum of Eq. 8 over incident light, and L_rad; fused and differentiable."""
+"""K3: the Monte-Carlo sum of Eq. 8 over incident light; fused and differentiable.
 
-from typing import Any
+With s = wo + wi along the half-vector and F, V and D the terms of ``brdf``, each sample adds
+
+    weight (n.wi) { albedo / pi, D F V } x { visibility Env(wi), L_ind }
+
+to the four sums, or to their total. The backward pass evaluates the same terms again instead of storing them.
+
+Kernels process samples in blocks of LANES, which are vectors by their type (one sample at a time, with the library's
+atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane without a sample, or with
+a sample below the horizon, uses the normal as its direction and weight zero, so its terms are finite and contribute
+zero.
+"""
+
+from functools import cache, partial
+from typing import Any, Literal
 
 import torch
+import warp as wp
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ...instruments import count
-from ..arguments import MOST_ENTRIES, Struct
-from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, launch_in_parallel
-from .shade_source import TEXEL, Kind, arrival_kernel, consistency_kernels, shade_kernels
+from ..arguments import MOST_ENTRIES
+from ..arrangement import an_item, as_on_cuda
+from ..lanes import LANES
+from ..native_kernel import INTEGERS, LONGS, Pair, flat, native_file, native_kernel
+from ..runtime import NATIVE, WorkerSums, launch_in_parallel
+from .angle import ANGLE, ATAN_TERMS
+from .brdf import FRESNEL_NORMAL
+
+SHADE = native_file(__package__, "shade.inl", LANES, ANGLE)
+
+LANES_ON_CPU = 16
+"""Samples in a block on the CPU; the shuffles of ``shade.inl`` are written for 16."""
+
+EXP_TERMS = {torch.float32: 8, torch.float64: 15}
+"""Number of terms of exp's series, for arguments down to -0.55, that reach the last digit of each type."""
+
+TEXEL = 4
+"""Numbers of a texel of the light in memory: three channels and one for padding, so that it is a vector of four."""
 
 SAMPLE_FIELDS = 8
 """Numbers of a sample in memory: direction (3), weight, visibility, indirect radiance (3)."""
+
+Kind = Literal["parts", "total", "given"]
+"""The sums of ``shade_kernels``. "parts": the four sums, from normals. "total": the sum of them all, from
+frames, whose third columns are normals. "given": the same, where V Env + L_ind of each sample is given."""
 
 
 def shade(
@@ -99,9 +131,9 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device), kind)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty((surfels, views, 4, 3) if kind == "parts" else (surfels, views, 3))
-        given = _inputs(kernels, inputs)
-        launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, out])
-        _count(surfels, views, direction, specular_at)
+        given = shading_inputs(inputs)
+        launch_in_parallel(kernels.forward, surfels, out.device, [*given, out])
+        count_samples(surfels, views, direction, specular_at)
         ctx.kind, ctx.given = kind, given
         ctx.save_for_backward(*inputs)
         return out
@@ -113,62 +145,46 @@ class _Shade(torch.autograd.Function):
         wants_incident = ctx.needs_input_grad[7] or ctx.needs_input_grad[8]
         own = [torch.empty_like(albedo), torch.empty_like(roughness)]
         to_normal = torch.empty_like(normal) if ctx.kind == "parts" else torch.zeros_like(normal)
-        incident = _incident_gradients(visibility, indirect, normal, wants_incident)
-        light = _LightGradient(environment, normal, ctx.needs_input_grad[9])
-        flags = [int(wants_incident), int(light.wanted)]
-        arguments = [ctx.given, grad_out.contiguous(), *flags, to_normal, *own, *incident]
-        launch_in_parallel(kernels.backward, len(normal), normal.device, lambda worker: [*arguments, light.of(worker)])
+        incident = incident_gradients(visibility, indirect, normal, wants_incident)
+        wants_light = ctx.needs_input_grad[9] and environment is not None
+        light = light_gradient(environment, normal, wants_light)
+        flags = [int(wants_incident), int(wants_light)]
+        arguments = [*ctx.given, grad_out.contiguous(), *flags, to_normal, *own, *incident]
+        launch_in_parallel(kernels.backward, len(normal), normal.device, arguments, light)
         traced = incident if wants_incident else [None, None]
-        return None, to_normal, *own, None, None, None, *traced, light.total(), None
+        to_light = light.total()[0][..., :3] if wants_light else None
+        return None, to_normal, *own, None, None, None, *traced, to_light, None
 
 
-class _LightGradient:
-    """The gradient to a light's texels. Each worker adds to a map of its own, so that it repeats bit for bit."""
-
-    def __init__(self, environment: Tensor | None, like: Tensor, wanted: bool) -> None:
-        self.wanted = wanted and environment is not None
-        shape = (*environment.shape[:2], TEXEL) if self.wanted and environment is not None else (0,)
-        self.sums = WorkerSums([like.new_empty(shape)], like.device)
-
-    def of(self, worker: int) -> Tensor:
-        """The map that a worker adds to; an empty one if no gradient is wanted."""
-        return self.sums.of(worker)[0] if self.wanted else self.sums.like[0]
-
-    def total(self) -> Tensor | None:
-        """The sum over all workers, [height, width, 3]; None if no gradient is wanted."""
-        return self.sums.total()[0][..., :3] if self.wanted else None
+def light_gradient(environment: Tensor | None, like: Tensor, wanted: bool) -> WorkerSums:
+    """Memory for the gradient to a light's texels, TEXEL numbers each; empty unless it is wanted."""
+    shape = (*environment.shape[:2], TEXEL) if wanted and environment is not None else (0,)
+    return WorkerSums([like.new_empty(shape)], like.device)
 
 
-def _incident_gradients(visibility: Tensor | None, indirect: Tensor, like: Tensor, wanted: bool) -> list[Tensor]:
+def incident_gradients(visibility: Tensor | None, indirect: Tensor, like: Tensor, wanted: bool) -> list[Tensor]:
     """Memory for the gradients to V and L_ind; empty unless they are wanted."""
     if wanted and visibility is not None:
         return [torch.empty_like(visibility), torch.empty_like(indirect)]
     return 2 * [like.new_empty(0)]
 
 
-def _count(surfels: int, views: int, direction: Tensor, specular_at: Tensor | None) -> None:
+def count_samples(surfels: int, views: int, direction: Tensor, specular_at: Tensor | None) -> None:
+    """Count the shaded samples, the evaluated lobes and the bytes read."""
     each = views * direction.shape[1]
     lobes = surfels * each if specular_at is None else specular_at.sum() * each
     read = surfels * each * SAMPLE_FIELDS * direction.element_size()
     count(shaded_samples=surfels * each, lobes=lobes, bytes_read=read)
 
 
-def _inputs(kernels: Any, inputs: Any) -> Struct:
-    *of_surfels, environment, specular_at = inputs
-    names = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect")
-    outgoing, direction = inputs[3], inputs[4]
-    height, width = (0, 0) if environment is None else environment.shape[:2]
-    return Struct(
-        kernels.Inputs,
-        **dict(zip(names, of_surfels, strict=True)),
-        environment=None if environment is None else torch.nn.functional.pad(environment, (0, TEXEL - 3)),
-        specular_at=None if specular_at is None else specular_at.int(),
-        lobes_everywhere=int(specular_at is None),
-        views=0 if outgoing is None else outgoing.shape[1],
-        samples=direction.shape[1],
-        height=height,
-        width=width,
-    )
+def shading_inputs(inputs: tuple[Tensor | None, ...]) -> list[Any]:
+    """The values of INPUTS for the tensors of ``shade`` in its order, contiguous; None for an absent one."""
+    outgoing, direction, environment, specular_at = inputs[3], inputs[4], inputs[8], inputs[9]
+    assert direction is not None
+    views, size = 0 if outgoing is None else outgoing.shape[1], (0, 0) if environment is None else environment.shape[:2]
+    texels = None if environment is None else torch.nn.functional.pad(environment, (0, TEXEL - 3))
+    lobes = None if specular_at is None else specular_at.int()
+    return [views, direction.shape[1], *size, int(specular_at is None), *inputs[:8], texels, lobes]
 
 
 @torch.no_grad()
@@ -186,102 +202,64 @@ def arrive(
     arguments: see ``shade``.
     """
     inputs = (None, None, None, None, direction, None, visibility, indirect, environment, None)
-    kernels = arrival_kernel(into.dtype, as_on_cuda(into.device))
-    given = _inputs(kernels, tuple(None if value is None else value.contiguous() for value in inputs))
-    launch_in_parallel(kernels.arrive, len(index), into.device, lambda _: [given, index, into])
+    given = shading_inputs(tuple(None if value is None else value.contiguous() for value in inputs))
+    kernel = arrival_kernel(into.dtype, as_on_cuda(into.device))
+    launch_in_parallel(kernel, len(index), into.device, [*given, index, into])
 
 
-def consistency_of(
-    index: Int[Tensor, " chosen"],
-    camera: Float[Tensor, "3"],
-    drawn: Float[Tensor, "chosen 3"],
-    centre: Float[Tensor, "surfels 3"],
-    sh: Float[Tensor, "surfels coefficients 3"],
-    frame: Float[Tensor, "surfels 3 3"],
-    albedo: Float[Tensor, "surfels 3"],
-    roughness: Float[Tensor, " surfels"],
-    direction: Float[Tensor, "chosen samples 3"],
-    weight: Float[Tensor, "chosen samples"],
-    visibility: Float[Tensor, "chosen samples"],
-    indirect: Float[Tensor, "chosen samples 3"],
-    environment: Float[Tensor, "height width 3"],
-    specular_at: Bool[Tensor, " surfels"] | None = None,
-    own_learns: bool = True,
-    physical_learns: bool = True,
-) -> Float[Tensor, ""]:
-    """L_rad: mean over the surfels ``index`` and channels of |L_G - L_PBR|, summed over two directions.
-
-    L_G is the surfels' own radiance max(0, harmonics + 1/2), L_PBR the sum of the four parts of ``shade``. The
-    directions are that towards the camera and the drawn one; a direction below the surface counts as zero. They have no
-    gradient.
-
-    Args:
-        index: The surfels that are compared, each once.
-        camera: The camera's centre in the world.
-        drawn: Vectors of any length; a direction's side is changed if it lies below the surface.
-        centre: Centres of the surfels in the world.
-        sh: Harmonics of L_G (see ``surfels.harmonics``).
-        frame: Rotation matrices; their third columns are the unit normals.
-        albedo: Linear diffuse albedo of all surfels.
-        roughness: Perceptual roughness of all surfels.
-        direction: Unit directions in the world from the chosen surfels towards the light.
-        weight: Solid angle of each direction, in steradian.
-        visibility: V along each direction.
-        indirect: L_ind along each direction, linear RGB.
-        environment: Distant light; see ``shade``.
-        specular_at: Whether each surfel has a specular lobe (None: all).
-        own_learns: Whether L_G has gradient.
-        physical_learns: Whether L_PBR has gradient.
-    """
-    return _Consistency.apply(
-        own_learns, physical_learns, index, camera, drawn, centre, sh,
-        frame, albedo, roughness, direction, weight, visibility, indirect, environment, specular_at,
-    )  # fmt: skip
+def inputs_of(dtype: torch.dtype) -> tuple[tuple[Any, str], ...]:
+    """The parameters that all kernels of shading begin with; see ``shading_inputs``."""
+    return (
+        (wp.int32, "given_views given_samples given_height given_width given_lobes_everywhere"),
+        (flat(dtype), "given_normal given_albedo given_roughness given_outgoing given_direction given_weight"),
+        (flat(dtype), "given_visibility given_indirect given_environment"),
+        (INTEGERS, "given_specular_at"),
+    )
 
 
-class _Consistency(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, own_learns: bool, physical_learns: bool, *inputs: Tensor | None) -> Tensor:
-        sides = [value.contiguous() for value in inputs[:5] if value is not None]
-        shaded = tuple(None if value is None else value.contiguous() for value in inputs[5:])
-        index, *places, sh = sides
-        direction, specular_at = shaded[3], shaded[8]
-        assert direction is not None
-        kernels = consistency_kernels(sh.dtype, as_on_cuda(sh.device))
-        given = _inputs(kernels, (*shaded[:3], None, *shaded[3:]))
-        needs = ctx.needs_input_grad
-        ctx.wants_own, ctx.wants_physical = own_learns and needs[6], physical_learns and any(needs[7:])
-        ctx.wants_incident, ctx.wants_environment = needs[12] or needs[13], needs[14]
-        # The light's derivative needs the places of its texels, so that what was found there need not be kept.
-        ctx.keeps_light = ctx.wants_physical and not ctx.wants_environment
-        chosen = len(index)
-        losses, slopes = sh.new_empty(chosen), sh.new_empty(chosen, 2, 2, 3)
-        lights = torch.empty_like(direction) if ctx.keeps_light else losses[:0]
-        scale = 1 / max(1, 3 * chosen)
-        arguments = [given, index, *places, sh.shape[1], sh, scale, int(ctx.keeps_light), losses, slopes, lights]
-        launch_in_parallel(kernels.forward, chosen, sh.device, lambda _: arguments)
-        _count(chosen, 2, direction, None if specular_at is None else specular_at[index])
-        ctx.kernels, ctx.given, ctx.slopes, ctx.lights = kernels, given, slopes, lights
-        ctx.save_for_backward(*sides, *shaded)
-        return losses.sum()
+_ALL_TOGETHER = {"CHANNELS": 3, "VIEW": 3, "SPECULAR": 0, "KNOWN": 0}
+_FRAMES = {"NORMAL_STRIDE": 9, "NORMAL_STEP": 3, "NORMAL_FIRST": 2}
 
-    @staticmethod
-    def backward(ctx: Any, grad_out: Tensor) -> Any:
-        index, *places, sh, frame, albedo, roughness, _, _, visibility, indirect, environment, _ = ctx.saved_tensors
-        # Rows of surfels that were not chosen stay zero.
-        none = sh.new_empty(0)
-        own = [torch.zeros_like(value) if ctx.wants_physical else none for value in (frame, albedo, roughness)]
-        to_sh = torch.zeros_like(sh) if ctx.wants_own else none
-        wants_incident = ctx.wants_physical and ctx.wants_incident
-        incident = _incident_gradients(visibility, indirect, sh, wants_incident)
-        light = _LightGradient(environment, sh, ctx.wants_physical and ctx.wants_environment)
-        flags = (ctx.wants_own, ctx.wants_physical, wants_incident, light.wanted, ctx.keeps_light)
-        arguments = [
-            ctx.given, index, *places, sh.shape[1], sh, ctx.slopes, ctx.lights, grad_out.contiguous(),
-            *map(int, flags), *own, to_sh, *incident,
-        ]  # fmt: skip
-        launch_in_parallel(ctx.kernels.backward, len(index), sh.device, lambda worker: [*arguments, light.of(worker)])
-        materials = own if ctx.wants_physical else 3 * [None]
-        traced = incident if wants_incident else 2 * [None]
-        harmonics = to_sh if ctx.wants_own else None
-        return 6 * (None,) + (harmonics, *materials, None, None, *traced, light.total(), None)
+_WORDS: dict[Kind, dict[str, int]] = {
+    "parts": {
+        "CHANNELS": 6, "VIEW": 12, "SPECULAR": 6, "KNOWN": 0, "NORMAL_STRIDE": 3, "NORMAL_STEP": 1, "NORMAL_FIRST": 0
+    },
+    "total": {**_ALL_TOGETHER, **_FRAMES},
+    "given": {**_ALL_TOGETHER, "KNOWN": 1, **_FRAMES},
+}  # fmt: skip
+"""Channels of incident radiance, numbers of a view and the first of them that is specular, whether the incident
+radiance is known, and where the numbers of a normal lie."""
+
+
+def shading_words(dtype: torch.dtype, on_cuda: bool, kind: Kind) -> dict[str, object]:
+    """The values of the words in ``SHADE``."""
+    return {
+        "SAMPLES_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU),
+        "ATAN_TERMS": ATAN_TERMS[dtype],
+        "EXP_TERMS": EXP_TERMS[dtype],
+        "F0": FRESNEL_NORMAL,
+        "TEXEL": TEXEL,
+        **_WORDS[kind],
+    }
+
+
+@cache
+def shade_kernels(dtype: torch.dtype, on_cuda: bool, kind: Kind = "parts") -> Pair:
+    """The kernels of the sums for a scalar type and a division of work; an item is a surfel."""
+    words, arrays = shading_words(dtype, on_cuda, kind), flat(dtype)
+    make = partial(native_kernel, SHADE, dtype, NATIVE, on_cuda=on_cuda, words=words)
+    pulls = (
+        (arrays, "pulls"),
+        (wp.int32, "wants_incident wants_environment"),
+        (arrays, "grad_normal grad_albedo grad_roughness grad_visibility grad_indirect grad_environment"),
+    )
+    given = inputs_of(dtype)
+    return Pair(make("forward", "surfel", *given, (arrays, "out")), make("backward", "surfel", *given, *pulls))
+
+
+@cache
+def arrival_kernel(dtype: torch.dtype, on_cuda: bool) -> wp.Kernel:
+    """The kernel that writes V Env + L_ind of the samples of some surfels to rows ``index``."""
+    parameters = *inputs_of(dtype), (LONGS, "index"), (flat(dtype), "arriving")
+    words = shading_words(dtype, on_cuda, "total")
+    return native_kernel(SHADE, dtype, NATIVE, "arrive", "surfel", *parameters, on_cuda=on_cuda, words=words)

@@ -1,8 +1,8 @@
-// Split-sum shading of surface points; see splitsum_source.py.
+// Split-sum shading of surface points; see splitsum.py.
 
 // ---- each
 // The points of an item; the loop's end closes what includes this. A call for each would copy all arguments.
-const int points = (int)given.roughness.shape[0];
+const int points = (int)given_roughness.shape[0];
 const int after = (item + 1) * POINTS_AN_ITEM < points ? (item + 1) * POINTS_AN_ITEM : points;
 for (int point = item * POINTS_AN_ITEM; point < after; ++point) {
 
@@ -13,10 +13,10 @@ for (int point = item * POINTS_AN_ITEM; point < after; ++point) {
 #define ADD(address, value) *(address) += (value)
 #endif
 const SCALAR zero = SCALAR(0), one = SCALAR(1), two = SCALAR(2), pi = SCALAR(3.14159265358979323846);
-const SCALAR* n = given.normal.data + 3LL * point;
-const SCALAR* o = given.outgoing.data + 3LL * point;
-const SCALAR* albedo = given.albedo.data + 3LL * point;
-const SCALAR roughness = given.roughness.data[point];
+const SCALAR* n = given_normal.data + 3LL * point;
+const SCALAR* o = given_outgoing.data + 3LL * point;
+const SCALAR* albedo = given_albedo.data + 3LL * point;
+const SCALAR roughness = given_roughness.data[point];
 const SCALAR cosine = n[0] * o[0] + n[1] * o[1] + n[2] * o[2];
 #include "angle.inl:angle"
 // Position of a direction on a map, as fractions of its width and height, with their derivatives.
@@ -65,7 +65,7 @@ auto read = [&](const SCALAR* map, const Texels& texels, SCALAR* out) {
 };
 
 // A and B over n.wo and roughness, and R = F0 A + B with its slopes.
-const int last = given.table_size - 1;
+const int last = given_table_size - 1;
 const SCALAR held = cosine < one ? cosine : one;
 const SCALAR row = held * SCALAR(last), column = roughness * SCALAR(last);
 int i = (int)row, j = column > zero ? (int)column : 0;
@@ -73,16 +73,16 @@ i = i < last - 1 ? i : last - 1;
 j = j < last - 1 ? j : last - 1;
 const SCALAR below = row - SCALAR(i), beyond = column - SCALAR(j);
 auto reflectance_at = [&](int a, int b) {
-    const SCALAR* entry = given.table.data + 2 * (a * given.table_size + b);
+    const SCALAR* entry = given_table.data + 2 * (a * given_table_size + b);
     return SCALAR(F0) * entry[0] + entry[1];
 };
 
 // ---- light
 const SCALAR m[3] = {two * cosine * n[0] - o[0], two * cosine * n[1] - o[1], two * cosine * n[2] - o[2]};
 const Place facing = place_of(n), mirrored = place_of(m);
-const int rows = given.grid_height, columns = 2 * given.grid_height;
+const int rows = given_grid_height, columns = 2 * given_grid_height;
 const Texels at_normal = texels_of(facing, rows, columns), at_mirrored = texels_of(mirrored, rows, columns);
-const Texels sharp = texels_of(mirrored, given.sharp_height, given.sharp_width);
+const Texels sharp = texels_of(mirrored, given_sharp_height, given_sharp_width);
 const SCALAR level = roughness / SCALAR(FIRST_LEVEL);
 // The comparisons keep a NaN roughness NaN.
 const SCALAR positive = level <= zero ? zero : level;
@@ -91,13 +91,13 @@ int lower = above > zero ? (int)above : 0;
 lower = lower < LEVELS - 2 ? lower : LEVELS - 2;
 const SCALAR rougher = above > SCALAR(lower) ? above - SCALAR(lower) : (above <= SCALAR(lower) ? zero : above);
 const SCALAR finer = above < zero ? -above : zero;
-const SCALAR* first_level = given.glossy.data + 3LL * lower * rows * columns;
+const SCALAR* first_level = given_glossy.data + 3LL * lower * rows * columns;
 const SCALAR* second_level = first_level + 3LL * rows * columns;
 SCALAR irradiance[3], one_level[3], next_level[3], itself[3], light[3];
-read(given.diffuse.data, at_normal, irradiance);
+read(given_diffuse.data, at_normal, irradiance);
 read(first_level, at_mirrored, one_level);
 read(second_level, at_mirrored, next_level);
-read(given.sharp.data, sharp, itself);
+read(given_sharp.data, sharp, itself);
 const SCALAR top = reflectance_at(i, j) + beyond * (reflectance_at(i, j + 1) - reflectance_at(i, j));
 const SCALAR bottom = reflectance_at(i + 1, j) + beyond * (reflectance_at(i + 1, j + 1) - reflectance_at(i + 1, j));
 const SCALAR reflectance = top + below * (bottom - top);
@@ -150,14 +150,14 @@ if (cosine > zero && pulled) {
         for (int c = 0; c < 3; ++c) to_direction[c] += along_u * place.by_u[c] + along_v * place.by_v[c];
     };
     SCALAR to_mirrored[3] = {zero, zero, zero};
-    hand_on(given.diffuse.data, grad_diffuse.data, at_normal, facing, to_irradiance, one, to_normal);
-    SCALAR* to_first = grad_glossy.data + (first_level - given.glossy.data);
-    SCALAR* to_second = grad_glossy.data + (second_level - given.glossy.data);
+    hand_on(given_diffuse.data, grad_diffuse.data, at_normal, facing, to_irradiance, one, to_normal);
+    SCALAR* to_first = grad_glossy.data + (first_level - given_glossy.data);
+    SCALAR* to_second = grad_glossy.data + (second_level - given_glossy.data);
     const SCALAR coarser = one - finer;
     const SCALAR of_first = coarser * (one - rougher), of_second = coarser * rougher;
     hand_on(first_level, to_first, at_mirrored, mirrored, to_light, of_first, to_mirrored);
     if (rougher > zero) hand_on(second_level, to_second, at_mirrored, mirrored, to_light, of_second, to_mirrored);
-    if (finer > zero) hand_on(given.sharp.data, grad_sharp.data, sharp, mirrored, to_light, finer, to_mirrored);
+    if (finer > zero) hand_on(given_sharp.data, grad_sharp.data, sharp, mirrored, to_light, finer, to_mirrored);
     // The position between the levels depends on roughness, and so does the position in the table.
     SCALAR by_rougher = zero, by_finer = zero;
     for (int c = 0; c < 3; ++c) {

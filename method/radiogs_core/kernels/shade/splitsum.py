@@ -1,16 +1,28 @@
-"""K6 and K14: split-sum shading of many surface points, and bilinear lookup of a light map; differentiable."""
+"""K6: split-sum shading of many surface points; differentiable.
 
+Light is read bilinearly from latitude-longitude grids (see ``light``): the diffuse grid along the normal, and along the
+mirrored view direction the two glossy levels around the roughness, or the light itself below the first level. A and B
+of the BRDF come from a table over n.wo and roughness.
+"""
+
+from functools import cache, partial
 from typing import Any
 
 import torch
+import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ...scene.light import require_map
-from ..arguments import Struct
-from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, launch_in_parallel
-from .splitsum_source import lookup_kernels, points_an_item, splitsum_kernels
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..native_kernel import Pair, flat, native_file, native_kernel
+from ..runtime import ITEMWISE, WorkerSums, launch_in_parallel
+from .angle import ANGLE, ATAN_TERMS
+from .brdf import FRESNEL_NORMAL
+
+SPLITSUM = native_file(__package__, "splitsum.inl", ANGLE)
+
+POINTS_ON_CPU = 64
+"""Surface points of an item on the CPU."""
 
 
 def split_sum(
@@ -49,26 +61,12 @@ class _SplitSum(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, first_level: float, table: Tensor, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.contiguous() for value in inputs)
-        normal, albedo, roughness, outgoing, diffuse, glossy, sharp = inputs
-        kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
-        given = Struct(
-            kernels.Inputs,
-            grid_height=len(diffuse),
-            sharp_height=len(sharp),
-            sharp_width=sharp.shape[1],
-            table_size=len(table),
-            normal=normal,
-            albedo=albedo,
-            roughness=roughness,
-            outgoing=outgoing,
-            diffuse=diffuse,
-            glossy=glossy,
-            sharp=sharp,
-            table=table,
-        )
-        out, items = normal.new_empty(len(normal), 2, 3), -(-len(normal) // points_an_item(as_on_cuda(normal.device)))
-        launch_in_parallel(kernels.forward, items, out.device, lambda _: [given, out])
-        ctx.kernels, ctx.given, ctx.items = kernels, given, items
+        normal, *_, diffuse, glossy, sharp = inputs
+        ctx.kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
+        ctx.given = [len(diffuse), *sharp.shape[:2], len(table), *inputs, table]
+        ctx.items = items_of(len(normal), normal.device, POINTS_ON_CPU)
+        out = normal.new_empty(len(normal), 2, 3)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, out.device, [*ctx.given, out])
         ctx.save_for_backward(*inputs)
         return out
 
@@ -77,54 +75,28 @@ class _SplitSum(torch.autograd.Function):
         *point, diffuse, glossy, sharp = ctx.saved_tensors
         own = [torch.empty_like(value) for value in point]
         maps = WorkerSums((diffuse, glossy, sharp), pull.device)
-        arguments = [ctx.given, pull.contiguous(), *own]
-        launch_in_parallel(
-            ctx.kernels.backward,
-            ctx.items,
-            pull.device,
-            lambda worker: [*arguments, *maps.of(worker)],
-        )
+        launch_in_parallel(ctx.kernels.backward, ctx.items, pull.device, [*ctx.given, pull.contiguous(), *own], maps)
         return None, None, *own, *maps.total()
 
 
-def look_up(
-    radiance: Float[Tensor, "height width 3"], directions: Float[Tensor, "*batch 3"]
-) -> Float[Tensor, "*batch 3"]:
-    """Bilinear radiance along unit directions towards the light; the values are those of ``EnvironmentMap.lookup``.
+@cache
+def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cuda: bool) -> Pair:
+    """The kernels for a scalar type and a division of work; an item is some surface points.
 
-    ``radiance``: linear RGB, lat-long (see ``light``). The lookup wraps at the seam and clamps at the poles; the result
-    for a NaN direction is NaN. Gradients flow to both. The gradient to directions is zero along the azimuth at the
-    poles, where it has no limit, and along the polar angle beyond the centres of the outermost rows.
+    There are ``levels`` glossy maps, at the roughness ``first_level`` and its multiples.
     """
-    require_map(radiance, "a map of light")
-    return _Lookup.apply(radiance, directions)
-
-
-class _Lookup(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        radiance, directions = (value.contiguous() for value in inputs)
-        count, out = directions.shape[:-1].numel(), torch.empty_like(directions)
-        kernels = lookup_kernels(radiance.dtype, as_on_cuda(radiance.device))
-        blocks = -(-count // kernels.lanes)
-        given = [count, *radiance.shape[:2], radiance, directions]
-        launch_in_parallel(kernels.forward, blocks, out.device, lambda _: [*given, out])
-        ctx.kernels, ctx.blocks, ctx.given = kernels, blocks, given
-        ctx.save_for_backward(radiance, directions)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor | None, Tensor | None]:
-        radiance, directions = ctx.saved_tensors
-        wants_radiance, wants_directions = ctx.needs_input_grad
-        maps = WorkerSums([radiance if wants_radiance else radiance[:0]], pull.device)
-        to_directions = torch.empty_like(directions if wants_directions else directions[:0])
-        flags = [int(wants_radiance), int(wants_directions)]
-        arguments = [*ctx.given, pull.contiguous(), *flags, to_directions]
-        launch_in_parallel(
-            ctx.kernels.backward,
-            ctx.blocks,
-            pull.device,
-            lambda worker: [*arguments, *maps.of(worker)],
-        )
-        return maps.total()[0] if wants_radiance else None, to_directions if wants_directions else None
+    words = {
+        "POINTS_AN_ITEM": an_item(on_cuda, POINTS_ON_CPU),
+        "FIRST_LEVEL": first_level,
+        "LEVELS": levels,
+        "F0": FRESNEL_NORMAL,
+        "ATAN_TERMS": ATAN_TERMS[dtype],
+    }
+    make, arrays = partial(native_kernel, SPLITSUM, dtype, ITEMWISE, on_cuda=on_cuda, words=words), flat(dtype)
+    given = (
+        (wp.int32, "given_grid_height given_sharp_height given_sharp_width given_table_size"),
+        (arrays, "given_normal given_albedo given_roughness given_outgoing"),
+        (arrays, "given_diffuse given_glossy given_sharp given_table"),
+    )
+    pulls = arrays, "pulls grad_normal grad_albedo grad_roughness grad_outgoing grad_diffuse grad_glossy grad_sharp"
+    return Pair(make("forward", "item", *given, (arrays, "out")), make("backward", "item", *given, pulls))

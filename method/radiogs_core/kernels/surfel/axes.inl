@@ -1,4 +1,4 @@
-// A surfel as rays meet it; see axes_source.py.
+// A surfel as rays meet it; see axes.py.
 
 // ---- given
 const SCALAR* m = frame.data + 9LL * surfel;

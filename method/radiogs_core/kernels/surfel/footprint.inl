@@ -1,4 +1,4 @@
-// A surfel widened by a pixel's footprint; see footprint_source.py.
+// A surfel widened by a pixel's footprint; see footprint.py.
 
 // ---- towards
 // From the centre ``c`` and the camera's matrix ``p``: the unit vector ``towards[k] * inverse`` to the camera.

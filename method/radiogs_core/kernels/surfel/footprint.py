@@ -1,39 +1,52 @@
-"""K5 and K10: frames of surfels from quaternions, and surfels widened by a pixel's footprint; differentiable."""
+"""K5 and K10: frames of surfels from quaternions, and surfels widened by a pixel's footprint; differentiable.
 
-from typing import Any
+With s = (s_u, s_v) the scales, v the variance of a pixel at the surfel's depth, (a, b) the view direction's component
+in the plane and c its cosine to the normal, the covariance is
+
+    diag(s^2) + v (1 + (a, b) (a, b)^T / c^2) = L L^T,   L = [first 0; mixed second],
+
+and the axes are the rows of L^-1 along the tangents. Footprints have no gradient: v, a, b and c are constants.
+"""
+
+from functools import cache, partial
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
-from ..runtime import launch_in_parallel
-from .footprint_source import footprint_kernels, frame_kernels
+from ..differentiable import differentiable
+from ..lanes import LANES
+from ..native_kernel import Pair, flat, native_file, native_kernel
+from ..runtime import ITEMWISE, scalar_type
 from .geometry import SplatGeometry
+
+FRAME = native_file(__package__, "frame.inl", LANES)
+
+FOOTPRINT = native_file(__package__, "footprint.inl", LANES)
+
+PIXEL_FILTER_VARIANCE = 1 / 12
+"""Variance, in pixels^2, of the square that a pixel averages over, by which a surfel is widened."""
+
+EDGE_ON_COSINE = 0.05
+"""Cosine between view direction and normal below which a pixel's footprint in a surfel's plane does not grow further:
+at 87 degrees it is 20 pixels long."""
+
+FOOTPRINT_WORDS = {"PIXEL_VARIANCE": PIXEL_FILTER_VARIANCE, "LEAST_COSINE": EDGE_ON_COSINE**2}
+"""The values of the words in ``FOOTPRINT``."""
 
 
 def frames(rotation: Float[Tensor, "surfels 4"]) -> Float[Tensor, "surfels 3 3"]:
     """Rotation matrices of quaternions (w, x, y, z) of any length; zero for a zero quaternion."""
-    return _Frames.apply(rotation)
+    return differentiable(frame_kernels(rotation.dtype), len(rotation), (), [(len(rotation), 3, 3)], rotation)[0]
 
 
-class _Frames(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, rotation: Tensor) -> Tensor:
-        rotation = rotation.detach().contiguous()
-        kernels, out = frame_kernels(rotation.dtype), rotation.new_empty(len(rotation), 3, 3)
-        arguments = [rotation, out]
-        launch_in_parallel(kernels.forward, len(rotation), out.device, lambda _: arguments)
-        ctx.save_for_backward(rotation)
-        return out
-
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> Tensor:
-        (rotation,) = ctx.saved_tensors
-        out = torch.empty_like(rotation)
-        arguments = [rotation, pull.contiguous(), out]
-        launch_in_parallel(frame_kernels(out.dtype).backward, len(rotation), out.device, lambda _: arguments)
-        return out
+@cache
+def frame_kernels(dtype: torch.dtype) -> Pair:
+    """The kernels of frames for a scalar type; an item is a surfel."""
+    make = partial(native_kernel, FRAME, dtype, ITEMWISE, on_cuda=True)
+    forward = make("forward", "surfel", (flat(dtype), "rotation out"))
+    return Pair(forward, make("backward", "surfel", (flat(dtype), "rotation pull out")))
 
 
 def widened(
@@ -59,32 +72,24 @@ def widened(
         scale: Standard deviations along t_u and t_v, world units.
         opacity: Peak opacities.
     """
-    camera = camera.to(centre.device, centre.dtype)
-    return SplatGeometry(centre, *_Widened.apply(camera, centre, frame, scale, opacity))
+    camera, kernels = camera.to(centre.device, centre.dtype), footprint_kernels(centre.dtype)
+    pose, shape = camera.camera_to_world.contiguous(), centre.shape
+    constants = pose, 2 / (camera.fx + camera.fy), centre.detach().contiguous()
+    shapes = shape, shape, shape, shape[:1]
+    return SplatGeometry(
+        centre, *differentiable(kernels, len(centre), constants, shapes, frame, scale, opacity)
+    )  # fmt: skip
 
 
-class _Widened(torch.autograd.Function):
-    @staticmethod
-    def forward(
-        ctx: Any, camera: Camera, centre: Tensor, frame: Tensor, scale: Tensor, opacity: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        kernels = footprint_kernels(centre.dtype)
-        given = [value.detach().contiguous() for value in (centre, frame, scale, opacity)]
-        axis_u, axis_v, normal, widened_opacity = map(torch.empty_like, (centre, centre, centre, opacity))
-        out = axis_u, axis_v, normal, widened_opacity
-        ctx.arguments = [camera.camera_to_world.contiguous(), 2 / (camera.fx + camera.fy), *given]
-        arguments = [*ctx.arguments, *out]
-        launch_in_parallel(kernels.forward, len(centre), centre.device, lambda _: arguments)
-        ctx.save_for_backward(*given)
-        return out
+@cache
+def footprint_kernels(dtype: torch.dtype) -> Pair:
+    """The kernels of widened surfels for a scalar type; an item is a surfel.
 
-    @staticmethod
-    def backward(ctx: Any, *pulls: Tensor) -> tuple[None, None, Tensor, Tensor, Tensor]:
-        _, frame, scale, opacity = ctx.saved_tensors
-        to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
-        given = (pull.contiguous() for pull in pulls)
-        arguments = [*ctx.arguments, *given, to_frame, to_scale, to_opacity]
-        launch_in_parallel(
-            footprint_kernels(scale.dtype).backward, len(scale), scale.device, lambda _: arguments
-        )  # fmt: skip
-        return None, None, to_frame, to_scale, to_opacity
+    ``pose``: the camera-to-world matrix. ``size_of_pixel``: side of a pixel at depth 1, world units.
+    """
+    make = partial(native_kernel, FOOTPRINT, dtype, ITEMWISE, on_cuda=True, words=FOOTPRINT_WORDS)
+    arrays = flat(dtype)
+    given = (arrays, "pose"), (scalar_type(dtype), "size_of_pixel"), (arrays, "centre frame scale opacity")
+    out = arrays, "out_u out_v out_normal out_opacity"
+    pulls = arrays, "pull_u pull_v pull_normal pull_opacity to_frames to_scales to_opacities"
+    return Pair(make("forward", "surfel", *given, out), make("backward", "surfel", *given, pulls))

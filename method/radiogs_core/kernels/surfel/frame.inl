@@ -1,4 +1,4 @@
-// The rotation matrix of a quaternion; see footprint_source.py.
+// The rotation matrix of a quaternion; see footprint.py.
 
 // ---- unit
 // The largest entry is divided out first: in float32 the squares of entries below 1e-19 lose their digits. A zero

@@ -1,4 +1,4 @@
-// A surfel's radiance from its harmonics; see harmonics_source.py.
+// A surfel's radiance from its harmonics; see harmonics.py.
 
 // ---- harmonics
 // ``harmonic``, the 16 basis functions in the direction of travel ``x``, ``y``, ``z``.

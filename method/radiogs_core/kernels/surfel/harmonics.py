@@ -1,13 +1,17 @@
 """K4: sums of spherical harmonics of many surfels in a few directions each; fused and differentiable."""
 
-from typing import Any
+from functools import cache, partial
 
 import torch
+import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import launch_in_parallel
-from .harmonics_source import harmonics_kernels
+from ..differentiable import differentiable
+from ..native_kernel import Pair, flat, native_file, native_kernel
+from ..runtime import ITEMWISE
+
+HARMONICS = native_file(__package__, "harmonics.inl")
 
 
 def harmonic_sum(
@@ -18,23 +22,18 @@ def harmonic_sum(
     Gradients flow to both. The gradient to directions is that of the polynomials; it is tangential after a
     normalisation of the directions.
     """
-    return _HarmonicSum.apply(sh, direction)
+    sizes, kernels = [sh.shape[1], direction.shape[1]], harmonics_kernels(sh.dtype)
+    return differentiable(kernels, len(sh), sizes, [direction.shape], sh, direction)[0]
 
 
-class _HarmonicSum(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        sh, direction = (value.contiguous() for value in inputs)
-        kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], sh, direction, out]
-        launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
-        ctx.save_for_backward(sh, direction)
-        return out
+@cache
+def harmonics_kernels(dtype: torch.dtype) -> Pair:
+    """The kernels for a scalar type; an item is a surfel.
 
-    @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor]:
-        sh, direction = ctx.saved_tensors
-        gradients = torch.empty_like(sh), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], sh, direction, pull.contiguous(), *gradients]
-        launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
-        return gradients
+    The basis consists of polynomials of a unit direction of travel. Gradients to the direction are the polynomials';
+    only their tangential component counts for a direction of unit length.
+    """
+    make = partial(native_kernel, HARMONICS, dtype, ITEMWISE)
+    given = (wp.int32, "coefficients views"), (flat(dtype), "sh direction")
+    forward = make("forward", "surfel", *given, (flat(dtype), "out"))
+    return Pair(forward, make("backward", "surfel", *given, (flat(dtype), "pull grad_sh grad_direction")))

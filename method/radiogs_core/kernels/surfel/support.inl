@@ -1,4 +1,4 @@
-// The support of a surfel; see support_source.py.
+// The support of a surfel; see support.py.
 
 // ---- measure
 // ``reach`` and its square, ``dual`` and ``kind_of`` of a surfel: centre ``c``, ``axes``, normal ``n``, opacity ``o``.

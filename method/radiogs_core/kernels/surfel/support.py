@@ -1,15 +1,27 @@
 """K13: the support of surfels, where their alpha is above the threshold, and whether a ray can hit them."""
 
 from dataclasses import dataclass, fields
+from functools import cache, partial
 
 import torch
+import warp as wp
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from ...instruments import current, fire
-from ..runtime import launch_in_parallel
-from .geometry import SplatGeometry
-from .support_source import DEGENERATE, FAINT, REGULAR, SATURABLE, support_kernel
+from ..lanes import LANES
+from ..native_kernel import BYTES, flat, native_file, native_kernel
+from ..runtime import ITEMWISE, launch_in_parallel
+from .geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
+
+SUPPORT = native_file(__package__, "support.inl", LANES)
+
+SUPPORT_WORDS = {"THRESHOLD": ALPHA_THRESHOLD, "MAX_ALPHA": MAX_ALPHA}
+"""The values of the words in ``SUPPORT``."""
+
+DEGENERATE, FAINT, REGULAR, SATURABLE = range(4)
+"""Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, normal ones
+that rays can hit, and such with an opacity above MAX_ALPHA, whose alpha is clipped."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +37,7 @@ class Support:
     extent: Float[Tensor, "surfels 3"]
     """Half the sides of the axis-aligned box around the ellipse, world units."""
     kind: UInt8[Tensor, " surfels"]
-    """DEGENERATE, FAINT, REGULAR or SATURABLE (see ``support_source``)."""
+    """DEGENERATE, FAINT, REGULAR or SATURABLE."""
 
     @property
     def can_be_hit(self) -> Bool[Tensor, " surfels"]:
@@ -35,24 +47,30 @@ class Support:
         """
         return self.kind >= REGULAR
 
-    def counted(self) -> "Support":
-        """This support, after counting its guards; call it once for each set of surfels that is binned or fitted."""
-        if current() is not None:
-            fire(
-                degenerate_surfels=(self.kind == DEGENERATE).sum(),
-                faint_surfels=(self.kind == FAINT).sum(),
-                saturable_surfels=(self.kind == SATURABLE).sum(),
-            )
-        return self
+
+def count_kinds(kind: UInt8[Tensor, " surfels"]) -> None:
+    """Count the guards of surfels by their kinds; call it once for each set of surfels that is binned or fitted."""
+    if current() is not None:
+        fire(
+            degenerate_surfels=(kind == DEGENERATE).sum(),
+            faint_surfels=(kind == FAINT).sum(),
+            saturable_surfels=(kind == SATURABLE).sum(),
+        )
 
 
 @torch.no_grad()
 def support_of(geometry: SplatGeometry) -> Support:
     """The supports of surfels."""
-    supports = support_kernel(geometry.centre.dtype)
     given = [getattr(geometry, field.name).contiguous() for field in fields(geometry)]
     radius, extent = torch.empty_like(given[-1]), torch.empty_like(given[0])
     kind = torch.empty(len(radius), dtype=torch.uint8, device=radius.device)
-    arguments = [*given, radius, extent, kind]
-    launch_in_parallel(supports, len(radius), radius.device, lambda _: arguments)
+    launch_in_parallel(support_kernel(radius.dtype), len(radius), radius.device, [*given, radius, extent, kind])
     return Support(radius, extent, kind)
+
+
+@cache
+def support_kernel(dtype: torch.dtype) -> wp.Kernel:
+    """The kernel for a scalar type; an item is a surfel."""
+    parameters = (flat(dtype), "centre axis_u axis_v normal opacity radius extent"), (BYTES, "kind")
+    make = partial(native_kernel, SUPPORT, dtype, ITEMWISE, on_cuda=True, words=SUPPORT_WORDS)
+    return make("support", "surfel", *parameters)

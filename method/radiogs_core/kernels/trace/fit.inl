@@ -1,4 +1,4 @@
-// Fitting a leaf to its surfels and a node to its children; see fit_source.py.
+// Fitting a leaf to its surfels and a node to its children; see fit.py.
 
 // ---- enclose
 // The box around boxes that stand WIDTH abreast, and half of its area.
@@ -49,6 +49,7 @@ areas.data[place] = enclose(sides, corners.data + 6 * place);
 
 // ---- fit_node
 #include "enclose"
+const int node = end - 1 - before;
 SCALAR* sides = boxes.data + 6LL * WIDTH * node;
 for (int lane = 0; lane < WIDTH; ++lane) {
     const int child = children.data[(long long)node * WIDTH + lane];

@@ -1,4 +1,4 @@
-// Gathering the hits of a ray in order, breadth first or nearest first; see hits_source.py.
+// Gathering the hits of a ray in order, breadth first or nearest first; see hits.py.
 
 // ---- ray
 // Tests of a ray against a node or a leaf of the tree, eight children or surfels at once. The ray ``origin``,
@@ -504,3 +504,11 @@ for (int r = 0; r < count; ++r) {
 #endif
 nodes_out.data[item] = nodes;
 leaves_out.data[item] = leaf_count;
+
+// ---- pack
+for (int step = 0; step < found.data[slot]; ++step) {
+    const int from = begin.data[slot] + step, to = target.data[slot] + step;
+    depth.data[to] = hits_t.data[from];
+    surfel.data[to] = hits_id.data[from];
+    alpha.data[to] = hits_alpha.data[from];
+}

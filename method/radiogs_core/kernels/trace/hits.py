@@ -5,23 +5,52 @@ Rays are processed in an order in which consecutive rays visit the same nodes (`
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from types import SimpleNamespace
-from typing import Any
+from functools import cache, cached_property, partial
+from typing import Any, NamedTuple
 
 import torch
+import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ...errors import UsageError
 from ...instruments import amounts_in, count, current
 from ..arguments import require_countable
 from ..arrangement import as_on_cuda
-from ..runtime import CHUNKS_PER_WORKER, in_parallel, launch, launch_in_parallel, workers
-from .bvh import SurfelBVH
-from .fit_source import LEAF_FIELDS
-from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, TOGETHER, hit_kernels
-from .topology import WIDTH
+from ..lanes import LANES, bell_words
+from ..native_kernel import INTEGERS, array_of, flat, native_file, native_kernel
+from ..runtime import CHUNKS_PER_WORKER, NATIVE, in_parallel, launch, scalar_type, workers
+from ..surfel.geometry import MAX_ALPHA
+from .bvh import LEAF_FIELDS, SurfelBVH
+from .ray_order import coherent_order, ordered_by_origin
+from .topology import STACK, WIDTH
+
+HITS = native_file(__package__, "hits.inl", LANES)
+
+TOGETHER = 64
+"""Most rays that go through the tree together on the CPU: the bits of an integer."""
+
+MOST_NODES = 4096
+"""Largest number of nodes, and of leaves, that rays which go together enter; if there are more, each of these rays is
+traversed nearest first."""
+
+MOST_MET = 256
+"""Most pairs of a ray and a leaf with hits that are kept before the hits are added to those of their rays."""
+
+MOST_HITS = 248
+"""Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
+
+FEW_HITS = 32
+"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones: as many
+as ``put_in_order`` has code of its own for."""
+
+BUFFER = 32
+"""Hits of a ray in one round of nearest-first traversal; fewer measured slower, because more rounds are needed."""
+
+FINISHED = -1.0
+"""Sentinel transmittance: the ray needs no further round."""
+
+NO_SURFEL = 2**31 - 1
+"""Surfel at which the first round of a ray starts: hits exactly at its starting depth are skipped."""
 
 RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 16, 1 << 20
 """Largest number of rays that are gathered together; it bounds the buffers (12 bytes a hit), of which the CPU touches
@@ -106,6 +135,56 @@ class _Found:
     """Numbers of visited nodes and leaves, of each round."""
 
 
+class HitKernels(NamedTuple):
+    """Kernels that find the hits of rays."""
+
+    gather: wp.Kernel
+    """Gathers the hits of each ray in order; an item is a ray, or on the CPU some rays that go through together."""
+    pack: wp.Kernel
+    """Copies a ray's hits from entry ``begin`` on to entry ``target`` of one list of all rays; an item is a ray."""
+
+
+@cache
+def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> HitKernels:
+    """The kernels for a scalar type and a division of work (a Warp version of the traversal measured a third of its
+    speed)."""
+    words = {
+        "TOGETHER": TOGETHER, "FEW_HITS": FEW_HITS, "BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES,
+        "MOST_HITS": MOST_HITS, "MOST_MET": MOST_MET, "NO_SURFEL": NO_SURFEL, "FINISHED": FINISHED,
+        "MAX_ALPHA": MAX_ALPHA, **bell_words(dtype),
+    }  # fmt: skip
+    make, arrays = partial(native_kernel, HITS, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
+    vectors = array_of(wp.types.vector(3, scalar_type(dtype)))
+    gather = (
+        (wp.int32, "of_origin"),
+        (INTEGERS, "rays"),
+        (vectors, "origins directions"),
+        (arrays, "starts_t"),
+        (INTEGERS, "starts_id"),
+        (arrays, "starts_rest backs_t"),
+        (scalar_type(dtype), "stop"),
+        (arrays, "boxes"),
+        (INTEGERS, "children"),
+        (arrays, "leaves"),
+        (INTEGERS, "order"),
+        (arrays, "hits_t"),
+        (INTEGERS, "hits_id"),
+        (arrays, "hits_alpha"),
+        (INTEGERS, "used found_out"),
+        (arrays, "rest_out"),
+        (INTEGERS, "nodes_out leaves_out"),
+    )
+    pack = (
+        (INTEGERS, "found begin target"),
+        (arrays, "hits_t"),
+        (INTEGERS, "hits_id"),
+        (arrays, "hits_alpha depth"),
+        (INTEGERS, "surfel"),
+        (arrays, "alpha"),
+    )
+    return HitKernels(make("gather", "item", *gather), make("pack", "slot", *pack))
+
+
 JOINED = ("counts", "surfel", "depth", "alpha")
 """Fields of ``_Found`` that are concatenated over chunks."""
 
@@ -152,7 +231,7 @@ def find_hits(
     return HitLists(order, begins_of(counts), surfel, depth, alpha)
 
 
-def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor, of_origin: int) -> _Found:
+def _find(kernels: HitKernels, fixed: list[Any], order: Tensor, start_t: Tensor, of_origin: int) -> _Found:
     """Gather one chunk: a first round for all rays, and further rounds for rays with more hits than a round holds.
 
     ``of_origin``: see ``_gather``; in further rounds each ray has its own origin.
@@ -177,7 +256,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
 
 
 def _gather(
-    kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tensor, start: list[Tensor], of_origin: int
+    kernels: HitKernels, fixed: list[Any], slot: Tensor, rays: Tensor, start: list[Tensor], of_origin: int
 ) -> _Round:
     """Gather one round of hits. ``start``: depth, surfel and transmittance at which each ray starts.
 
@@ -191,7 +270,8 @@ def _gather(
     room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS + 8)
     hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
     hits_id = torch.empty(room, dtype=torch.int32, device=device)
-    items = len(rays) if as_on_cuda(device) else _groups(len(rays), of_origin)
+    groups = len(rays) // of_origin * -(-of_origin // TOGETHER) if of_origin else -(-len(rays) // TOGETHER)
+    items = len(rays) if as_on_cuda(device) else groups  # on the CPU, rays that go through the tree together
     found, visits = torch.empty_like(rays), torch.empty(2, items, dtype=torch.int32, device=device)
     rest = torch.empty_like(start[2])
     used = torch.zeros(1, dtype=torch.int32, device=device)
@@ -201,13 +281,8 @@ def _gather(
     return _Round(slot, found, rest, hits_id, hits_t, hits_alpha, visits, start)
 
 
-def _groups(rays: int, of_origin: int) -> int:
-    """Number of groups of rays that go through the tree together on the CPU."""
-    return rays // of_origin * -(-of_origin // TOGETHER) if of_origin else -(-rays // TOGETHER)
-
-
 def _joined(
-    kernels: SimpleNamespace, rounds: Sequence[_Round], counts: Tensor, entries: int
+    kernels: HitKernels, rounds: Sequence[_Round], counts: Tensor, entries: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Surfels, depths and alphas of all rounds, packed ray by ray."""
     depth, alpha = (rounds[0].depth.new_empty(entries) for _ in range(2))
@@ -241,47 +316,3 @@ def number_of_entries(counts: Int[Tensor, " rays"]) -> int:
 
 def _require_countable(hits: int) -> None:
     require_countable(hits, "hits of rays and surfels", "Trace fewer rays together.")
-
-
-@torch.no_grad()
-def ordered_by_origin(
-    origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"], of_origin: int
-) -> Int[Tensor, " rays"]:
-    """Ray numbers with the ``of_origin`` rays of each origin together, origins in the order of their first rays.
-
-    Raises UsageError if the number of rays is no multiple of ``of_origin``.
-    """
-    if len(origin) % of_origin:
-        raise UsageError(
-            f"{len(origin)} rays are no multiple of {of_origin}",
-            "As many consecutive rays are said to have the same origin.",
-            "Trace as many rays from every origin, or leave rays_of_origin out.",
-        )
-    first = coherent_order(origin[::of_origin], direction[::of_origin])
-    return (first[:, None] * of_origin + torch.arange(of_origin, dtype=torch.int32, device=first.device)).flatten()
-
-
-CELLS = 512
-"""Cells along the longest side of the box around the origins: 9 bits for each of three coordinates."""
-
-BOUNDED = 16
-"""The box is that of every 16th origin; origins outside it count as in its outermost cells. The box of all origins
-would take longer than sorting them."""
-
-
-@torch.no_grad()
-def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"]) -> Int[Tensor, " rays"]:
-    """Ray numbers sorted by the octant of the ray's direction, then along a Morton curve through the origins.
-
-    Tracing in this order measured 1.3 to 1.8 times as fast as in random order; the octant contributes 2 to 5 %.
-    """
-    kernels = hit_kernels(origin.dtype, as_on_cuda(origin.device))
-    count, device = len(origin), origin.device
-    code = torch.empty(count, dtype=torch.int32, device=device)
-    if count > 0:
-        low, high = torch.stack(torch.aminmax(origin[::BOUNDED], dim=0)).tolist()
-        span = max(end - begin for begin, end in zip(low, high, strict=True))
-        rays = [value.contiguous() for value in (origin, direction)]
-        cells = (CELLS - 1) / span if span > 0 else 0.0
-        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, kernels.vector(*low), cells, code])
-    return code.argsort(stable=True).int()

@@ -3,17 +3,18 @@
 from dataclasses import dataclass
 
 import torch
-import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from ...instruments import fire
-from ..arguments import packed
-from .hits_source import STACK
-from .sah_source import sah_kernel
+from ..runtime import launch
+from .sah import sah_kernel
 
 WIDTH = 8
 """Children of a node, and surfels of a leaf: one AVX register of float32."""
+
+STACK = 96
+"""Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
 DEEPEST = 1 + (STACK - 1) // (WIDTH - 1)
 """Largest number of levels for the traversal stack: each level but the last pushes up to WIDTH - 1 children."""
@@ -50,10 +51,7 @@ def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3
     child.fill_(room)
     leaf = torch.full((room, WIDTH), -1, dtype=torch.int32)
     level_end, made = torch.zeros(DEEPEST, dtype=torch.int32), torch.zeros(3, dtype=torch.int32)
-    kernel = sah_kernel()
-    tables = map(wp.from_torch, (segment, child, leaf))
-    arrays = packed(kernel, [boxes, order, *tables, level_end, made])
-    wp.launch(kernel, dim=1, inputs=arrays, device="cpu")
+    launch(sah_kernel(), 1, boxes.device, [boxes, order, segment, child, leaf, level_end, made])
     nodes, leaves, levels = made.tolist()
     if nodes == 0:
         fire(deep_trees=1)

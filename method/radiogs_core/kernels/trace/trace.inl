@@ -1,4 +1,4 @@
-// Blending the hits of a ray; see trace_source.py.
+// Blending the hits of a ray; see trace.py.
 
 // ---- fours
 // ``Four`` numbers of the type SCALAR as a vector, of which most have three in use; ``four`` reads them and ``add_four``
@@ -100,22 +100,22 @@ auto add_to_harmonics = [&](SCALAR* to_sh, const SCALAR* pull) __attribute__((al
 #define ADD(address, value) *(address) += (value)
 #endif
 constexpr int RAYS_AHEAD = 8, HITS_AHEAD = 8;
-const int width = 3 * hits.coefficients, channels = hits.channels;
-const int begin = hits.begin.data[slot], end = hits.begin.data[slot + 1];
-const long long ray = hits.ray.data[slot];
+const int width = 3 * hits_coefficients, channels = hits_channels;
+const int begin = hits_begin.data[slot], end = hits_begin.data[slot + 1];
+const long long ray = hits_ray.data[slot];
 
 // ---- towards
-const SCALAR* d = hits.direction.data + 3 * ray;
+const SCALAR* d = hits_direction.data + 3 * ray;
 const SCALAR x = d[0], y = d[1], z = d[2];
 // Entries of later rays lie behind this ray's, and are prefetched before it ends.
-const int entries = hits.surfel.shape[0];
+const int entries = hits_surfel.shape[0];
 
 // ---- forward
-for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits.ray.shape[0]; ++slot) {
+for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits_ray.shape[0]; ++slot) {
 #include "ray"
-if (slot + RAYS_AHEAD < hits.ray.shape[0]) {
-    const long long later = hits.ray.data[slot + RAYS_AHEAD];
-    FETCH(hits.direction.data + 3 * later);
+if (slot + RAYS_AHEAD < hits_ray.shape[0]) {
+    const long long later = hits_ray.data[slot + RAYS_AHEAD];
+    FETCH(hits_direction.data + 3 * later);
     FETCH(out_colour.data + 3 * later);
     FETCH(out_scalars.data + 2 * later);
     FETCH(out_features.data + channels * later);
@@ -133,18 +133,18 @@ if (begin == end) {
 #include "radiance"
 // Whether the ray hits the front side: radiance is that of the front, and a surfel is black from behind.
 auto visible = [&](int surfel) __attribute__((always_inline)) {
-    const SCALAR* normal = hits.surface.data + 16LL * surfel + 12;
+    const SCALAR* normal = hits_surface.data + 16LL * surfel + 12;
     return normal[0] * x + normal[1] * y + normal[2] * z < SCALAR(0);
 };
 auto fetch = [&](int entry) __attribute__((always_inline)) {
     if (entry < entries) {
-        const int surfel = hits.surfel.data[entry];
-        const SCALAR* sh = hits.sh.data + (long long)width * surfel;
+        const int surfel = hits_surfel.data[entry];
+        const SCALAR* sh = hits_sh.data + (long long)width * surfel;
         FETCH(sh);
         FETCH(sh + 16);
         FETCH(sh + 32);
-        FETCH(hits.features.data + (long long)channels * surfel);
-        FETCH(hits.surface.data + 16LL * surfel);
+        FETCH(hits_features.data + (long long)channels * surfel);
+        FETCH(hits_surface.data + 16LL * surfel);
     }
 };
 const bool kept = out_lit.shape[0] > 0;
@@ -152,18 +152,18 @@ SCALAR left = SCALAR(1), depth = SCALAR(0);
 SCALAR total[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
 for (int entry = begin; entry < end; ++entry) {
     fetch(entry + HITS_AHEAD);
-    const int surfel = hits.surfel.data[entry];
-    const SCALAR alpha = hits.alpha.data[entry];
+    const int surfel = hits_surfel.data[entry];
+    const SCALAR alpha = hits_alpha.data[entry];
     const SCALAR weight = left * alpha;
-    const SCALAR* features = hits.features.data + (long long)channels * surfel;
+    const SCALAR* features = hits_features.data + (long long)channels * surfel;
     SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
-    if (visible(surfel)) radiance_of(hits.sh.data + (long long)width * surfel, colour);
+    if (visible(surfel)) radiance_of(hits_sh.data + (long long)width * surfel, colour);
     if (kept)
         for (int c = 0; c < 3; ++c) out_lit.data[3LL * entry + c] = colour[c];
     // Zero times a negative radiance, not zero: NaN stays NaN (and raises an error that names the surfel), not black.
     for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) * colour[c] : colour[c]);
     for (int k = 0; k < channels; ++k) blended[k] += weight * features[k];
-    depth += weight * hits.depth.data[entry];
+    depth += weight * hits_depth.data[entry];
     left *= SCALAR(1) - alpha;
 }
 for (int c = 0; c < 3; ++c) out_colour.data[3 * ray + c] = total[c];
@@ -172,12 +172,12 @@ out_scalars.data[2 * ray + 1] = depth;
 }
 
 // ---- backward
-for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits.ray.shape[0]; ++slot) {
+for (int slot = RUN * run; slot < RUN * run + RUN && slot < hits_ray.shape[0]; ++slot) {
 #include "ray"
-if (slot + RAYS_AHEAD < hits.ray.shape[0]) {
-    const long long later = hits.ray.data[slot + RAYS_AHEAD];
-    FETCH(hits.origin.data + 3 * later);
-    FETCH(hits.direction.data + 3 * later);
+if (slot + RAYS_AHEAD < hits_ray.shape[0]) {
+    const long long later = hits_ray.data[slot + RAYS_AHEAD];
+    FETCH(hits_origin.data + 3 * later);
+    FETCH(hits_direction.data + 3 * later);
     FETCH(pull_colour.data + 3 * later);
     FETCH(pull_scalars.data + 2 * later);
     FETCH(pull_features.data + channels * later);
@@ -194,7 +194,7 @@ if (begin == end) {
 #include "fours"
 #include "harmonics_sum"
 // Copies, which no store to a gradient can change.
-const SCALAR *from = hits.origin.data + 3 * ray, *to_colour = pull_colour.data + 3 * ray;
+const SCALAR *from = hits_origin.data + 3 * ray, *to_colour = pull_colour.data + 3 * ray;
 const SCALAR o[3] = {from[0], from[1], from[2]}, pull[3] = {to_colour[0], to_colour[1], to_colour[2]};
 const SCALAR* colour_out = out_colour.data + 3 * ray;
 const SCALAR* blended_out = out_features.data + channels * ray;
@@ -208,14 +208,14 @@ for (int k = 0; k < channels; ++k) behind += blended_pull[k] * blended_out[k];
 SCALAR left = SCALAR(1);
 auto fetch = [&](int entry) __attribute__((always_inline)) {
     if (entry < entries) {
-        const long long surfel = hits.surfel.data[entry];
+        const long long surfel = hits_surfel.data[entry];
         SCALAR* to_sh = grad_sh.data + width * surfel;
         FETCH(to_sh);
         FETCH(to_sh + 16);
         FETCH(to_sh + 32);
-        FETCH(hits.surface.data + 16 * surfel);
+        FETCH(hits_surface.data + 16 * surfel);
         FETCH(grad_surface.data + 16 * surfel);
-        FETCH(hits.features.data + channels * surfel);
+        FETCH(hits_features.data + channels * surfel);
         FETCH(grad_features.data + channels * surfel);
     }
 };
@@ -223,8 +223,8 @@ const Four origin = {o[0], o[1], o[2], SCALAR(0)}, travel = {x, y, z, SCALAR(0)}
 Four origin_pull = Four{};
 for (int entry = begin; entry < end; ++entry) {
     fetch(entry + HITS_AHEAD);
-    const long long surfel = hits.surfel.data[entry];
-    const SCALAR* surface = hits.surface.data + 16 * surfel;
+    const long long surfel = hits_surfel.data[entry];
+    const SCALAR* surface = hits_surface.data + 16 * surfel;
     const SCALAR *centre = surface, *axis_u = surface + 4, *axis_v = surface + 8, *normal = surface + 12;
     const SCALAR to_x = centre[0] - o[0], to_y = centre[1] - o[1], to_z = centre[2] - o[2];
     const SCALAR inverse = SCALAR(1) / (normal[0] * x + normal[1] * y + normal[2] * z);
@@ -233,10 +233,10 @@ for (int entry = begin; entry < end; ++entry) {
     const SCALAR u = axis_u[0] * off_x + axis_u[1] * off_y + axis_u[2] * off_z;
     const SCALAR v = axis_v[0] * off_x + axis_v[1] * off_y + axis_v[2] * off_z;
     // Where alpha was clipped at MAX_ALPHA it has no gradient, and its unclipped value is not needed.
-    const SCALAR alpha = hits.alpha.data[entry];
+    const SCALAR alpha = hits_alpha.data[entry];
     const bool free = alpha < SCALAR(MAX_ALPHA);
     const SCALAR weight = left * alpha;
-    const SCALAR* features = hits.features.data + channels * surfel;
+    const SCALAR* features = hits_features.data + channels * surfel;
     const SCALAR* colour = out_lit.data + 3LL * entry;
     SCALAR lit[3], value = depth_pull * depth;
     for (int c = 0; c < 3; ++c) {

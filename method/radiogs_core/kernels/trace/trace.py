@@ -1,20 +1,33 @@
-"""K2: trace rays through surfels and blend their hits in order; differentiable."""
+"""K2: trace rays through surfels and blend their hits in order; differentiable.
+
+Both passes read a stored list of hits, so the backward pass does not traverse the tree again. Kernels prefetch the data
+of later hits and rays: surfels, gradient sums and outputs are scattered in memory, and a ray's arithmetic is short
+beside the memory latency (measured on M: forward 1.8 times as fast).
+"""
 
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import torch
+import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
 from ...instruments import count, current, fire, require_finite_blend
-from ..arguments import Struct
-from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, launch_in_parallel
-from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
+from ..arrangement import an_item, as_on_cuda, items_of
+from ..lanes import LANES
+from ..native_kernel import INTEGERS, Pair, flat, native_file, native_kernel
+from ..runtime import NATIVE, WorkerSums, launch_in_parallel
+from ..surfel.geometry import MAX_ALPHA, TRACE_TRANSMITTANCE_STOP, SplatGeometry
+from ..surfel.harmonics import HARMONICS
 from .bvh import SurfelBVH
 from .hits import HitLists, find_hits
-from .trace_source import rays_of_a_run, trace_kernels
+
+TRACE = native_file(__package__, "trace.inl", LANES, HARMONICS)
+
+RAYS_OF_A_RUN = 32
+"""Rays of an item on the CPU: for each item Warp copies the kernel's arguments, a kilobyte, twice."""
 
 
 @dataclass(frozen=True)
@@ -128,48 +141,44 @@ class _Blend(torch.autograd.Function):
         origin, *surface, sh, features = inputs
         inputs = origin.contiguous(), _rows(SplatGeometry(*surface)), sh.contiguous(), features.contiguous()
         origin, _, sh, features = inputs
-        direction = direction.contiguous()
-        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
-        rays = len(origin)
+        direction, rays = direction.contiguous(), len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
         lit = origin.new_empty(3 * len(lists.surfel) if learns and any(ctx.needs_input_grad) else 0)
-        arguments = [_hits(kernels, lists, direction, inputs), *outputs, lit]
-        launch_in_parallel(kernels.forward, _runs(origin), origin.device, lambda _: arguments)
+        ctx.given = [*vars(lists).values(), direction, *inputs, sh.shape[1], features.shape[1]]
+        ctx.kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
+        ctx.items = items_of(rays, origin.device, RAYS_OF_A_RUN)
+        launch_in_parallel(ctx.kernels.forward, ctx.items, origin.device, [*ctx.given, *outputs, lit])
         of_surfel = (sh.shape[1] * sh.shape[2] + features.shape[1]) * origin.element_size()
         count(bytes_read=len(lists.surfel) * of_surfel)
-        ctx.given = arguments[0]
         ctx.save_for_backward(*inputs, *outputs, lit)
         return outputs
 
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor) -> Any:
         origin, surface, sh, features, *outputs = ctx.saved_tensors
-        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         grad_origin = torch.empty_like(origin)
         sums = WorkerSums((surface, sh, features), origin.device)
-        arguments = [ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
-        launch_in_parallel(
-            kernels.backward, _runs(origin), origin.device, lambda worker: [*arguments, *sums.of(worker)]
-        )
+        arguments = [*ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
+        launch_in_parallel(ctx.kernels.backward, ctx.items, origin.device, arguments, sums)
         to_surface, to_sh, to_features = sums.total()
         return None, None, None, grad_origin, *_of_rows(to_surface), to_sh, to_features
 
 
-def _runs(rays: Tensor) -> int:
-    """Number of items of the kernels."""
-    return -(-len(rays) // rays_of_a_run(as_on_cuda(rays.device)))
+@cache
+def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
+    """The kernels for a scalar type and a division of work; an item is a run of rays.
 
-
-def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Struct:
-    origin, surface, sh, features = inputs
-    return Struct(
-        kernels.Hits,
-        **vars(lists),
-        origin=origin,
-        direction=direction,
-        surface=surface,
-        sh=sh,
-        features=features,
-        coefficients=sh.shape[1],
-        channels=features.shape[1],
+    ``hits_coefficients``: number of harmonics. ``hits_channels``: number of features. ``hits_surface``: 16 numbers a
+    surfel, centre and opacity, then each axis and the normal with a number that does not count. ``out_lit``: the colour
+    of every hit, three numbers each, for the backward pass; none if it is empty.
+    """
+    words, arrays = {"MAX_ALPHA": MAX_ALPHA, "RUN": an_item(on_cuda, RAYS_OF_A_RUN)}, flat(dtype)
+    make = partial(native_kernel, TRACE, dtype, NATIVE, on_cuda=on_cuda, words=words)
+    forward = (
+        (INTEGERS, "hits_ray hits_begin hits_surfel"),
+        (arrays, "hits_depth hits_alpha hits_direction hits_origin hits_surface hits_sh hits_features"),
+        (wp.int32, "hits_coefficients hits_channels"),
+        (arrays, "out_colour out_scalars out_features out_lit"),
     )
+    pulls = arrays, "pull_colour pull_scalars pull_features grad_origin grad_surface grad_sh grad_features"
+    return Pair(make("forward", "run", *forward), make("backward", "run", *forward, pulls))

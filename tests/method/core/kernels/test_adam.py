@@ -3,8 +3,7 @@ from itertools import product
 import pytest
 import torch
 
-from radiogs_core.kernels.adam import Adam
-from radiogs_core.kernels.adam_source import BLOCK
+from radiogs_core.kernels.adam import BLOCK, Adam
 
 BETAS, GUARD = (0.9, 0.999), 1e-15
 

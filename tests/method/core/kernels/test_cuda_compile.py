@@ -6,63 +6,45 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs_core.kernels.adam_source import step_kernel
-from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels, surface_kernel
-from radiogs_core.kernels.image.display_source import display_kernels
-from radiogs_core.kernels.image.edges_source import allowance_kernel, edge_kernels
-from radiogs_core.kernels.image.matching_source import sweep_kernel
-from radiogs_core.kernels.image.similarity_source import similarity_kernels
-from radiogs_core.kernels.image.terms_source import term_kernels
-from radiogs_core.kernels.rasterize.binning_source import binning_kernels
-from radiogs_core.kernels.rasterize.projection_source import geometry_kernels, seen_kernels
-from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
-from radiogs_core.kernels.shade.shade_source import arrival_kernel, consistency_kernels, shade_kernels, spread_kernel
-from radiogs_core.kernels.shade.splitsum_source import lookup_kernels, splitsum_kernels
-from radiogs_core.kernels.surfel.axes_source import axes_kernels
-from radiogs_core.kernels.surfel.footprint_source import footprint_kernels, frame_kernels
-from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
-from radiogs_core.kernels.surfel.support_source import support_kernel
-from radiogs_core.kernels.trace.fit_source import fit_kernels
-from radiogs_core.kernels.trace.hits_source import hit_kernels
-from radiogs_core.kernels.trace.sah_source import sah_kernel
-from radiogs_core.kernels.trace.trace_source import trace_kernels
+from radiogs_core.kernels.adam import step_kernel
+from radiogs_core.kernels.image.depth_map import normal_kernels, point_kernels, surface_kernel
+from radiogs_core.kernels.image.display import display_kernels
+from radiogs_core.kernels.image.edges import allowance_kernel, edge_kernels
+from radiogs_core.kernels.image.matching import sweep_kernel
+from radiogs_core.kernels.image.similarity import similarity_kernels
+from radiogs_core.kernels.image.terms import term_kernels
+from radiogs_core.kernels.rasterize.binning import binning_kernels
+from radiogs_core.kernels.rasterize.projection import geometry_kernels, seen_kernels
+from radiogs_core.kernels.rasterize.rasterize import blend_kernels
+from radiogs_core.kernels.shade.consistency import consistency_kernels
+from radiogs_core.kernels.shade.directions import spread_kernel
+from radiogs_core.kernels.shade.lookup import lookup_kernels
+from radiogs_core.kernels.shade.shade import arrival_kernel, shade_kernels
+from radiogs_core.kernels.shade.splitsum import splitsum_kernels
+from radiogs_core.kernels.surfel.axes import axes_kernels
+from radiogs_core.kernels.surfel.footprint import footprint_kernels, frame_kernels
+from radiogs_core.kernels.surfel.harmonics import harmonics_kernels
+from radiogs_core.kernels.surfel.support import support_kernel
+from radiogs_core.kernels.trace.bvh import fit_kernels
+from radiogs_core.kernels.trace.hits import hit_kernels
+from radiogs_core.kernels.trace.ray_order import code_kernel
+from radiogs_core.kernels.trace.sah import sah_kernel
+from radiogs_core.kernels.trace.trace import trace_kernels
 
 
 def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
-    splitsum, frames, binning, harmonics, shading, hits, tracing, blending, similarity, normals, edges = (
-        splitsum_kernels(dtype, 5, 0.2, on_cuda),
-        frame_kernels(dtype),
-        binning_kernels(),
-        harmonics_kernels(dtype),
-        shade_kernels(dtype, on_cuda),
-        hit_kernels(dtype, on_cuda),
-        trace_kernels(dtype, on_cuda),
-        blend_kernels(dtype, 13, on_cuda),
-        similarity_kernels(dtype, on_cuda),
-        normal_kernels(dtype),
-        edge_kernels(dtype, on_cuda, widths=(3, 3, 1)),
-    )
-    footprints, display = footprint_kernels(dtype), display_kernels(dtype, on_cuda)
-    axes = axes_kernels(dtype)
-    projecting, seeing = geometry_kernels(dtype, on_cuda), seen_kernels(dtype, on_cuda)
-    points, fits = point_kernels(dtype), fit_kernels(dtype)
-    lookup, compared = lookup_kernels(dtype, on_cuda), consistency_kernels(dtype, on_cuda)
-    totals = [shade_kernels(dtype, on_cuda, kind) for kind in ("total", "given")]
-    terms = term_kernels(dtype, on_cuda)
     return [
-        shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
-        blending.forward, blending.backward, binning.entries,
-        harmonics.forward, harmonics.backward, frames.forward, frames.backward,
-        splitsum.forward, splitsum.backward,
-        similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
-        allowance_kernel(dtype, on_cuda).forward, edges.forward, edges.backward,
-        axes.forward, axes.backward, footprints.forward, footprints.backward, projecting.forward, projecting.backward,
-        seeing.forward, seeing.backward, display.forward, display.backward,
-        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
-        lookup.forward, lookup.backward, step_kernel(dtype, 1e-15), compared.forward, compared.backward,
-        *(kernel for each in totals for kernel in (each.forward, each.backward)),
-        arrival_kernel(dtype, on_cuda).arrive, spread_kernel(dtype),
-        terms.forward, terms.backward, surface_kernel(dtype, on_cuda).forward,
+        *(kernel for kind in ("parts", "total", "given") for kernel in shade_kernels(dtype, on_cuda, kind)),
+        *consistency_kernels(dtype, on_cuda), arrival_kernel(dtype, on_cuda), spread_kernel(dtype),
+        *splitsum_kernels(dtype, 5, 0.2, on_cuda), *lookup_kernels(dtype, on_cuda),
+        code_kernel(dtype), *hit_kernels(dtype, on_cuda), *trace_kernels(dtype, on_cuda), *fit_kernels(dtype),
+        *blend_kernels(dtype, 13, on_cuda)[:2], binning_kernels().entries,
+        *geometry_kernels(dtype, on_cuda), *seen_kernels(dtype, on_cuda),
+        *axes_kernels(dtype), *frame_kernels(dtype), *footprint_kernels(dtype), *harmonics_kernels(dtype),
+        support_kernel(dtype), step_kernel(dtype, 1e-15),
+        *term_kernels(dtype, on_cuda), *similarity_kernels(dtype, on_cuda), *display_kernels(dtype, on_cuda),
+        *edge_kernels(dtype, on_cuda, widths=(3, 3, 1)), allowance_kernel(dtype, on_cuda),
+        *point_kernels(dtype), *normal_kernels(dtype), surface_kernel(dtype, on_cuda),
     ]  # fmt: skip
 
 
@@ -92,8 +74,8 @@ def test_kernels_compile_for_the_cpu_without_a_warning(
     on_cuda: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """In float32; what is arranged for CUDA compiles for the CPU as well. Clang writes past ``sys.stderr``."""
-    kernels = [*kernels_of(torch.float32, on_cuda), sweep_kernel(torch.float32), sah_kernel()]
-    kernels += [binning_kernels().ordered, binning_kernels().listed]
+    on_the_cpu = sweep_kernel(torch.float32), sah_kernel(), binning_kernels().ordered, binning_kernels().listed
+    kernels = [*kernels_of(torch.float32, on_cuda), *on_the_cpu]
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)
         folder.mkdir()

@@ -8,8 +8,7 @@ from torch import Tensor
 
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
-from radiogs_core.kernels.trace.bvh import SurfelBVH
-from radiogs_core.kernels.trace.fit_source import COORDINATE_PADDING, EMPTY, RELATIVE_PADDING
+from radiogs_core.kernels.trace.bvh import COORDINATE_PADDING, EMPTY, RELATIVE_PADDING, SurfelBVH
 from radiogs_core.kernels.trace.topology import kd_topology
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")

@@ -5,6 +5,7 @@ import torch
 
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.harmonics import harmonic_sum
+from reference.differences import assert_same_with_gradients
 from reference.trace import harmonics
 
 
@@ -20,19 +21,7 @@ def inputs(coefficients: int, views: int, surfels: int = 40) -> tuple[torch.Tens
 @pytest.mark.parametrize("coefficients", [1, 4, 9, 16])
 @pytest.mark.parametrize("views", [1, 3])
 def test_float64_equals_the_dense_sum_and_its_gradients(coefficients: int, views: int) -> None:
-    ours = [value.requires_grad_() for value in inputs(coefficients, views)]
-    theirs = [value.detach().clone().requires_grad_() for value in ours]
-    found, expected = harmonic_sum(*ours), dense(*theirs)
-    torch.testing.assert_close(found, expected, rtol=1e-12, atol=1e-13)
-    pull = torch.randn_like(found)
-    (found * pull).sum().backward()
-    (expected * pull).sum().backward()
-    for mine, other in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(mine.grad, other.grad, rtol=1e-11, atol=1e-12)
-
-
-def test_gradients_equal_central_differences() -> None:
-    assert torch.autograd.gradcheck(harmonic_sum, tuple(value.requires_grad_() for value in inputs(16, 2, 5)))
+    assert_same_with_gradients(harmonic_sum, dense, *inputs(coefficients, views), values=1e-12, gradients=1e-11)
 
 
 def test_float32_is_as_good_as_its_digits() -> None:

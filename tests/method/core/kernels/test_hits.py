@@ -4,17 +4,16 @@ from pathlib import Path
 
 import pytest
 import torch
-import warp as wp
 
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.kernels.lanes import LANES
-from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.native_kernel import INTEGERS, NativeFile, native_kernel
+from radiogs_core.kernels.runtime import launch, use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
-from radiogs_core.kernels.trace.hits import HitLists, find_hits
-from radiogs_core.kernels.trace.hits_source import BUFFER, MOST_HITS, MOST_NODES
+from radiogs_core.kernels.trace.hits import BUFFER, MOST_HITS, MOST_NODES, HitLists, find_hits
 
 RAYS = 40
 
@@ -178,22 +177,16 @@ def test_lanes_are_squeezed_alike_with_every_instruction_set(processor: str) -> 
     if processor != "this" and " avx2 " not in processor_flags():
         pytest.skip("this processor does not run the instructions of the other")
     text = (
-        LANES["squeeze"]
+        LANES.sections["squeeze"]
         + """
         const Eight together = squeezed(Eight{3, 1, 4, 1, 5, 9, 2, 6}, bits);
         for (int lane = 0; lane < 8; ++lane) out.data[8 * bits + lane] = together[lane];
     """
     )
-
-    @wp.func_native(text)
-    def squeeze(bits: wp.int32, out: wp.array(dtype=wp.int32)): ...
-
-    @wp.kernel(enable_backward=False, module="unique", module_options={"cpu_compiler_flags": PROCESSORS[processor]})
-    def squeeze_all(out: wp.array(dtype=wp.int32)):
-        squeeze(wp.tid(), out)
-
+    file, options = NativeFile("squeezed", {"all": text}), {"cpu_compiler_flags": PROCESSORS[processor]}
+    kernel = native_kernel(file, torch.float32, options, "all", "bits", (INTEGERS, "out"))
     found = torch.zeros(256, 8, dtype=torch.int32)
-    wp.launch(squeeze_all, dim=256, inputs=[wp.from_torch(found.view(-1))], device="cpu")
+    launch(kernel, 256, found.device, [found])
     values = [3, 1, 4, 1, 5, 9, 2, 6]
     for bits, row in enumerate(found.tolist()):
         kept = [value for lane, value in enumerate(values) if bits >> lane & 1]

@@ -1,6 +1,4 @@
-"""Kernels of images (K7 to K9, K12, K15) against dense float64 ones, SSIM of skimage, and central differences."""
-
-from collections.abc import Callable
+"""Kernels of images (K7 to K9, K12, K15) against dense float64 ones and their gradients, and SSIM of skimage."""
 
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import LINEAR_KNEE
 from reference import images as dense
+from reference.differences import assert_same_with_gradients
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")
 
@@ -27,30 +26,12 @@ def image(height: int, width: int, channels: int = 3, highest: float = 1.0) -> t
     return highest * torch.rand(height, width, channels, dtype=torch.float64)
 
 
-def assert_equal_with_gradients(
-    ours: Callable[[torch.Tensor], torch.Tensor],
-    theirs: Callable[[torch.Tensor], torch.Tensor],
-    given: torch.Tensor,
-) -> None:
-    mine, other = given.clone().requires_grad_(), given.clone().requires_grad_()
-    found, expected = ours(mine), theirs(other.cpu())
-    torch.testing.assert_close(found.cpu(), expected, rtol=1e-10, atol=1e-12)
-    pull = torch.randn(expected.shape, dtype=torch.float64, device="cpu")
-    (found * pull.to(found)).sum().backward()
-    assert mine.grad is not None
-    if not expected.requires_grad:  # loops that found no normal
-        assert not bool(mine.grad.any())
-        return
-    (expected * pull).sum().backward()
-    torch.testing.assert_close(mine.grad, other.grad, rtol=1e-9, atol=1e-13)
-
-
 @in_every_arrangement
 @pytest.mark.parametrize(("height", "width"), SIZES)
 def test_images_are_compared_as_by_the_dense_sums(height: int, width: int) -> None:
     images = torch.stack([image(height, width, highest=1.3), image(height, width), image(height, width)])
     target = image(height, width, highest=1.2).clamp(max=1)
-    assert_equal_with_gradients(
+    assert_same_with_gradients(
         lambda images: compared(images, target), lambda images: dense.compared(images, target.cpu()), images
     )
 
@@ -111,7 +92,7 @@ def test_edges_allow_what_the_dense_slopes_say(height: int, width: int, masked: 
 @pytest.mark.parametrize(("height", "width"), SIZES)
 def test_smoothness_is_that_of_the_dense_slopes(height: int, width: int, channels: int) -> None:
     allowance = torch.rand(2, height, width, 3, dtype=torch.float64)
-    assert_equal_with_gradients(
+    assert_same_with_gradients(
         lambda data: edge_aware_smoothness(data, allowance),
         lambda data: dense.edge_aware_smoothness(data, allowance.cpu()),
         image(height, width, channels),
@@ -125,7 +106,7 @@ def test_one_sided_normals_are_those_of_loops_over_pixels(height: int, width: in
     depth, solid = 2 + torch.rand(height, width, dtype=torch.float64), torch.rand(height, width) < share
     toward = torch.tensor([0.3, -0.2, 0.1], dtype=torch.float64)
     rays = torch.cat([image(height, width, 2), torch.ones(height, width, 1, dtype=torch.float64)], -1)
-    assert_equal_with_gradients(
+    assert_same_with_gradients(
         lambda points: one_sided_normals(points, depth, solid, toward),
         lambda points: dense.one_sided_normals(points, depth.cpu(), solid.cpu(), toward.cpu()),
         toward + rays * depth[..., None],
@@ -166,14 +147,6 @@ def test_results_do_not_depend_on_the_number_of_threads() -> None:
     assert all(torch.equal(each, found[0]) for each in found)
 
 
-def test_gradients_equal_central_differences() -> None:
-    target, allowance = image(6, 7), torch.rand(2, 6, 7, 3, dtype=torch.float64)
-    assert torch.autograd.gradcheck(lambda given: compared(given[None], target), (image(6, 7).requires_grad_(),))
-    assert torch.autograd.gradcheck(
-        lambda data: edge_aware_smoothness(data, allowance), (image(6, 7).requires_grad_(),)
-    )
-
-
 @in_every_arrangement
 @pytest.mark.parametrize("background", [0.0, 1.0])
 @pytest.mark.parametrize("straight", [True, False])
@@ -186,17 +159,12 @@ def test_images_are_encoded_as_by_the_dense_curve(height: int, width: int, strai
     )
     if height > 1:
         alpha[:3], blended[:, :3] = 0, 0
-    for part, given in enumerate((blended, alpha)):
-        others = [blended, alpha]
-
-        def shown(value: torch.Tensor, part: int = part, others: list[torch.Tensor] = others) -> torch.Tensor:
-            return displayed(*[value if k == part else other for k, other in enumerate(others)], straight, background)
-
-        def expected(value: torch.Tensor, part: int = part, others: list[torch.Tensor] = others) -> torch.Tensor:
-            mixed = [value if k == part else other.cpu() for k, other in enumerate(others)]
-            return dense.displayed(*mixed, straight, background)
-
-        assert_equal_with_gradients(shown, expected, given)
+    assert_same_with_gradients(
+        lambda blended, alpha: displayed(blended, alpha, straight, background),
+        lambda blended, alpha: dense.displayed(blended, alpha, straight, background),
+        blended,
+        alpha,
+    )
 
 
 def test_no_image_has_no_display() -> None:
@@ -212,7 +180,7 @@ def test_points_lie_at_their_depths_along_the_pixels_rays(height: int, width: in
     pose[:3, :3], pose[:3, 3] = turn * turn.det(), torch.tensor([1.0, -2.0, 0.5])
     camera = Camera(pose, 11.0, 13.0, 0.4 * width, 0.7 * height, width, height)
     depth = image(height, width, 1, highest=5.0)[..., 0]
-    assert_equal_with_gradients(
+    assert_same_with_gradients(
         lambda depth: points_of(camera, depth),
         lambda depth: camera.centre + camera.ray_directions() * depth[..., None],
         depth,

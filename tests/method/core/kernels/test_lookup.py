@@ -7,8 +7,9 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.shade.splitsum import look_up
+from radiogs_core.kernels.shade.lookup import look_up
 from radiogs_core.scene.light import EnvironmentMap
+from reference.differences import assert_same_with_gradients
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")
 
@@ -37,15 +38,9 @@ def expected(radiance: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
 @pytest.mark.parametrize("batch", [(), (1,), (16,), (3, 41)])
 @pytest.mark.parametrize(("height", "width"), SIZES)
 def test_float64_equals_the_maps_own_lookup_and_its_gradients(height: int, width: int, batch: tuple[int, ...]) -> None:
-    ours = [value.requires_grad_() for value in (radiance_map(height, width), 1.3 * around(*batch))]
-    theirs = [value.detach().clone().requires_grad_() for value in ours]
-    found, wanted = look_up(*ours), expected(*theirs)
-    torch.testing.assert_close(found, wanted, rtol=1e-12, atol=1e-12)
-    pull = torch.randn_like(found)
-    (found * pull).sum().backward()
-    (wanted * pull).sum().backward()
-    for mine, other in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(mine.grad, other.grad, rtol=1e-9, atol=1e-10)
+    assert_same_with_gradients(
+        look_up, expected, radiance_map(height, width), 1.3 * around(*batch), values=1e-12, gradients=1e-9
+    )
 
 
 @in_every_arrangement

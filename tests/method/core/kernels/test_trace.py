@@ -11,16 +11,17 @@ from radiogs_core.kernels.trace.bvh import LOOSENED, SurfelBVH
 from radiogs_core.kernels.trace.hits import find_hits
 from radiogs_core.kernels.trace.topology import DEEPEST, kd_topology
 from radiogs_core.kernels.trace.trace import Hits, trace
-from reference.differences import assert_gradients
+from reference.differences import Values, assert_gradients, assert_same_slopes, gradients_of
 from reference.trace import trace as dense_trace
 
 FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity", "sh", "features", "origin")
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")
 OUTPUTS = ("radiance", "transmittance", "features", "depth")
+Blended = tuple[torch.Tensor, ...]
 
 
-def random_inputs(surfels: int, rays: int, channels: int, coefficients: int = 16) -> dict[str, torch.Tensor]:
+def random_inputs(surfels: int, rays: int, channels: int, coefficients: int = 16) -> Values:
     frame = torch.linalg.qr(torch.randn(surfels, 3, 3, dtype=torch.float64)).Q
     scale = 0.3 + 0.5 * torch.rand(surfels, 2, dtype=torch.float64)
     return {
@@ -37,8 +38,8 @@ def random_inputs(surfels: int, rays: int, channels: int, coefficients: int = 16
     }
 
 
-def fast(given: dict[str, torch.Tensor], stop: float = 0.03) -> tuple[torch.Tensor, ...]:
-    geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
+def fast(given: Values, stop: float = 0.03) -> Blended:
+    geometry = splats(given)
     hits = trace(
         SurfelBVH.build(geometry), geometry, given["sh"], given["features"], given["origin"], given["direction"],
         given["t_min"], stop,
@@ -46,15 +47,12 @@ def fast(given: dict[str, torch.Tensor], stop: float = 0.03) -> tuple[torch.Tens
     return tuple(getattr(hits, name) for name in OUTPUTS)
 
 
-def dense(given: dict[str, torch.Tensor], stop: float = 0.03) -> tuple[torch.Tensor, ...]:
+def dense(given: Values, stop: float = 0.03) -> Blended:
     return dense_trace(*given.values(), stop)
 
 
-def gradients(function: object, given: dict[str, torch.Tensor], pulls: list[torch.Tensor]) -> dict[str, torch.Tensor]:
-    leaves = {name: value.clone().requires_grad_(name in FIELDS) for name, value in given.items()}
-    outputs = function(leaves)  # type: ignore[operator]
-    torch.stack([(out * pull).sum() for out, pull in zip(outputs, pulls, strict=True)]).sum().backward()
-    return {name: leaves[name].grad for name in FIELDS}  # type: ignore[misc]
+def gradients(function: Callable[[Values], Blended], given: Values, pulls: list[torch.Tensor]) -> Values:
+    return gradients_of(function, given, pulls, FIELDS)
 
 
 @in_every_arrangement
@@ -66,12 +64,7 @@ def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coeffi
         torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12, msg=name)
     assert float((found[1] < 0.9).double().mean()) > 0.3, "the rays should meet something"
     pulls = [torch.randn_like(value) for value in found]
-    ours, theirs = gradients(fast, given, pulls), gradients(dense, given, pulls)
-    for name in FIELDS:
-        if given[name].numel() == 0:
-            continue
-        assert theirs[name].abs().max() > 0, f"no gradient to {name}"
-        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+    assert_same_slopes(gradients(fast, given, pulls), gradients(dense, given, pulls))
 
 
 @in_every_arrangement
@@ -84,17 +77,15 @@ def test_an_opacity_that_is_cut_off_at_its_largest_value_has_no_gradient() -> No
     assert 0.2 < float((met == MAX_ALPHA).double().mean()) < 1, "some are cut off, and some are not"
     found = fast(given, 0.0001)
     pulls = [torch.randn_like(value) for value in found]
-    ours, theirs = (gradients(lambda of, trace=trace: trace(of, 0.0001), given, pulls) for trace in (fast, dense))
-    for name in FIELDS:
-        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+    assert_same_slopes(*(gradients(lambda of, trace=trace: trace(of, 0.0001), given, pulls) for trace in (fast, dense)))
 
 
 @in_every_arrangement
 def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
     given, back_from = random_inputs(60, 100, 3), 0.8
 
-    def ours_of(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
-        geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
+    def ours_of(given: Values) -> Blended:
+        geometry = splats(given)
         backs = torch.full_like(given["t_min"], back_from)
         hits = trace(
             SurfelBVH.build(geometry), geometry, given["sh"], given["features"], given["origin"], given["direction"],
@@ -102,7 +93,7 @@ def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
         )  # fmt: skip
         return tuple(getattr(hits, name) for name in OUTPUTS)
 
-    def theirs_of(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    def theirs_of(given: Values) -> Blended:
         return dense_trace(*given.values(), 0.03, back_from)
 
     found, expected, from_the_front = ours_of(given), theirs_of(given), dense(given)
@@ -110,12 +101,10 @@ def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
         torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12, msg=name)
     assert float((found[1] < from_the_front[1] - 0.01).double().mean()) > 0.2, "backs should be met"
     pulls = [torch.randn_like(value) for value in found]
-    ours, theirs = gradients(ours_of, given, pulls), gradients(theirs_of, given, pulls)
-    for name in FIELDS:
-        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+    assert_same_slopes(gradients(ours_of, given, pulls), gradients(theirs_of, given, pulls))
 
 
-def hit_by_each(given: dict[str, torch.Tensor]) -> list[list[int]]:
+def hit_by_each(given: Values) -> list[list[int]]:
     """The surfels that each ray blends, in order."""
     tree = SurfelBVH.build(splats(given))
     lists = find_hits(
@@ -131,7 +120,7 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     given = random_inputs(30, 40, 2)
     pulls = [torch.randn_like(value) for value in fast(given)]
 
-    def total(values: dict[str, torch.Tensor]) -> float:
+    def total(values: Values) -> float:
         return float(sum((out * pull).sum() for out, pull in zip(fast(values), pulls, strict=True)))
 
     assert_gradients(total, given, gradients(fast, given, pulls), 2e-5, hit_by_each)
@@ -171,16 +160,16 @@ def test_exactly_coincident_surfels_are_neither_lost_nor_swapped(copies: int) ->
         torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12)
 
 
-def small_surfels(count: int) -> dict[str, torch.Tensor]:
+def small_surfels(count: int) -> Values:
     given = random_inputs(count, 50, 1)
     return given | {"axis_u": 6 * given["axis_u"], "axis_v": 6 * given["axis_v"]}
 
 
-def splats(given: dict[str, torch.Tensor]) -> SplatGeometry:
+def splats(given: Values) -> SplatGeometry:
     return SplatGeometry(*(given[name] for name in FIELDS[:5]))
 
 
-def assert_brute_force_agrees(tree: SurfelBVH, given: dict[str, torch.Tensor]) -> None:
+def assert_brute_force_agrees(tree: SurfelBVH, given: Values) -> None:
     hits = trace(
         tree, splats(given), given["sh"], given["features"], given["origin"], given["direction"], given["t_min"]
     )

@@ -1,8 +1,6 @@
 import torch
 
-from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.learning.losses import crossed, light_prior, mask_entropy, normal_consistency, reconstruction
-from radiogs_core.scene.camera import Camera
+from radiogs_core.learning.losses import crossed, mask_entropy, normal_consistency, reconstruction
 from radiogs_core.transport.splatting import depth_normals
 
 
@@ -41,17 +39,6 @@ def test_crossed_images_keep_their_values() -> None:
     assert all(map(torch.equal, crossed(first, second), (first, second)))
 
 
-def test_depth_normals_of_a_tilted_plane_are_its_normal() -> None:
-    camera = Camera(torch.eye(4, dtype=torch.float64), 40.0, 40.0, 8.0, 8.0, 16, 16)
-    normal = torch.nn.functional.normalize(torch.tensor([0.3, -0.4, -1.0], dtype=torch.float64), dim=0)
-    rays = camera.ray_directions()
-    depth = (normal @ torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64)) / (rays @ normal)
-    found = depth_normals(rays * depth[..., None], camera.centre)
-    torch.testing.assert_close(found[1:-1, 1:-1], normal.expand(14, 14, 3))
-    assert (found[0] == 0).all()
-    assert (found[:, -1] == 0).all()
-
-
 def test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient() -> None:
     points = torch.zeros(5, 5, 3, requires_grad=True)
     found = depth_normals(points, torch.ones(3))
@@ -71,27 +58,7 @@ def test_normal_consistency_is_the_blended_sum_of_one_minus_cosine() -> None:
     torch.testing.assert_close(found, expected)
 
 
-def test_the_smoothness_of_a_ramp_is_its_slope() -> None:
-    ramp = torch.arange(10.0)[None, :, None].expand(6, 10, 3) * 0.1
-    everywhere = torch.ones(2, 6, 10, 3)
-    expected = 0.1 * (8 + 2 * 0.5) / 10  # the border goes on: half a slope there
-    torch.testing.assert_close(float(edge_aware_smoothness(ramp, everywhere)), expected)
-
-
-def test_edges_of_the_guide_forgive_edges_of_the_data() -> None:
-    data, flat, edge = torch.zeros(8, 8, 3), torch.zeros(8, 8, 3), torch.zeros(8, 8, 3)
-    data[:, 4:] = 1
-    edge[:, 4:] = 1
-    forgiven, counted = (float(edge_aware_smoothness(data, edge_allowance(guide))) for guide in (edge, flat))
-    assert forgiven < counted
-
-
 def test_mask_entropy_is_finite_at_hard_coverage_and_smallest_for_agreement() -> None:
     mask = torch.tensor([[0.0, 1.0]])
     assert float(mask_entropy(mask, mask)) < 1e-5
     assert 13 < float(mask_entropy(1 - mask, mask)) < 14
-
-
-def test_light_prior_is_zero_for_white_light_only() -> None:
-    assert float(light_prior(torch.full((4, 3), 2.0))) == 0
-    assert float(light_prior(torch.tensor([[3.0, 0.0, 0.0]]))) > 1

@@ -5,8 +5,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from radiogs_core.kernels.surfel.footprint import frames
-from radiogs_core.kernels.surfel.footprint_source import EDGE_ON_COSINE, PIXEL_FILTER_VARIANCE
+from radiogs_core.kernels.surfel.footprint import EDGE_ON_COSINE, PIXEL_FILTER_VARIANCE, frames
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels import surfels as surfels_module
 from radiogs_core.surfels.harmonics import surfel_radiance

@@ -46,7 +46,9 @@ def test_both_find_the_normal_of_a_plane_seen_at_an_angle() -> None:
     points, depth, truth = seen([(plane(0.6, -0.5, 1.0), 3.0)])
     inner = (slice(1, -1), slice(1, -1))
     everywhere = torch.ones(SIZE, SIZE, dtype=torch.bool)
-    assert float(degrees(depth_normals(points, CENTRE), truth)[inner].max()) < 1e-4
+    central = depth_normals(points, CENTRE)
+    assert float(degrees(central, truth)[inner].max()) < 1e-4
+    assert not any(bool(edge.any()) for edge in (central[0], central[-1], central[:, 0], central[:, -1]))
     assert float(degrees(one_sided_normals(points, depth, everywhere, CENTRE), truth).max()) < 1e-4
 
 

@@ -138,25 +138,26 @@ def sah_kernel() -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 3})
     def build(
+        first: wp.int32,
         boxes: wp.array(dtype=six),
         order: wp.array(dtype=wp.int32),
-        segment: wp.array2d(dtype=wp.int32),
-        child: wp.array2d(dtype=wp.int32),
-        leaf: wp.array2d(dtype=wp.int32),
+        segment: wp.array(dtype=wp.int32),
+        child: wp.array(dtype=wp.int32),
+        leaf: wp.array(dtype=wp.int32),
         level_end: wp.array(dtype=wp.int32),
         made: wp.array(dtype=wp.int32),
     ):
         """Build nodes level by level; ``segment``: range of ``order`` of each node that is not yet split.
 
-        ``made``: numbers of nodes, leaves and levels. A tree with more levels than ``level_end`` has entries is left
-        unfinished, and ``made[0]`` is zero.
+        ``child``, ``leaf``: eight entries of each node and of each leaf. ``made``: numbers of nodes, leaves and levels.
+        A tree with more levels than ``level_end`` has entries is left unfinished, and ``made[0]`` is zero.
         """
         nodes = wp.int32(1)
         leaves = wp.int32(0)
         levels = wp.int32(0)
         node = wp.int32(0)
-        segment[0, 0] = 0
-        segment[0, 1] = order.shape[0]
+        segment[0] = 0
+        segment[1] = order.shape[0]
         while node < nodes:
             if levels == level_end.shape[0]:
                 made[0] = 0
@@ -167,8 +168,8 @@ def sah_kernel() -> wp.Kernel:
                 end = slots()
                 area = areas()
                 parts = wp.int32(1)
-                begin[0] = segment[node, 0]
-                end[0] = segment[node, 1]
+                begin[0] = segment[2 * node]
+                end[0] = segment[2 * node + 1]
                 area[0] = huge
                 due = wp.int32(0)
                 while due >= 0 and parts < 8:
@@ -188,14 +189,14 @@ def sah_kernel() -> wp.Kernel:
                         parts += 1
                 for part in range(parts):
                     if end[part] - begin[part] > 8:
-                        segment[nodes, 0] = begin[part]
-                        segment[nodes, 1] = end[part]
-                        child[node, part] = nodes
+                        segment[2 * nodes] = begin[part]
+                        segment[2 * nodes + 1] = end[part]
+                        child[8 * node + part] = nodes
                         nodes += 1
                     else:
-                        child[node, part] = -1 - leaves
+                        child[8 * node + part] = -1 - leaves
                         for index in range(begin[part], end[part]):
-                            leaf[leaves, index - begin[part]] = order[index]
+                            leaf[8 * leaves + index - begin[part]] = order[index]
                         leaves += 1
                 node += 1
             level_end[levels] = last

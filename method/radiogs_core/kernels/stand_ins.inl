@@ -1,4 +1,4 @@
-// Put before every snippet that is arranged for CUDA; see native_text.py.
+// Put before every snippet that is arranged for CUDA; see native_kernel.py.
 
 // ---- stand_ins
 #if ON_CUDA && !defined(__CUDA_ARCH__)
