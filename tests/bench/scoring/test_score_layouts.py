@@ -1,6 +1,5 @@
 """Traps of the public codes' layouts: names that collide, lights that were left out, files that only look right."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +17,6 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png
-
-Writer = Callable[..., None]
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +202,6 @@ def test_a_pixel_without_a_normal_is_a_hole_and_no_direction(empty: float, scene
 
 
 def test_a_recovered_light_is_scored_against_the_true_one(scene: Scene, tmp_path: Path) -> None:
-    assert scene.training_light is not None
     true_light = scene.training_light.radiance.numpy()
     np.save(tmp_path / "environment.npy", 3 * true_light)
     found = values(tmp_path, scene, "plain")

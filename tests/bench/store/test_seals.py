@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import CPU, FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import CPU, FAKE, FakeSweep, asked
 from made_up_run import summary
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
@@ -20,23 +20,6 @@ from radiogs_core.errors import DataError
 from radiogs_reports import summary as reports
 
 SCHEMA = "radiogs-bench/thing/1"
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished run of five cells."""
-    folder = tmp_path_factory.mktemp("run")
-    sweep, request = FakeSweep(folder), asked(1)
-    cells = request.cells
-    write_sweep(sweep.store, request.manifest())
-    sweep.run([cell for _, cell in cells])
-    return folder
-
-
-@pytest.fixture
-def run(made: Path, tmp_path: Path) -> Path:
-    """A copy of the run, to be damaged."""
-    return shutil.copytree(made, tmp_path / "run")
 
 
 def first_cell(folder: Path) -> Path:
@@ -163,7 +146,6 @@ def test_a_changed_manifest_is_refused(run: Path, capsys: pytest.CaptureFixture[
 def test_a_failure_carries_a_seal(run: Path) -> None:
     store, path = Store(run), first_cell(run)
     result = store.result(path.stem)
-    assert result is not None
     words = {"what": "w", "why": "", "remedy": "", "exit_code": 1, "date": ""}
     store.put_failure({name: result[name] for name in ("schema", "key", "scene", "cell")} | words)  # type: ignore
     failed = path.with_suffix(".failed.json")

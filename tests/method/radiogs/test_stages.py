@@ -1,4 +1,7 @@
-"""Both stages, on a scene of a few pixels, learn, resume bit for bit, and stop at the first NaN."""
+"""Both stages, on a scene of a few pixels, learn, resume bit for bit, and stop at the first NaN.
+
+The light that stage 2 begins under: what its search simulates, and whether it is held or learnt.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -8,32 +11,20 @@ import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
-from radiogs.method import inverse_rendering
+from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
 from radiogs.settings import INVERSE_ONLY, Budget, Variant
+from radiogs.start import make_start
 from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.splitsum import PrefilteredLight
-from short_training import BUDGET, CPU, SCENE, through_a_file
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return through_a_file(stage.state())
+from short_training import BUDGET, CPU, SCENE, resumed, same_tensors, through_a_file
 
 
 def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> InverseRendering:
     return inverse_rendering(Run(SCENE, variant or Variant(), BUDGET, 0, CPU), initialised)
-
-
-def same(first: Initialisation | InverseRendering, second: Initialisation | InverseRendering) -> bool:
-    mine, yours = first.optimiser.tensors, second.optimiser.tensors
-    return mine.keys() == yours.keys() and all(torch.equal(mine[name], yours[name]) for name in mine)
 
 
 class WithoutStageTwo(Budget):
@@ -55,30 +46,13 @@ def test_stage_one_reads_no_budget_field_of_stage_two(initialised: dict[str, Any
 @pytest.mark.parametrize("kind", ["radiometric", "nvs"])
 def test_initialisation_resumes_bit_for_bit_across_density_control(kind: str) -> None:
     variant = Variant(initialise=kind)  # type: ignore[arg-type]
-    whole = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
-    for step in range(20):
-        if step == 7:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
-    resumed.restore(saved)
-    while resumed.iteration < 20:
-        resumed.step()
-    assert same(whole, resumed)
+    assert same_tensors(*resumed(lambda: Initialisation(Run(SCENE, variant, BUDGET, 0, CPU)), 7, 20))
 
 
 def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dict[str, Any]) -> None:
-    whole = inverse(initialised)
-    for step in range(14):
-        if step == 6:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = inverse(initialised)
-    resumed.restore(saved)
-    while resumed.iteration < 14:
-        resumed.step()
-    assert same(whole, resumed)
-    assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
+    whole, again = resumed(lambda: inverse(initialised), 6, 14)
+    assert same_tensors(whole, again)
+    assert torch.equal(whole.shader.cache.incident.radiance, again.shader.cache.incident.radiance)
 
 
 def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_tracing(initialised: dict[str, Any]) -> None:
@@ -97,20 +71,11 @@ def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_traci
 
 def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
     """There are two probes, one before the checkpoint and one after it."""
-    variant = Variant(effects="auto")
-    whole = inverse(initialised, variant)
-    for step in range(18):
-        if step == 8:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = inverse(initialised, variant)
-    resumed.restore(saved)
-    while resumed.iteration < 18:
-        resumed.step()
-    assert same(whole, resumed)
-    assert whole.planner.evidence == resumed.planner.evidence
+    whole, again = resumed(lambda: inverse(initialised, Variant(effects="auto")), 8, 18)
+    assert same_tensors(whole, again)
+    assert whole.planner.evidence == again.planner.evidence
     assert {record.iteration for record in whole.planner.evidence} == {0, 10}
-    assert whole.planner.plan == resumed.planner.plan
+    assert whole.planner.plan == again.planner.plan
 
 
 def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, Any]) -> None:
@@ -217,3 +182,101 @@ def test_both_stages_implement_the_stage_protocol(initialised: dict[str, Any]) -
     second = inverse(first.product())
     assert isinstance(first, Stage)
     assert isinstance(second, Stage)
+
+
+def begun(initialised: dict[str, Any], **changed: Any) -> InverseRendering:
+    return inverse_rendering(Run(SCENE, with_values(Variant(), changed), BUDGET, 0, CPU), initialised)
+
+
+@pytest.mark.parametrize(
+    ("changed", "traces"),
+    [
+        ({}, True),
+        ({"shading": "split-sum"}, False),
+        ({"effects": ("specular",)}, False),
+        ({"effects": ("visibility",)}, True),
+        ({"effects": "auto"}, True),
+    ],
+    ids=["default", "split-sum", "specular", "visibility", "auto"],
+)
+def test_the_search_for_the_light_traces_rays_only_where_stage_2_does(
+    initialised: dict[str, Any], changed: dict[str, Any], traces: bool
+) -> None:
+    with recording() as counted:
+        start = begun(initialised, **changed).start
+    assert not torch.equal(start.log_environment, start.log_environment.mean().expand_as(start.log_environment))
+    assert (counted.work["rays"] > 0) == traces
+
+
+SHORT = {"materials.start.search.steps": 3}
+ALIKE: list[dict[str, Any]] = [
+    {"radiometric_weight": 0.0}, {"detach": "pbr"}, {"incident": "precomputed"}, {"masking": "height-correlated"},
+    {"deviations": ("fixed-offset", "hemisphere-floor", "light-detached"), "ray_offset": 0.1},
+    {"effects": ("visibility", "indirect")}, {"materials.rates.light": 0.0005}, {"relighting": "surfels"},
+]  # fmt: skip
+OTHERS: list[dict[str, Any]] = [
+    {"view_share": 0.5}, {"materials.start.roughness": 0.4}, {"materials.start.search.colour": 0.5},
+    {"materials.start.light": "constant"}, {"deviations": ("start-light",)}, {"deviations": ("one-sided-rays",)},
+    {"shading": "split-sum"}, {"effects": ("visibility",)}, {"effects": "auto"},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changed", "alike"), [*((each, True) for each in ALIKE), *((each, False) for each in OTHERS)])
+def test_variants_share_a_start_exactly_if_it_is_the_same(
+    initialised: dict[str, Any], changed: dict[str, Any], alike: bool
+) -> None:
+    whole, other = (with_values(Variant(), SHORT | some) for some in ({}, changed))
+    starts = [RADIOGS.stages(variant, BUDGET)[1].start for variant in (whole, other)]
+    made = [make_start(Run(SCENE, variant, BUDGET, 0, CPU), initialised) for variant in (whole, other)]
+    assert (starts[0].reads == starts[1].reads) == alike
+    assert same(*made) == alike
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two products are equal to the last bit."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(value, other[name]) for name, value in one.items())
+    return torch.equal(one, other) if isinstance(one, torch.Tensor) else bool(one == other)
+
+
+@pytest.mark.parametrize("effects", ["all", "auto"])
+def test_stage_2_goes_on_from_a_stored_start_as_from_one_just_made(initialised: dict[str, Any], effects: str) -> None:
+    run = Run(SCENE, with_values(Variant(), SHORT | {"effects": effects}), BUDGET, 0, CPU)
+    spec = RADIOGS.stages(run.variant, run.budget)[1]
+    whole = spec.begin(run, initialised)
+    shared = spec.start.begin(run, through_a_file(spec.start.make(run, initialised)))
+    for _ in range(2):
+        assert shared.step() == whole.step()
+    assert same(shared.state(), whole.state())
+
+
+def test_stage_2_draws_other_random_numbers_than_its_start(initialised: dict[str, Any]) -> None:
+    stage = begun(initialised, shading="split-sum")  # draws none while it begins
+    fresh = torch.Generator().manual_seed(0)
+    assert torch.equal(stage.generator.get_state(), make_start(stage_run(), initialised)["generator"])
+    assert not torch.equal(stage.generator.get_state(), fresh.get_state())
+
+
+def stage_run() -> Run:
+    return Run(SCENE, with_values(Variant(), {"shading": "split-sum"}), BUDGET, 0, CPU)
+
+
+@pytest.mark.parametrize(
+    ("changed", "rate", "learnt"),
+    [
+        ({}, 0.0, False),
+        ({"materials.rates.light": 0.0005}, 0.0005, True),
+        ({"materials.start.light": "constant"}, 0.01, True),
+        ({"deviations": ("start-light",)}, 0.01, True),
+    ],
+    ids=["searched", "searched-and-learnt", "constant", "start-light"],
+)
+def test_a_light_that_was_searched_for_is_held_and_a_constant_one_is_learnt(
+    initialised: dict[str, Any], changed: dict[str, Any], rate: float, learnt: bool
+) -> None:
+    stage = begun(initialised, **changed)
+    before = stage.model.log_environment.detach().clone()
+    for _ in range(3):
+        stage.step()
+    assert stage.optimiser.rates["log_environment"] == rate
+    assert (not torch.equal(stage.model.log_environment, before)) == learnt

@@ -10,12 +10,13 @@ import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.method import inverse_rendering
+from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.settings import Variant
-from radiogs_core.contract import Run
+from radiogs_bench.sources import installed
+from radiogs_core.contract import Run, StageSpec
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.plain_values import PlainReader, with_values
+from radiogs_core.plain_values import from_plain, with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.starting_points import SurfelStart
 from rooms import room_scene
@@ -228,24 +229,44 @@ def test_stage_one_does_not_read_the_settings_of_materials(first: dict[str, Any]
     assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])
 
 
-READER = PlainReader("variant", "See its fields.")
-
-
 def test_a_variant_is_hashable_and_survives_a_round_trip_through_json() -> None:
     variant = Variant(effects=("visibility",), deviations=("start-light",))
     for path, value in LEAVES.items():
         if "." in path:
             variant = turned(variant, path, other(path, value))
     assert hash(variant) != hash(BASE)
-    assert READER.build(Variant, json.loads(json.dumps(asdict(variant))), "") == variant
+    assert from_plain(Variant, json.loads(json.dumps(asdict(variant))), "variant") == variant
 
 
 def test_a_nested_table_changes_one_field_and_keeps_the_others() -> None:
-    variant = READER.build(Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "")
+    variant = from_plain(
+        Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "variant"
+    )
     assert variant.materials.weights.mask == 0.5
     assert variant == turned(turned(Variant(), "materials.weights.mask", 0.5), "geometry.backgrounds", (0.0,))
 
 
 def test_an_unknown_field_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
-        READER.build(Variant, {"materials": {"weights": {"masks": 0.5}}}, "")
+        from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}}, "variant")
+
+
+SHOWING = {
+    "radiogs.showing",
+    "radiogs.relighting",
+    "radiogs.varying",
+    "radiogs_core.surfels.display_harmonics",
+    "radiogs_core.surfels.ply",
+    "radiogs_core.transport.maps",
+}
+
+STAGES = RADIOGS.stages(Variant(), RADIOGS.presets["smoke"])
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=[stage.name for stage in STAGES])
+def test_the_sources_of_a_stage_exclude_the_modules_that_render(stage: StageSpec) -> None:
+    assert not SHOWING & installed().closure(*stage.sources).keys()
+
+
+def test_the_sources_of_the_method_include_the_modules_that_render() -> None:
+    assert installed().closure(*RADIOGS.sources).keys() >= SHOWING
