@@ -1,10 +1,10 @@
-"""Lists the records of longer runs by age and says which are stale; with a name, makes that record anew.
+"""Lists the records by age and which of them are stale; with a name, makes that record anew.
 
     python .ci/measured.py [NAME]
 
 A record is current if its commands, planned by this checkout, have the cells that it holds, by their keys: the digests
 of the sources that compute a cell, without comments and documentation, its settings and its scene. Exit status 1 if any
-is stale. A record is made anew from its own commands, in out/measured/NAME, with its document.
+is stale. A record is made anew from its own commands, in out/measured/NAME, with its page.
 """
 
 import argparse
@@ -16,19 +16,20 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from radiogs_bench.results.longer_run import RECORDS, read_record
-from radiogs_reports.summary import LongerRun
+from radiogs_bench.results.records import RECORDS, read_record
+from radiogs_reports.summary import RecordedRun
+from radiogs_reports.wording import recipe_in_short
 
 ROOT = Path(__file__).parents[1]
 HARNESS = (sys.executable, "-m", "radiogs_bench")
 
 
-def words_of(run: LongerRun) -> list[str]:
+def words_of(run: RecordedRun) -> list[str]:
     """The command of a run, without the program."""
     return shlex.split(run["origin"]["Command"])[1:]
 
 
-def planned_keys(run: LongerRun, folder: str) -> dict[str, str]:
+def planned_keys(run: RecordedRun, folder: str) -> dict[str, str]:
     """The key of every cell that the command of a run has today, by label."""
     planned = [*HARNESS, *words_of(run), "--dry-run", "--json", "--out", folder]
     done = subprocess.run(planned, capture_output=True, text=True, check=True, cwd=ROOT)
@@ -45,31 +46,25 @@ def staleness(recorded: Mapping[str, str], planned: Mapping[str, str]) -> str:
     return "" if len(planned) == len(recorded) else "its command has further cells"
 
 
-def recipe_of(run: LongerRun) -> str:
-    """The recipe of all rows of a run, or that each has its own."""
-    return "recipes by row" if " by " in run["recipe"] else run["recipe"] or "default"
-
-
 def listed() -> int:
     """Print every run of every record, the oldest first; returns 1 if any is stale."""
-    runs = [(path.stem, run) for path in RECORDS.glob("*.json") for run in read_record(path)]
+    runs = [(run["origin"]["Date"], path.stem, run) for path in RECORDS.glob("*.json") for run in read_record(path)]
     stale = 0
     with tempfile.TemporaryDirectory() as folder:
-        for name, run in sorted(runs, key=lambda each: each[1]["origin"]["Date"]):
+        for date, name, run in sorted(runs, key=lambda each: each[0]):
             recorded = run.get("keys", {})
             try:
                 why = staleness(recorded, planned_keys(run, folder) if recorded else {})
             except subprocess.CalledProcessError as failed:
                 why = f"its command fails: {failed.stderr.strip().partition(chr(10))[0]}"
             stale += bool(why)
-            origin = run["origin"]
-            made = f"{origin['Date']}  {origin['Commit']}  {name}, {recipe_of(run)}"
+            made = f"{date}  {run['origin']['Commit']}  {name}, {recipe_in_short(run)}"
             sys.stdout.write(f"{made}: {why or 'current'}\n")
-    return 1 if stale else 0
+    return int(stale > 0)
 
 
 def made_anew(name: str) -> int:
-    """Run the commands of a record again and write it and its document; returns the exit status of what failed."""
+    """Run the commands of a record again and write it and its page; returns the exit status of what failed."""
     record, folders = RECORDS / f"{name}.json", []
     for number, run in enumerate(read_record(record)):
         folders.append(f"out/measured/{name}/{number}")

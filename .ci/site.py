@@ -1,4 +1,4 @@
-"""Hooks of mkdocs beyond mkdocs.yml: README.md is the front page, and links to sources name them instead.
+"""Hooks of mkdocs beyond mkdocs.yml: README.md is the front page, records are whole, and sources are named.
 
 A page of the site cannot lead to files outside of docs/: such a link becomes its text, with the file as a tooltip.
 """
@@ -10,15 +10,23 @@ from typing import Any
 
 from mkdocs.structure.files import File
 
+from radiogs_bench.results.records import RECORDS, read_record
+from radiogs_reports.write.record import record_document
+
 ROOT = Path(__file__).parents[1]
 LINK = re.compile(r"(?<!!)\[(?P<text>[^\]]+)\]\((?P<target>[^)\s]+)(?:\s+\"(?P<title>[^\"]*)\")?\)")
 FRONT = "index.md"
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the front page: README.md, whose links begin in the folder above."""
-    text = re.sub(r"\]\(docs/", "](", (ROOT / "README.md").read_text(encoding="utf-8"))
-    files.append(File.generated(config, FRONT, content=text))
+    """Add the front page, README.md, whose links begin in the folder above, and the whole documents of the records in
+    place of their pages."""
+    front = re.sub(r"\]\(docs/", "](", (ROOT / "README.md").read_text(encoding="utf-8"))
+    whole = {f"records/{path.stem}.md": record_document(read_record(path)) for path in sorted(RECORDS.glob("*.json"))}
+    for name, text in (whole | {FRONT: front}).items():
+        if (page := files.get_file_from_path(name)) is not None:
+            files.remove(page)
+        files.append(File.generated(config, name, content=text))
     return files
 
 

@@ -38,26 +38,20 @@ def values_outside(text: str) -> list[str]:
 
 
 def findings(documents: Mapping[str, str], allowed: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Faults of documents, by name; ``allowed``: the most values of each, ``most``, and the reason, ``why``."""
-    found = []
+    """Faults of documents, by name; ``allowed``: the values of each, ``most``, and the reason, ``why``."""
+    found = [f"{name}: .ci/values.toml lists it, and it is not there" for name in allowed.keys() - documents.keys()]
+    found += [f"{name}: .ci/values.toml gives no reason" for name, each in allowed.items() if not each.get("why")]
     for name, text in documents.items():
         values, most = values_outside(text), allowed.get(name, {}).get("most", 0)
-        if len(values) > most:
-            found.append(f"{name}: {len(values)} values outside marks, {most} are allowed; the last: {values[-1]}")
-        elif len(values) < most:
-            found.append(f"{name}: {len(values)} values outside marks; lower its 'most' of {most} in .ci/values.toml")
-    unknown = [f"{name}: .ci/values.toml lists it, and it is not there" for name in allowed if name not in documents]
-    unexplained = [f"{name}: .ci/values.toml gives no reason" for name, each in allowed.items() if not each.get("why")]
-    return [*found, *unknown, *unexplained]
+        if len(values) != most:
+            last = f"; the last: {values[-1]}" if len(values) > most else ""
+            found.append(f"{name}: {len(values)} values outside marks, {most} in .ci/values.toml{last}")
+    return found
 
 
 def documents(root: Path) -> dict[str, str]:
     """README and the pages of the documentation by name; records are written by a command."""
-    paths = [
-        root / "README.md",
-        *sorted((root / "docs").glob("*.md")),
-        *sorted((root / "docs" / "tutorials").glob("*.md")),
-    ]
+    paths = [root / "README.md", *sorted((root / "docs").glob("*.md")), *sorted((root / "docs/tutorials").glob("*.md"))]
     return {str(path.relative_to(root)): path.read_text(encoding="utf-8") for path in paths}
 
 

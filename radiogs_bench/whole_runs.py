@@ -11,7 +11,7 @@ import torch
 
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_reports.summary import read_summary
-from radiogs_reports.tables.model import Cell
+from radiogs_reports.tables.model import PrintedCell
 from radiogs_reports.tables.suite import suite_table
 
 from .device import use
@@ -199,7 +199,7 @@ def gate(folder: str | Path, baseline: str | Path, slow_fails: bool = False) -> 
     )
 
 
-def _entry(cell: Cell, what: Shown) -> Any:
+def _entry(cell: PrintedCell, what: Shown) -> Any:
     if what == "value":
         return cell.value
     if what == "paper":

@@ -1,12 +1,19 @@
 """A made-up run, for tests of the reports: its summary, and the arrays of its cells."""
 
+import html
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy import stats
 
-from radiogs_reports.page.assemble import write_page
+from radiogs_reports.analyses import reports_of
+from radiogs_reports.page.assemble import page, write_page
+from radiogs_reports.page.pictures import Album
+from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
@@ -19,6 +26,8 @@ from radiogs_reports.summary import (
     Verdict,
     seal_of,
 )
+from radiogs_reports.write.latex import as_formula
+from radiogs_reports.write.markdown import table_line, without_markup
 
 EMPTY = ("metrics", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
 """Keys that are empty for an unfinished cell."""
@@ -278,6 +287,33 @@ def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
 def written_page(made: Summary, folder: Path, size: int = 16) -> Path:
     """The page of the run, in its folder."""
     return write_page(made, write_run(folder, made, size))[0]
+
+
+def in_every_form(made: Summary, key: str) -> pd.DataFrame:
+    """The CSV of an analysis, whose sentences and values stand in the Markdown, the LaTeX and the page as well."""
+    analysis, report = next(each for each in reports_of(made) if each[0].key == key)
+    written, shown = texts(made), page(made, Album())
+    markdown, latex = written[f"tables/{key}.md"], written[f"tables/{key}.tex"]
+    section = shown[shown.index(f'<section id="{analysis.section}"') :].partition("</section>")[0]
+    assert f'<a href="#{analysis.section}">{analysis.link}</a>' in shown
+    assert analysis.title in section
+    assert rf"\input{{tables/{key}.tex}}" in written["report.tex"]
+    assert latex.count(r"\item") == len(report.sentences)
+    for sentence in report.sentences:
+        assert without_markup(f"- {sentence}\n") in markdown
+        assert rf"\item {as_formula(sentence)}" in latex
+        assert sentence in html.unescape(section)
+    for line in (line for grid in report.grids for line in grid.rows):
+        assert without_markup(table_line([item.text for item in line])) in markdown
+        assert " & ".join(as_formula(item.text) for item in line) in latex
+        assert all(item.text in html.unescape(section) for item in line)
+    return pd.read_csv(io.StringIO(written[f"tables/{key}.csv"]))
+
+
+def t_interval(values: Any) -> tuple[float, float]:
+    """The ends of the 95 % t interval of the mean of some values, by scipy."""
+    low, high = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=stats.sem(values))
+    return float(low), float(high)
 
 
 def arrays(seed: int, size: int = 16) -> dict[str, Any]:

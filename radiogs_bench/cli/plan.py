@@ -14,7 +14,7 @@ from radiogs_reports.summary import read_summary
 from radiogs_reports.wording import count_of
 
 from ..durations import duration
-from ..results.longer_run import records_of
+from ..results.records import records_of
 from ..runs.forecast import Expected, forecast, total
 from ..runs.plan import RunPlan
 from ..runs.sweep import CellRef, label, preset_text, recipe_of_rows, state_of

@@ -27,28 +27,37 @@ def add_to(commands: "Commands") -> None:
         "--to", type=Path, required=True, metavar="FILE",
         help="Write the record to this file; radiogs_bench/records/SUITE.json is shown beside every run of SUITE.",
     )  # fmt: skip
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="Write the record as a document to this file.")
+    parser.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="Write the means of its runs as a page to this file."
+    )
+    parser.add_argument(
+        "--document", type=Path, metavar="FILE",
+        help="Write the whole record to this file: tables with intervals, analyses, and differences by scene.",
+    )  # fmt: skip
     add_verbose(parser)
 
 
 def record(options: argparse.Namespace) -> int:
-    """Write the record, and its document; prints the files."""
-    from radiogs_reports.write.longer_run import record_document
+    """Write the record, its page and its document; prints the files."""
+    from radiogs_reports.wording import count_of
+    from radiogs_reports.write.record import record_document, record_page
 
-    from ..results.longer_run import longer_run, read_record, write_record
+    from ..results.records import read_record, record_of, write_record
     from ..runs.sweep import read_sweep
     from ..store.atomic import write_atomically
     from ..store.folder import Store
     from .reporter import say
 
-    if not options.out and options.markdown is None:
+    texts = ((options.markdown, record_page), (options.document, record_document))
+    if not options.out and all(path is None for path, _ in texts):
         raise UsageError(
             "neither a run nor a document was named", "", "Name the folders of finished runs, or --markdown FILE."
         )
     if options.out:
-        write_record(options.to, [longer_run(Store(folder), read_sweep(folder)) for folder in options.out])
-        say(f"{options.to}: record of {len(options.out)} run{'' if len(options.out) == 1 else 's'}")
-    if options.markdown is not None:
-        write_atomically(options.markdown, record_document(read_record(options.to)).encode())
-        say(f"{options.markdown}: the record in {options.to}")
+        write_record(options.to, [record_of(Store(folder), read_sweep(folder)) for folder in options.out])
+        say(f"{options.to}: record of {count_of(len(options.out), 'run')}")
+    for path, text in texts:
+        if path is not None:
+            write_atomically(path, text(read_record(options.to)).encode())
+            say(f"{path}: the record in {options.to}")
     return 0

@@ -12,8 +12,8 @@ from rich.table import Table as RichTable
 from radiogs_reports.analysis.beside import beside_report
 from radiogs_reports.summary import Summary, protocol_title
 from radiogs_reports.tables.caption import preset_and_recipe, published_note
-from radiogs_reports.tables.longer_run import HEADING, longer_reports
-from radiogs_reports.tables.model import Cell, Column, Table
+from radiogs_reports.tables.model import Column, PrintedCell, Table
+from radiogs_reports.tables.record import HEADING, record_reports
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.wording import count_of, mean_over
 
@@ -56,7 +56,7 @@ def show_records(summary: Summary, width: int | None) -> None:
     columns this run agrees. Records by other recipes are counted; the page shows them.
     """
     rows, others = {row["key"] for row in summary["rows"]}, 0
-    for run, report in zip(summary.get("longer_runs", []), longer_reports(summary), strict=True):
+    for run, report in zip(summary.get("longer_runs", []), record_reports(summary), strict=True):
         if rows.isdisjoint(row["key"] for row in run["rows"]):
             continue
         if run["recipe"] != summary.get("recipe", ""):
@@ -166,7 +166,7 @@ def heading(column: Column) -> str:
     return "\n".join([*([task] if measure else []), last, *([f"({column.unit})"] if column.unit else [])])
 
 
-def entry(cell: Cell) -> str:
+def entry(cell: PrintedCell) -> str:
     """Mean with its marks, paired difference with its interval, verdict and published value, each on a line."""
     lines = [f"{cell.text}{cell.marks}"]
     if cell.difference is not None:

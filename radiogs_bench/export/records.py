@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from radiogs_core.plain_values import flat
-from radiogs_reports.write.records import csv_of
+from radiogs_reports.write.csv_text import csv_of
 
 from ..extras import extra_library
 from ..runs.sweep import has_sweep, read_sweep

@@ -13,14 +13,14 @@ from statistics import stdev
 from typing import Any
 
 from radiogs_core.errors import DataError
-from radiogs_reports.analysis.settling import band_of, curve, settled_after
+from radiogs_reports.analysis.settling import settled_seconds
 
 from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
-from ..store.seal import Broken, OtherSchema, read_sealed
+from ..store.seal import read_kept
 from .paired import BAND
 from .stored_cells import is_number, stored_cells
 from .training_steps import kept_quantities, log_ratios, misshapen, work_ratios
@@ -94,16 +94,7 @@ def _rerun(finished: Mapping[str, Result], store: Store, sweep: Sweep) -> dict[s
 def read_baseline(path: Path) -> dict[str, Any]:
     """A stored baseline. Raises DataError for any other file, and for one that would let a regression pass."""
     keys = (*SETTINGS, "machine", "bands", "reruns", "noise", "cells")
-    try:
-        content = read_sealed(path, BASELINE_SCHEMA, keys)
-    except FileNotFoundError:
-        raise DataError(f"there is no baseline {path}", "", MAKE_ONE) from None
-    except OtherSchema as error:
-        raise DataError(f"{path} is no baseline of this version ({BASELINE_SCHEMA})", error.what, MAKE_ONE) from error
-    except Broken as broken:
-        raise DataError(
-            f"cannot use the baseline {path}: {broken.reason}", "It was changed after it was made.", MAKE_ONE
-        ) from broken
+    content = read_kept(path, "baseline", BASELINE_SCHEMA, keys, MAKE_ONE)
     require_whole(content, f"the baseline {path}", MAKE_ONE)
     return content
 
@@ -228,20 +219,9 @@ def pace_of(result: Result) -> float | None:
 
 def settled(result: Result) -> dict[str, float]:
     """Seconds of training until each metric stays near its final value; empty where none was scored meanwhile."""
-    found = {}
-    for key in result["metrics"]:
-        points = curve(result, key)
-        if points:
-            measure = key.partition("/")[2]
-            seconds = settled_after(points, band_of(measure, unit_of(measure), points[-1].value))
-            if seconds is not None:
-                found[key] = seconds
-    return found
-
-
-def unit_of(measure: str) -> str:
-    """The unit of a measure; none for one that no table knows."""
-    return MEASURES[measure].unit if measure in MEASURES else ""
+    units = {key: MEASURES.get(key.partition("/")[2]) for key in result["metrics"]}
+    seconds = {key: settled_seconds(result, key, known.unit if known else "") for key, known in units.items()}
+    return {key: each for key, each in seconds.items() if each is not None}
 
 
 def gain(metric: str, value: float) -> float | None:

@@ -302,7 +302,8 @@ def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
             of_methods.setdefault(own[0][1]["cell"]["method"], {})[row] = found
     remarks: dict[str, list[str]] = {}
     for by_row in of_methods.values():
-        shared = _shared(list(by_row.values()))
+        first, *others = by_row.values()
+        shared = {name: text for name, text in first.items() if all(each.get(name) == text for each in others)}
         for row, found in by_row.items():
             for part in (shared, {name: text for name, text in found.items() if name not in shared}):
                 if part:
@@ -314,11 +315,6 @@ def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
     ]
 
 
-def _shared(found: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """The labels that all rows have alike."""
-    return {name: text for name, text in found[0].items() if all(each.get(name) == text for each in found)}
-
-
 def _labels_of(found: Sequence[tuple[str, object]]) -> dict[str, str]:
     """The labels of a row's cells by name, with the scenes of each value."""
     values: dict[str, dict[str, Scenes]] = {}
@@ -326,10 +322,9 @@ def _labels_of(found: Sequence[tuple[str, object]]) -> dict[str, str]:
         for name, value in labels_of_cell.items() if isinstance(labels_of_cell, Mapping) else ():
             values.setdefault(name, {}).setdefault(str(value), {})[scene] = None
     every = {scene for scene, _ in found}
-    return {name: _values(by_value, every) for name, by_value in values.items()}
-
-
-def _values(by_value: Mapping[str, Scenes], every: set[str]) -> str:
-    if len(by_value) == 1 and all(set(scenes) == every for scenes in by_value.values()):
-        return next(iter(by_value))
-    return ", ".join(f"{value} ({', '.join(scenes)})" for value, scenes in by_value.items())
+    return {
+        name: next(iter(by_value))
+        if len(by_value) == 1 and all(set(scenes) == every for scenes in by_value.values())
+        else ", ".join(f"{value} ({', '.join(scenes)})" for value, scenes in by_value.items())
+        for name, by_value in values.items()
+    }

@@ -71,7 +71,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class _Found:
+class QuantityChange:
     """A difference of a quantity of one stage: its size (for the order of lines), and in words."""
 
     size: float
@@ -83,7 +83,7 @@ def compare_training(
 ) -> Iterator[Change]:
     """Losses, gradients and updates of each stage of each row on each scene."""
     tested: dict[tuple[str, str], Paired] = {}
-    stages: dict[tuple[str, str], list[_Found]] = {}
+    stages: dict[tuple[str, str], list[QuantityChange]] = {}
     recorded: dict[str, Mapping[str, Any]] = {}
     kept: dict[str, Mapping[str, Any]] = {}
     trained: dict[str, list[str]] = {}
@@ -99,7 +99,7 @@ def compare_training(
             numbers = [value for value in values if not isinstance(value, str)]
             place = stages.setdefault((group, quantity.partition("/")[0]), [])
             if len(words) == 1 and not numbers:
-                place.append(_Found(math.inf, f"{_title(quantity)} {words.pop()}"))
+                place.append(QuantityChange(math.inf, f"{_title(quantity)} {words.pop()}"))
             elif same[group]:
                 apart = max(largest_difference(now.get(quantity, []), before.get(quantity, []))
                             for now, before in quantities.values())  # fmt: skip
@@ -118,7 +118,7 @@ def compare_training(
     for (group, quantity), each in tested.items():
         if each.beyond(adjusted[group, quantity], ELSEWHERE):
             said = f"{_title(quantity)} {_times(each.mean)}; a rerun differs by {_percent(each.rerun)}"
-            stages[group, quantity.partition("/")[0]].append(_Found(abs(each.mean), said))
+            stages[group, quantity.partition("/")[0]].append(QuantityChange(abs(each.mean), said))
     for (group, stage), differences in stages.items():
         yield from _listed(group, stage, differences)
 
@@ -138,10 +138,10 @@ def _lacking(title: str, kept: Mapping[str, Any], stages: Mapping[str, list[str]
         )  # fmt: skip
 
 
-def _repeated(quantity: str, ratios: list[float], apart: float) -> _Found:
+def _repeated(quantity: str, ratios: list[float], apart: float) -> QuantityChange:
     mean = fmean(ratios) if ratios else 0.0
     said = _times(mean) if abs(mean) > ELSEWHERE else f"differs by up to {_percent(apart)}"
-    return _Found(max(abs(mean), min(apart, ELSEWHERE)), f"{_title(quantity)} {said}")
+    return QuantityChange(max(abs(mean), min(apart, ELSEWHERE)), f"{_title(quantity)} {said}")
 
 
 def _title(quantity: str) -> str:
@@ -158,7 +158,7 @@ def _percent(share: float) -> str:
     return f"{100 * abs(share):.2g} %"
 
 
-def _listed(group: str, stage: str, differences: list[_Found]) -> Iterator[Change]:
+def _listed(group: str, stage: str, differences: list[QuantityChange]) -> Iterator[Change]:
     ordered = sorted(differences, key=lambda each: -each.size)
     for each in ordered[:MOST_LINES]:
         yield Change(group, f"stage {stage}: {each.what}", "changed")
@@ -170,7 +170,7 @@ def compare_work(
     found: Mapping[str, Result], baseline: Mapping[str, Any], same: Mapping[str, bool]
 ) -> Iterator[Change]:
     """Counters of each stage of each row on each scene."""
-    tested: dict[tuple[str, str], Paired] = {}
+    tested: dict[tuple[str, str], tuple[Paired, int, int]] = {}
     for group, names in groups_of(found).items():
         work = {name: (found[name]["work"], baseline["cells"][name]["work"]) for name in names}
         ratios = {name: work_ratios(now, before) for name, (now, before) in work.items()}
@@ -183,16 +183,13 @@ def compare_work(
             elif not same[group] and any(numbers):
                 noise = baseline["noise"].get("work", {}).get(group, {}).get(counter)
                 if noise:
-                    tested[group, counter] = Paired(numbers, noise)  # type: ignore[arg-type]
+                    tested[group, counter] = Paired(numbers, noise), now, before  # type: ignore[arg-type]
                 else:
                     said = _counted(group, counter, now, before, "; on another machine, whose noise is not known")
                     yield Change(said.cell, said.what, "warning")
-    adjusted = holm({key: min(1.0, 2 * each.p_value) for key, each in tested.items()})
-    for (group, counter), each in tested.items():
+    adjusted = holm({key: min(1.0, 2 * each.p_value) for key, (each, _, _) in tested.items()})
+    for (group, counter), (each, now, before) in tested.items():
         if each.beyond(adjusted[group, counter], COUNTED):
-            names = groups_of(found)[group]
-            now = sum(dict(counters_of(found[name]["work"])).get(counter, 0) for name in names)
-            before = sum(dict(counters_of(baseline["cells"][name]["work"])).get(counter, 0) for name in names)
             yield _counted(group, counter, now, before, f"; a rerun differs by {_percent(each.rerun)}")
 
 

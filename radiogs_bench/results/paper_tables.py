@@ -71,7 +71,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
         else:
             shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
             rows = as_published(shared, published(key), rows_of(suite))
-        table = filled(key, published(key), Measured(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
+        table = filled(key, published(key), MeasuredRows(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
     return tables
@@ -131,7 +131,7 @@ def rows_of(suite: Suite | None) -> dict[str, Row]:
     return {row.key: row for row in (suite.rows if suite else (OURS,))}
 
 
-class Measured(NamedTuple):
+class MeasuredRows(NamedTuple):
     """Results by row of a table, the suite that reproduces it, their protocol, and the kinds of their scenes."""
 
     rows: Rows
@@ -140,7 +140,7 @@ class Measured(NamedTuple):
     kinds: Mapping[str, str]
 
 
-def filled(key: str, table: PublishedTable, found: Measured) -> PaperTable:
+def filled(key: str, table: PublishedTable, found: MeasuredRows) -> PaperTable:
     """The published table with the values that were measured."""
     rows, suite = found.rows, found.suite
     reference = (suite.reference if suite else None) or OURS.key
@@ -167,7 +167,9 @@ def filled(key: str, table: PublishedTable, found: Measured) -> PaperTable:
     return made
 
 
-def _fill_column(made: PaperTable, column: PaperColumn, table: PublishedTable, found: Measured, reference: str) -> None:
+def _fill_column(
+    made: PaperTable, column: PaperColumn, table: PublishedTable, found: MeasuredRows, reference: str
+) -> None:
     """The values of a column with their ranks and differences to the reference row, and what it could have shown."""
     key, direction = column["key"], column["direction"]
     samples = {row: sample(found, row, key) for row in table.labels}
@@ -206,7 +208,7 @@ def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
     return made
 
 
-def sample(found: Measured, row: str, column: str) -> Sample:
+def sample(found: MeasuredRows, row: str, column: str) -> Sample:
     """A row's values of a column."""
     task, measure, *scenes = column.split("/")
     if measure == "change":
@@ -268,8 +270,10 @@ def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
     if not results or all_as_published(results, table, row):
         return ""
     text = with_numbers(row.text, results[0]["cell"]["budget"])
-    conditions = [*_changes(results, row), _budgets(results), _scenes(results), _sizes(results), _devices(results)]
-    return f"{text}: {'; '.join(conditions)}"
+    scenes = list(dict.fromkeys(result["scene"] for result in results))
+    where = scenes[0] if len(scenes) == 1 else f"{len(scenes)} scenes"
+    devices = ", ".join(sorted({"CPU" if result["cell"]["device"] == "cpu" else "GPU" for result in results}))
+    return f"{text}: {'; '.join([*_changes(results, row), _budgets(results), where, _sizes(results), devices])}"
 
 
 def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row) -> bool:
@@ -316,24 +320,12 @@ def _budgets(results: Sequence[Result]) -> str:
     return ", ".join([f"preset {preset}", *knobs])
 
 
-def _scenes(results: Sequence[Result]) -> str:
-    """The scene, or how many there are."""
-    names = list(dict.fromkeys(result["scene"] for result in results))
-    return names[0] if len(names) == 1 else f"{len(names)} scenes"
-
-
 def _sizes(results: Sequence[Result]) -> str:
     """The images' size, or the smallest and the largest."""
     found = sorted({(result["data"]["width"], result["data"]["height"]) for result in results if "data" in result})
     if not found:
         return "image size not stored"
-    texts = [f"{width} x {height}" for width, height in found]
-    return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
-
-
-def _devices(results: Sequence[Result]) -> str:
-    """CPU or GPU."""
-    return ", ".join(sorted({"CPU" if result["cell"]["device"] == "cpu" else "GPU" for result in results}))
+    return " to ".join(dict.fromkeys(f"{width} x {height}" for width, height in (found[0], found[-1])))
 
 
 def interval(column: Mapping[str, Comparison], row: str) -> Interval | None:

@@ -13,7 +13,7 @@ from radiogs_baselines.published import values_beside
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.analysis.beside import other_run
 from radiogs_reports.files import Unusable
-from radiogs_reports.record import BEGUN, RECORD, recorded
+from radiogs_reports.made_files import BEGUN, RECORD, recorded
 from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import PLAIN, OtherRun, Summary, protocol_title, row_texts
 from radiogs_reports.tables.caption import origin
@@ -28,7 +28,7 @@ from ..store.seal import write_sealed
 from ..suites.experiment import STABILITY
 from ..suites.own import HARD_TRAINING
 from .invariance import invariance_kept
-from .longer_run import records_of
+from .records import records_of
 from .summary import summarise
 
 

@@ -115,22 +115,12 @@ def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
 def _plain(cell: CellStanding) -> dict[str, object]:
     ref, pace = cell.ref, cell.pace
     told: dict[str, object] = {
-        "cell": label(ref),
-        "scene": ref["scene"],
-        "row": ref["row"],
-        "seed": ref["seed"],
-        "key": ref["key"],
+        "cell": label(ref), "scene": ref["scene"], "row": ref["row"], "seed": ref["seed"], "key": ref["key"],
         "state": cell.state,
-    }
+    }  # fmt: skip
     if pace is not None:
-        told |= {
-            "task": pace.task,
-            "done": pace.done,
-            "total": pace.total,
-            "steps_a_second": pace.steps_a_second,
-            "seconds_left_of_task": pace.seconds_left,
-            "seconds_silent": pace.seconds_silent,
-        }
+        told |= {name: getattr(pace, name) for name in ("task", "done", "total", "steps_a_second")}
+        told |= {"seconds_left_of_task": pace.seconds_left, "seconds_silent": pace.seconds_silent}
     return told
 
 

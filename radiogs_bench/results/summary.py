@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from statistics import fmean, geometric_mean
-from typing import Any, TypedDict, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,9 +26,7 @@ from radiogs_reports.summary import (
     RowSummary,
     RunSummary,
     SheetSummary,
-    StageSummary,
     Summary,
-    TrailPoint,
 )
 
 from ..methods import method
@@ -40,7 +38,6 @@ from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import NO_WEIGHTS
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
-from ..store.shapes import mismatch
 from ..suites.experiment import COST
 from ..suites.suite import COLUMNS, TASKS, Metric
 from .doubts import doubts, labels, title_of
@@ -89,24 +86,17 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     for column in made["columns"]:
         fill_column(made, column, cells, sweep)
     leave_out_without_weights(made)
-    if relighting := relighting_modes(sweep, [result for _, result in finished]):
-        made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
-    if recipe := recipe_of_rows(sweep["rows"]):
-        made["recipe"] = recipe
-    if found := settling(made):
-        made["settling"] = found
-    if parts := error_parts(store, [(ref, result) for ref, result in finished if measures_cost(result)]):
-        made["error_parts"] = parts
-    if "command" in sweep:
-        made["command"] = sweep["command"]
-    return made
-
-
-def measures_cost(result: Result) -> bool:
-    """Whether a result is one of an experiment that measures what accuracy costs."""
-    return result["cell"].get("experiment") == COST
+    of_cost = [(ref, result) for ref, result in finished if result["cell"].get("experiment") == COST]
+    where_known = {
+        "relighting": relighting_modes(sweep, [result for _, result in finished]),
+        "recipe": recipe_of_rows(sweep["rows"]),
+        "settling": settling(made),
+        "error_parts": error_parts(store, of_cost),
+        "command": sweep.get("command"),
+    }
+    return cast(Summary, {**made, **{name: value for name, value in where_known.items() if value}})
 
 
 PARTED = ("image", "albedo", "indirect", "relit")
@@ -365,47 +355,31 @@ def sheet_row(store: Store, ref: CellRef, result: Result, view: str) -> SheetSum
 
 def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None) -> RunSummary:
     """One cell with its metrics and provenance."""
-    run = RunSummary(
-        row=ref["row"],
-        scene=ref["scene"],
-        seed=ref["seed"],
-        key=ref["key"],
-        state=state_of(store, ref),
-        metrics={},
-        stages=[],
-        seconds={},
-        work={},
-        guards={},
-        losses={},
-        trail={},
-        effects=None,
-        surfels=None,
-        view=None,
-        light=None,
-        arrays=None,
-        made_from={},
-        sessions={},
-    )
+    place = {name: ref[name] for name in ("row", "scene", "seed", "key")}  # type: ignore[literal-required]
+    run: dict[str, Any] = {**place, "state": state_of(store, ref), "stages": [], **dict.fromkeys(ALONE)}
     if result is None:
-        return run
+        return cast(RunSummary, {name: {} for name in (*COPIED, "metrics", "made_from")} | run)
     metrics, arrays = shown_values(result), store.arrays_path(result["key"])
-    run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
-    run["views"], run["by_view"] = result["views"], values_by_view(metrics, sweep["columns"])
-    run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]
-    run["seconds"] = result["seconds"]
-    run["work"], run["losses"], run["guards"] = result["work"], result["losses"], result["guards"]
-    run["surfels"] = result["facts"].get("surfels")
-    run["trail"] = {
-        stage: [TrailPoint(iteration=p["iteration"], seconds=p["seconds"], losses=p["losses"], metrics=p["metrics"])
-                for p in points]
-        for stage, points in result["trail"].items()
-    }  # fmt: skip
-    run["effects"] = plan_summary(result)
-    run["view"], run["light"] = result["shown_view"], result["shown_light"]
-    run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None
-    run["made_from"] = result["cell"]
-    run["sessions"] = {stage: [{**session} for session in sessions] for stage, sessions in result["sessions"].items()}
-    return run
+    run |= {name: result[name] for name in COPIED}  # type: ignore[literal-required]
+    run |= {
+        "metrics": {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics},
+        "views": result["views"],
+        "by_view": values_by_view(metrics, sweep["columns"]),
+        "effects": plan_summary(result),
+        "surfels": result["facts"].get("surfels"),
+        "view": result["shown_view"],
+        "light": result["shown_light"],
+        "arrays": arrays.relative_to(store.folder).as_posix() if arrays.exists() else None,
+        "made_from": result["cell"],
+    }
+    return cast(RunSummary, run)
+
+
+COPIED = ("stages", "seconds", "work", "guards", "losses", "trail", "sessions")
+"""Parts of a result that its summary takes as they are; a cell without a result has none of their entries."""
+
+ALONE = ("effects", "surfels", "view", "light", "arrays")
+"""Single values of a summary; a cell without a result has none."""
 
 
 def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -> dict[str, list[float | None]]:
@@ -418,30 +392,21 @@ def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -
     }
 
 
-class Evidence(TypedDict):
-    """The part of a probe's evidence that the summary of a plan takes."""
-
-    tolerance: float
-
-
-class Effects(TypedDict):
-    """The part of a model's fact ``effects`` that the summary of a plan takes."""
-
-    plan: dict[str, Any]
-    evidence: list[Evidence]
-
-
 def plan_summary(result: Result) -> PlanSummary | None:
     """Which effects were simulated, the predicted bound, and what probing cost; None without a plan."""
     effects = result["facts"].get("effects")
-    if effects is None or mismatch(effects, Effects) or not result["stages"]:
+    try:
+        plan, tolerances = effects["plan"], [float(each["tolerance"]) for each in effects["evidence"]]
+    except (KeyError, TypeError, ValueError):  # a fact of that name of a method without plans
+        return None
+    if not isinstance(plan, dict) or not result["stages"]:
         return None
     last = result["stages"][-1]["name"]
     bound = result["metrics"].get("plan/bound")
     return PlanSummary(
-        plan=effects["plan"],
+        plan=plan,
         bound=None if bound is None else bound["value"],
-        tolerance=max((each["tolerance"] for each in effects["evidence"]), default=None),
+        tolerance=max(tolerances, default=None),
         probing={
             "seconds": result["parts"][last].get("probe", 0.0),
             "rays": result["work"][last].get("probe_rays", 0),

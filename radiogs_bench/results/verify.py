@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, ExplainedError
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 from radiogs_reports.summary import read_summary
 
@@ -27,7 +27,7 @@ RECORDS = ("score.json", "mesh.json", "rehearsal.json")
 
 
 @dataclass(frozen=True)
-class Finding:
+class DamagedFile:
     """A file that is not as it was stored, by its path within the folder, and how that shows."""
 
     path: str
@@ -38,7 +38,7 @@ class Finding:
 class Verified:
     """The findings. ``whole`` counts files that agree; ``others`` were written by another version."""
 
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[DamagedFile] = field(default_factory=list)
     whole: int = 0
     others: int = 0
     results: dict[str, Result] = field(default_factory=dict)
@@ -54,21 +54,21 @@ class Verified:
             check()
         except OtherSchema:
             self.others += 1
-            return False
-        except Broken as broken:
-            self.findings.append(Finding(path, broken.reason))
-            return False
-        except FileNotFoundError:
-            self.findings.append(Finding(path, "it is gone"))
-            return False
-        except (DataError, StoreError) as error:
-            self.findings.append(Finding(path, error.what))
-            return False
-        except (ValueError, KeyError, TypeError) as error:
-            self.findings.append(Finding(path, f"{type(error).__name__}: {error}"))
-            return False
-        self.whole += 1
-        return True
+        except (Broken, FileNotFoundError, DataError, StoreError, ValueError, KeyError, TypeError) as error:
+            self.findings.append(DamagedFile(path, _how(error)))
+        else:
+            self.whole += 1
+            return True
+        return False
+
+
+def _how(error: Exception) -> str:
+    """How it shows that a file is not as it was stored."""
+    if isinstance(error, Broken):
+        return error.reason
+    if isinstance(error, FileNotFoundError):
+        return "it is gone"
+    return error.what if isinstance(error, ExplainedError) else f"{type(error).__name__}: {error}"
 
 
 def verify(folder: Path) -> Verified:

@@ -10,6 +10,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from radiogs_core.errors import DataError
+
 from ..errors import StoreError
 from .atomic import write_atomically
 from .keys import canonical
@@ -78,6 +80,21 @@ def read_sealed(path: Path, schema: str, required: Collection[str], kind: Any = 
     if wrong := mismatch(stored, kind):
         raise Broken(wrong)
     return stored
+
+
+def read_kept(path: Path, noun: str, schema: str, required: Collection[str], remedy: str) -> dict[str, Any]:
+    """``read_sealed`` a file that a user names, such as a record. Raises DataError with the remedy for any other file,
+    and for one that was changed after it was made.
+    """
+    try:
+        return read_sealed(path, schema, required)
+    except FileNotFoundError:
+        raise DataError(f"there is no {noun} {path}", "", remedy) from None
+    except OtherSchema as other:
+        raise DataError(f"{path} is no {noun} of this version ({schema})", other.what, remedy) from other
+    except Broken as broken:
+        what = f"cannot use the {noun} {path}: {broken.reason}"
+        raise DataError(what, "It was changed after it was made.", remedy) from broken
 
 
 def parsed(content: bytes) -> dict[str, Any]:

@@ -3,56 +3,33 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from matplotlib import rc_context
+
 from radiogs_core.own_files import fresh, require_own_folders
 
-from .analysis.audit import audit_report
-from .analysis.beside import beside_report
-from .analysis.chain import chain_report
-from .analysis.cost import cost_report
-from .analysis.crossed import crossed_report
-from .analysis.ladder import ladder_report
-from .analysis.published_order import order_report
-from .analysis.settling import settling_report
-from .figures.audit import audit_figure
-from .figures.canvas import FOLDER, Drawn, save
-from .figures.chain import chain_figures
+from .analyses import ANALYSES, reports_of
+from .figures.canvas import FOLDER, STYLE, Drawn, save
 from .figures.contact_sheet import write_contact_sheet
 from .figures.convergence import convergence_figures
-from .figures.cost import cost_figures, knob_figures
 from .figures.curves import curve_figures
-from .figures.effect_curves import effect_curve_figures
 from .figures.finetuning import finetuning_figures
-from .figures.ladder import ladder_figures
 from .figures.light import environment_figures, illumination_figures, relighting_figures
 from .figures.overview import overview_figures
 from .figures.qualitative import qualitative_figures
 from .figures.stability import stability_figure
+from .made_files import begin_record, keep_record, made_from, unchanged
 from .page.assemble import write_page
 from .page.pictures import FOLDER as PICTURES
-from .record import begin_record, keep_record, made_from, unchanged
 from .summary import Summary, read_summary
 from .tables.caption import run_note
 from .tables.paper import paper_table
 from .tables.suite import suite_table
-from .write.analyses import (
-    Findings,
-    audit_csv,
-    beside_csv,
-    chain_csv,
-    cost_csv,
-    cost_latex,
-    cost_markdown,
-    crossed_csv,
-    findings_latex,
-    findings_markdown,
-    ladder_csv,
-    order_csv,
-    settling_csv,
-)
+from .write.analyses import findings_latex, findings_markdown
+from .write.csv_text import csv_of
 from .write.document import report_document
-from .write.longer_run import below_a_run
 from .write.markdown import without_markup
 from .write.paper import paper_csv, paper_latex, paper_markdown
+from .write.record import below_a_run
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 PARTS = 4
@@ -103,23 +80,20 @@ def write_reports(
 
 def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     """Write every figure that the stored results allow into ``out``/figures; the same results give the same bytes."""
-    figures = [
-        *(knob_figures(summary) or cost_figures(summary)),
-        *curve_figures(summary),
-        *effect_curve_figures(summary),
-        *chain_figures(summary),
-        *audit_figure(summary),
-        *ladder_figures(summary),
-        *convergence_figures(summary),
-        *finetuning_figures(summary, out),
-        *overview_figures(summary, out),
-        *qualitative_figures(summary, out),
-        *illumination_figures(summary, out),
-        *environment_figures(summary, out),
-        *relighting_figures(summary, out),
-        *stability_figure(summary, out),
-    ]
-    return [save(figure, out) for figure in figures]
+    with rc_context(STYLE):
+        figures = [
+            *(sketch for analysis in ANALYSES for sketch in analysis.figures(summary)),
+            *curve_figures(summary),
+            *convergence_figures(summary),
+            *finetuning_figures(summary, out),
+            *overview_figures(summary, out),
+            *qualitative_figures(summary, out),
+            *illumination_figures(summary, out),
+            *environment_figures(summary, out),
+            *relighting_figures(summary, out),
+            *stability_figure(summary, out),
+        ]
+        return [save(figure, out) for figure in figures]
 
 
 def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
@@ -139,43 +113,16 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
 
 
 def _tables(summary: Summary) -> dict[str, str]:
-    """Tables of the paper, of the cost report and of every other analysis, by file name."""
+    """Tables of the paper and of every analysis that the run allows, by file name."""
     made = {}
     for stored in summary["paper"]:
         name, table = f"tables/{stored['key']}", paper_table(stored, summary)
         made[f"{name}.tex"] = paper_latex(table)
         made[f"{name}.md"] = paper_markdown(table)
         made[f"{name}.csv"] = paper_csv(stored, summary)
-    cost = cost_report(summary)
-    if cost is not None:
-        made["tables/cost.tex"] = cost_latex(summary, cost)
-        made["tables/cost.md"] = cost_markdown(summary, cost)
-        made["tables/cost.csv"] = cost_csv(summary, cost)
-    for name, (title, found, records) in _findings(summary).items():
-        made[f"tables/{name}.tex"] = findings_latex(summary, title, found)
-        made[f"tables/{name}.md"] = findings_markdown(summary, title, found)
-        made[f"tables/{name}.csv"] = records
+    for analysis, report in reports_of(summary):
+        name = f"tables/{analysis.key}"
+        made[f"{name}.tex"] = findings_latex(summary, analysis.title, report)
+        made[f"{name}.md"] = findings_markdown(summary, analysis.title, report)
+        made[f"{name}.csv"] = csv_of(report.records)
     return made
-
-
-def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
-    """Title, findings and CSV of every analysis that the run allows, by file name."""
-    audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
-    chain, settling, beside = chain_report(summary), settling_report(summary), beside_report(summary)
-    crossed = crossed_report(summary)
-    found: dict[str, tuple[str, Findings, str]] = {}
-    if audit is not None:
-        found["audit"] = "the audit of plans", audit, audit_csv(audit)
-    if ladder is not None:
-        found["ladder"] = "the oracle ladder", ladder, ladder_csv(ladder)
-    if chain is not None:
-        found["chain"] = "what each step is worth", chain, chain_csv(chain)
-    if crossed is not None:
-        found["crossed"] = "what a setting is worth beside others", crossed, crossed_csv(crossed)
-    if order is not None:
-        found["published_order"] = "measured and published order", order, order_csv(order)
-    if beside is not None:
-        found["beside"] = "this run beside another", beside, beside_csv(beside)
-    if settling is not None:
-        found["settling"] = "time to quality", settling, settling_csv(summary)
-    return found

@@ -9,6 +9,7 @@ is counted, and the interval is of that scene alone.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import fmean
 from typing import Literal, NamedTuple
 
 from scipy.special import stdtr, stdtrit
@@ -97,10 +98,10 @@ def units_of(sample: Sample) -> tuple[Level, list[float]]:
     by_kind = _grouped(sample, lambda origin: origin.kind)
     by_scene = {kind: _grouped(part, lambda origin: origin.scene) for kind, part in by_kind.items()}
     if len(by_kind) > 1:
-        return "kinds", [_mean([_mean([*part.values()]) for part in scenes.values()]) for scenes in by_scene.values()]
+        return "kinds", [fmean([fmean([*part.values()]) for part in scenes.values()]) for scenes in by_scene.values()]
     (scenes,) = by_scene.values()
     if len(scenes) > 1:
-        return "scenes", [_mean([*part.values()]) for part in scenes.values()]
+        return "scenes", [fmean([*part.values()]) for part in scenes.values()]
     return "seeds", [*sample.values()]
 
 
@@ -118,14 +119,14 @@ def spread(sample: Sample) -> dict[Level, float]:
     if within is not None:
         found["seeds"] = math.sqrt(within)
     groups = [
-        [_mean([*seeds.values()]) for seeds in _grouped(part, lambda origin: origin.scene).values()]
+        [fmean([*seeds.values()]) for seeds in _grouped(part, lambda origin: origin.scene).values()]
         for part in kinds.values()
     ]
     between = _pooled_variance(groups)
     from_scenes = from_seeds if between is None else between / _harmonic_mean([len(group) for group in groups])
     if between is not None:
         found["scenes"] = math.sqrt(max(0.0, between - from_seeds))
-    among = _pooled_variance([[_mean(group) for group in groups]])
+    among = _pooled_variance([[fmean(group) for group in groups]])
     if among is not None:
         found["kinds"] = math.sqrt(max(0.0, among - from_scenes))
     return found
@@ -175,10 +176,6 @@ def _grouped(sample: Sample, key: Callable[[Origin], str]) -> dict[str, dict[Ori
     return groups
 
 
-def _mean(values: Sequence[float]) -> float:
-    return math.fsum(values) / len(values)
-
-
 def _harmonic_mean(counts: Sequence[int]) -> float:
     return len(counts) / math.fsum(1 / count for count in counts)
 
@@ -188,4 +185,4 @@ def _pooled_variance(groups: Sequence[Sequence[float]]) -> float | None:
     freedom = sum(len(group) - 1 for group in groups)
     if freedom == 0:
         return None
-    return math.fsum((value - _mean(group)) ** 2 for group in groups for value in group) / freedom
+    return math.fsum((value - fmean(group)) ** 2 for group in groups for value in group) / freedom

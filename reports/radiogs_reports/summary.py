@@ -219,37 +219,20 @@ class ModesSummary(TypedDict):
     """The field of the budget with the number of these steps, by its dotted name."""
 
 
-class PaperColumn(TypedDict):
-    """A column of a table of the paper."""
+class PaperColumn(ColumnSummary):
+    """A column of a table of the paper; measured values have as many decimals as the paper prints."""
 
-    key: str
     group: str
     """Heading that it shares with neighbouring columns of the same group."""
-    label: str
-    unit: str
-    direction: Literal["up", "down", "none"]
-    decimals: int
-    """Printed decimals of measured values: as many as the paper prints."""
-    published_by: NotRequired[str]
-    smallest: NotRequired[float | None]
-    """``published_by`` and ``smallest`` are as in ``ColumnSummary``."""
 
 
-class PaperValue(TypedDict):
-    """A value of a table of the paper, measured and published."""
+class PaperValue(CellSummary):
+    """A value of a table of the paper, measured and published; the difference is to the table's reference row."""
 
-    mean: float | None
-    count: int
-    difference: Interval | None
-    """Difference to the table's reference row, paired by scene and seed."""
-    reason: str | None
-    """Why nothing was measured."""
     published: str | None
     """The published value as printed."""
     absent: str | None
     """Why nothing was published."""
-    rank: NotRequired[int | None]
-    """Rank of the measured value, as in ``CellSummary``."""
 
 
 class PaperTable(TypedDict):
@@ -323,7 +306,7 @@ class RecordedGrid(TypedDict):
     lines: list[list[str]]
 
 
-class LongerRun(RunTable):
+class RecordedRun(RunTable):
     """A finished run in a record, which is committed with the project: the values of its table, to six digits."""
 
     recipe: str
@@ -356,7 +339,7 @@ class OtherRun(TypedDict):
     name: str
     """The name of its folder."""
     origin: dict[str, str]
-    """As in ``LongerRun``."""
+    """As in ``RecordedRun``."""
     protocol: str
     """Its ``protocol_title``."""
     settings: dict[str, dict[str, Any]]
@@ -390,7 +373,7 @@ class Summary(RunTable):
     """Ways of relighting by method; absent where no method offers several, and in earlier summaries."""
     command: NotRequired[list[str]]
     """The words of the command line after the program's name; absent where there was none."""
-    longer_runs: NotRequired[list[LongerRun]]
+    longer_runs: NotRequired[list[RecordedRun]]
     """Record of longer runs of the suite, to be shown beside this one; absent where the project has none."""
     beside: NotRequired[OtherRun]
     """The run that this one is compared with; absent unless one was named."""
@@ -459,10 +442,19 @@ def reference_of(summary: Summary) -> str:
     return reference
 
 
+def doubted_rows(summary: Summary, column: str) -> set[str]:
+    """The rows whose value in a column a footnote concerns."""
+    return {row for doubt in summary.get("doubts", []) if doubt["column"] == column for row in doubt["rows"]}
+
+
 def is_doubted(summary: Summary, row: str, column: str) -> bool:
     """Whether a footnote concerns a value, or the reference row's value in its column."""
-    rows = {row, summary["reference"]}
-    return any(each["column"] == column and not rows.isdisjoint(each["rows"]) for each in summary.get("doubts", []))
+    return not doubted_rows(summary, column).isdisjoint({row, summary["reference"]})
+
+
+def directed_columns(summary: Summary) -> list[ColumnSummary]:
+    """The columns whose larger values are better, or whose smaller ones."""
+    return [column for column in summary["columns"] if column["direction"] in ("up", "down")]
 
 
 def row_texts(summary: Summary) -> dict[str, str]:

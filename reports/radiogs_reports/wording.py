@@ -3,7 +3,7 @@
 import re
 
 from .statistics import Level
-from .summary import ColumnSummary, LongerRun, Summary
+from .summary import ColumnSummary, RecordedRun, Summary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 """Arrows towards the better values of a column, by its direction."""
@@ -70,7 +70,12 @@ def population_of(summary: Summary) -> str:
     return population("scenes", len(scenes)) if len(scenes) > 1 else population("seeds", len(summary["seeds"]), *scenes)
 
 
-def mean_over(run: Summary | LongerRun, named: bool = True) -> str:
+def recipe_in_short(run: RecordedRun) -> str:
+    """The recipe of all rows of a recorded run, or that each has its own."""
+    return "recipes by row" if " by " in run["recipe"] else run["recipe"] or "default"
+
+
+def mean_over(run: Summary | RecordedRun, named: bool = True) -> str:
     """The units that the means of a complete run are over, in words: ``2 scenes (corner, bowl) and 1 seed``.
 
     ``named``: with the names of the scenes.
@@ -83,7 +88,7 @@ def mean_over(run: Summary | LongerRun, named: bool = True) -> str:
     return f"{scenes} and {seeds}"
 
 
-def kinds_of(run: Summary | LongerRun) -> int:
+def kinds_of(run: Summary | RecordedRun) -> int:
     """The number of kinds of a run's scenes, 1 where none is known; records without the kinds count in intervals."""
     if "kinds" in run:
         return len({run["kinds"].get(scene, "") for scene in run["scenes"]})

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ci_scripts import script
-from radiogs_bench.results.longer_run import write_record
+from radiogs_bench.results.records import write_record
 
 COMMAND = "radiogs-bench run ablations --preset smoke --scenes corner --rows ours,no-rad"
 

@@ -35,9 +35,9 @@ def test_more_values_than_allowed_fewer_and_entries_without_reason_or_document_a
     documents = {"a.md": "1 dB and 2 dB", "b.md": "nothing"}
     assert values.findings(documents, {"a.md": {"most": 2, "why": "tolerances"}}) == []
     (more,) = values.findings(documents, {"a.md": {"most": 1, "why": "tolerances"}})
-    assert "2 values outside marks, 1 are allowed; the last: 2 dB" in more
+    assert "2 values outside marks, 1 in .ci/values.toml; the last: 2 dB" in more
     (fewer,) = values.findings(documents, {"a.md": {"most": 3, "why": "tolerances"}})
-    assert "lower its 'most' of 3" in fewer
+    assert "2 values outside marks, 3 in .ci/values.toml" in fewer
     (unexplained,) = values.findings(documents, {"a.md": {"most": 2}})
     assert "gives no reason" in unexplained
     (unknown,) = values.findings({"b.md": ""}, {"c.md": {"most": 0, "why": "tolerances"}})

@@ -1,15 +1,15 @@
 """A run beside another one: which values differ, which settings do, and which cells are left out."""
 
 import copy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from made_up_run import run, summary, written_page
-from radiogs_reports.analysis.beside import Beside, BesideReport, beside_report, other_run
+from made_up_run import cell, in_every_form, run, summary
+from radiogs_reports.analysis.beside import Beside, beside_report, compared_values, other_run
+from radiogs_reports.analysis.report import Report
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 
@@ -32,21 +32,19 @@ def made_up(later: bool) -> Summary:
             weight = 0.1 if later and row == "ours" else 0.2
             each["made_from"] = {"checksum": scene, "variant": {"weight": weight}, "budget": {"steps": 3}}
             made["runs"].append(each)
-    made["cells"] = {
-        row: {"nvs/psnr": {"mean": 30.0, "count": 4, "difference": None, "reason": None}} for row in GAINS
-    }  # fmt: skip
+    made["cells"] = {row: {"nvs/psnr": cell(30.0)} for row in GAINS}
     return made
 
 
-def beside(now: Summary, before: Summary) -> BesideReport:
+def beside(now: Summary, before: Summary) -> Report:
     now["beside"] = other_run(before, "before", {"Commit": "abc"})
     found = beside_report(now)
     assert found is not None
     return found
 
 
-def by_row(found: BesideReport) -> dict[str, Beside]:
-    return {each.row: each for each in found.values}
+def by_row(now: Summary, before: Summary) -> dict[str, Beside]:
+    return {each.row: each for each in compared_values(now, other_run(before, "before", {}))}
 
 
 def values(made: Summary, row: str) -> list[Any]:
@@ -55,7 +53,7 @@ def values(made: Summary, row: str) -> list[Any]:
 
 def test_differences_are_paired_t_tests_with_holms_correction_over_the_rows() -> None:
     now, before = made_up(later=True), made_up(later=False)
-    found = by_row(beside(now, before))
+    found = by_row(now, before)
     tests = {row: stats.ttest_rel(values(now, row), values(before, row)) for row in GAINS}
     ordered = sorted(GAINS, key=lambda row: tests[row].pvalue)
     highest = 0.0
@@ -66,7 +64,7 @@ def test_differences_are_paired_t_tests_with_holms_correction_over_the_rows() ->
         assert (difference.low, difference.high) == pytest.approx((interval.low, interval.high))
         assert found[row].verdict == ("better" if highest < 0.05 else None)
     assert {row: each.verdict for row, each in found.items()} == {"ours": "better", "no-rad": None, "noisy": None}
-    backwards = by_row(beside(made_up(later=False), made_up(later=True)))
+    backwards = by_row(made_up(later=False), made_up(later=True))
     assert backwards["ours"].verdict == "worse"
 
 
@@ -84,27 +82,26 @@ def test_sentences_name_what_gained_what_was_set_otherwise_and_what_has_no_count
     assert "row noisy, settings" not in text
     assert "11 cells of both; 1 of this run alone, 0 of the other alone." in text
     assert "Not compared, because its files or how it was opened differ: four." in text
-    assert {row: each.difference.values for row, each in by_row(found).items()} == {"ours": 3, "no-rad": 3, "noisy": 2}
+    assert {row: each.difference.values for row, each in by_row(now, before).items()} == {
+        "ours": 3,
+        "no-rad": 3,
+        "noisy": 2,
+    }
 
 
 def test_equal_runs_are_called_equal_and_a_run_without_another_has_no_comparison() -> None:
     now = made_up(later=False)
     assert beside_report(now) is None
     assert "tables/beside.md" not in texts(now)
-    found = beside(now, copy.deepcopy(now))
-    assert all(each.equal and each.verdict is None for each in found.values)
+    before = copy.deepcopy(now)
+    found = beside(now, before)
+    assert all(each.equal and each.verdict is None for each in by_row(now, before).values())
     assert "row ours: equal to the last bit: NVS PSNR." in found.sentences
 
 
-def test_tables_and_page_show_the_comparison(tmp_path: Path) -> None:
+def test_every_form_has_the_comparison() -> None:
     now = made_up(later=True)
-    found = beside(now, made_up(later=False))
-    written = texts(now)
-    assert f"- {found.sentences[1]}" in written["tables/beside.md"]
-    head, *records = written["tables/beside.csv"].splitlines()
+    beside(now, made_up(later=False))
+    records = in_every_form(now, "beside")
+    assert list(records)[:6] == ["row", "metric", "there", "there_low", "there_high", "here"]
     assert len(records) == len(GAINS)
-    assert head.startswith("row,metric,there,there_low,there_high,here")
-    assert r"\begin{tabular}" in written["tables/beside.tex"]
-    page = written_page(now, tmp_path).read_text()
-    assert "This run beside another" in page
-    assert found.sentences[2] in page

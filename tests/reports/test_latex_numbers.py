@@ -4,7 +4,7 @@ import pytest
 
 from made_up_run import summary
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.write.numbers import MOST_ACROSS, MOST_LINES, Entry, Group, Line, layout, parts, tabulars
+from radiogs_reports.write.numbers import MOST_ACROSS, MOST_LINES, Entry, Group, TabularLine, layout, parts, tabulars
 from radiogs_reports.write.suite import suite_latex
 
 
@@ -34,7 +34,7 @@ def test_siunitx_prints_the_plus_of_a_gain() -> None:
 
 def test_text_that_siunitx_cannot_align_is_braced() -> None:
     entries = [Entry("1.5", r"\x "), Entry("n/a$^{a}$", r"\x "), Entry("1e-05"), Entry(), Entry("2", "", "(3)")]
-    assert Line("row", entries).text() == r"row & \x 1.5 &  & {\x n/a$^{a}$} &  & {1e-05} &  &  &  & 2 & (3) \\"
+    assert TabularLine("row", entries).text() == r"row & \x 1.5 &  & {\x n/a$^{a}$} &  & {1e-05} &  &  &  & 2 & (3) \\"
     assert [bool(entry) for entry in entries] == [True, True, True, False, True]
 
 
@@ -51,8 +51,8 @@ def test_columns_that_do_not_fit_continue_below_in_order(count: int) -> None:
 def test_a_difference_keeps_to_its_row_and_a_line_without_values_is_left_out() -> None:
     """Two rows of eight numbers, of which the second has one difference, to the last."""
     values = [Entry(str(place)) for place in range(8)]
-    difference = Line("difference", [Entry()] * 7 + [Entry("-1")])
-    groups = [Group([Line("one", values)]), Group([Line("two", values), difference])]
+    difference = TabularLine("difference", [Entry()] * 7 + [Entry("-1")])
+    groups = [Group([TabularLine("one", values)]), Group([TabularLine("two", values), difference])]
     text = "\n".join(tabulars("l", "tab:a", lambda part: [str(part)], [*groups, Group([difference], "apart")]))
     upper, lower = text.split(r"\par" + "\n")
     assert [part.count(r"\begin{tabular}") for part in (upper, lower)] == [1, 1]
@@ -66,6 +66,8 @@ def test_a_difference_keeps_to_its_row_and_a_line_without_values_is_left_out() -
 def test_parts_that_do_not_fit_on_a_page_are_tables_of_their_own() -> None:
     entries = [Entry("1")] * (3 * MOST_ACROSS)
     for rows, tables in ((MOST_LINES // 3, 1), (MOST_LINES // 2, 2), (MOST_LINES // 2 + 1, 3)):
-        text = "\n".join(tabulars("l", "tab:a", lambda part: [str(part)], [Group([Line("row", entries)])] * rows))
+        text = "\n".join(
+            tabulars("l", "tab:a", lambda part: [str(part)], [Group([TabularLine("row", entries)])] * rows)
+        )
         assert text.count(r"\begin{tabular}") == 3
         assert text.count(r"\end{table}") == text.count(r"Table~\ref{tab:a}, continued") == tables - 1

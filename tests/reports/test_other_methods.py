@@ -8,7 +8,8 @@ import pytest
 from made_up_run import of_another_method, run, summary, write_run
 from radiogs_reports.analysis.audit import audit_report
 from radiogs_reports.analysis.cost import cost_report
-from radiogs_reports.analysis.cost_progress import at_equal_time
+from radiogs_reports.analysis.cost_knobs import knobs
+from radiogs_reports.analysis.cost_progress import equal_time
 from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.figures.convergence import convergence_figures
 from radiogs_reports.figures.cost import knob_figures
@@ -52,7 +53,7 @@ def test_the_last_stage_in_the_list_is_the_one_that_was_scored(stages: dict[str,
     made = made_up(stages)
     report = cost_report(made)
     assert report is not None
-    assert [knob.text for knob in report.knobs] == ["steps"], "a field without a given text is called by its own name"
+    assert [knob.text for knob in knobs(made)] == ["steps"], "a field without a given text is called by its own name"
     title = list(stages.values())[-1]
     before = 2.0 * (len(stages) - 1)
     share = 100 * (1.0 / (before + 2.0))
@@ -60,7 +61,7 @@ def test_the_last_stage_in_the_list_is_the_one_that_was_scored(stages: dict[str,
         f"The second half of {title}: NVS PSNR +1.00 ± 0.00 dB, Normal MAE -1.00 ± 0.00 degrees,"
         f" for {share:.0f} % of the training time."
     )
-    seconds = [each.seconds for each in at_equal_time(made) if each.column["key"] == "nvs/psnr"]
+    seconds = [line[1].value for line in equal_time(made).rows if line[0].text == "NVS PSNR"]
     assert seconds == pytest.approx([before + 0.25 * step for step in (1, 2, 4, 8)])
 
 

@@ -1,134 +1,106 @@
-"""Two runs into one folder: only the second's tables and figures remain, and nothing else is deleted.
+"""Whether a run agrees with the record of its suite, row by row and column by column."""
 
-Reports that would not change are not made again.
-"""
-
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from made_up_run import summary, write_run
-from radiogs_reports import run_folder
-from radiogs_reports.page import assemble
-from radiogs_reports.record import RECORD, keep_record
-from radiogs_reports.run_folder import write_reports
+from made_up_run import summary, written_page
+from radiogs_bench.results.records import recorded
+from radiogs_reports.summary import Summary, Verdict
+from radiogs_reports.tables.record import HERE_ALONE, NEITHER, OPEN, OPPOSITE, SAME, claims, record_reports
+from radiogs_reports.write.record import record_document
 
 
-def files(folder: Path, *names: str) -> list[Path]:
-    for name in names:
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text(name)
-    return [folder / name for name in names]
-
-
-def there(folder: Path) -> set[str]:
-    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    return found - {"reports.txt"}
-
-
-def test_only_files_that_the_later_run_does_not_write_are_deleted(tmp_path: Path) -> None:
-    files(tmp_path, "tables/mine.md", "figures/notes.png", "cells/a.json")
-    first = ["a.tex", "report.html", "tables/audit.md", "tables/cost.md", "figures/audit.png", "contact_sheet.png"]
-    keep_record(tmp_path, files(tmp_path, *first))
-    assert there(tmp_path) == {*first, "tables/mine.md", "figures/notes.png", "cells/a.json"}
-    second = ["b.tex", "report.html", "tables/cost.md"]
-    keep_record(tmp_path, files(tmp_path, *second))
-    assert there(tmp_path) == {"a.tex", *second, "tables/mine.md", "figures/notes.png", "cells/a.json"}
-
-
-def test_a_table_that_a_user_put_where_one_was_deleted_stays(tmp_path: Path) -> None:
-    keep_record(tmp_path, files(tmp_path, "tables/audit.md"))
-    keep_record(tmp_path, files(tmp_path, "tables/cost.md"))
-    files(tmp_path, "tables/audit.md")
-    keep_record(tmp_path, files(tmp_path, "tables/cost.md"))
-    assert there(tmp_path) == {"tables/audit.md", "tables/cost.md"}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _without_figures() -> Iterator[None]:
-    """Figures take most of the time of a report; the contact sheet and the page stand for them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_folder, "write_figures", lambda summary, out: [])
-        yield
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = write_run(tmp_path_factory.mktemp("run"), summary())
-    write_reports(folder)
-    return folder
-
-
-def dates(folder: Path) -> dict[str, int]:
-    return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
-def test_reports_that_would_not_change_are_not_made_again(made: Path) -> None:
-    before = dates(made)
-    again = write_reports(made)
-    assert dates(made) == before
-    assert {path.name for path in again} >= {"report.html", "contact_sheet.png"}
-
-
-def another_summary(folder: Path) -> None:
-    changed = summary()
-    changed["title"] = "Another"
-    write_run(folder, changed)
-
-
-def another_array(folder: Path) -> None:
-    arrays = next(folder.glob("cells/*.npz"))
-    with np.load(arrays) as file:
-        np.savez(arrays, **{name: file[name] * 0.5 for name in file})
-
-
-def a_damaged_report(folder: Path) -> None:
-    (folder / "report.html").write_text("damaged")
-
-
-def a_deleted_report(folder: Path) -> None:
-    (folder / "contact_sheet.png").unlink()
-
-
-def a_link(folder: Path) -> None:
-    text = (folder / "report.html").read_bytes()
-    (folder / "elsewhere").write_bytes(text)
-    (folder / "report.html").unlink()
-    (folder / "report.html").symlink_to(folder / "elsewhere")
-
-
-def a_record_of_earlier_versions(folder: Path) -> None:
-    (folder / RECORD).write_text("report.html\n")
+def compared(here: Verdict | None, there: Verdict | None) -> Summary:
+    """The made-up run beside a record of it, with these verdicts of row ``no-rad`` in column ``nvs/psnr``."""
+    found = []
+    for verdict in (there, here):
+        made = summary()
+        difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+        assert difference is not None
+        difference["verdict"] = verdict
+        found.append(made)
+    of_record, made = found
+    made["longer_runs"] = [recorded({**of_record, "recipe": "<b>twice</b> the steps"})]
+    return made
 
 
 @pytest.mark.parametrize(
-    "change",
-    [another_summary, another_array, a_damaged_report, a_deleted_report, a_link, a_record_of_earlier_versions],
+    ("here", "there", "outcome"),
+    [
+        ("worse", "worse", SAME),
+        ("better", "worse", OPPOSITE),
+        (None, "worse", OPEN),
+        ("worse", None, HERE_ALONE),
+        (None, None, NEITHER),
+    ],
 )
-def test_all_are_made_again_after(change: Callable[[Path], None], tmp_path: Path) -> None:
-    folder = write_run(tmp_path, summary())
-    write_reports(folder)
-    expected = (folder / "report.html").read_bytes()
-    change(folder)
-    before = dates(folder).get("contact_sheet.png", 0)
-    write_reports(folder)
-    assert dates(folder)["contact_sheet.png"] > before
-    assert not (folder / "report.html").is_symlink()
-    if change not in (another_summary, another_array):
-        assert (folder / "report.html").read_bytes() == expected
+def test_each_difference_has_a_sentence_that_says_whether_the_run_agrees(
+    here: Verdict | None, there: Verdict | None, outcome: str
+) -> None:
+    (report,) = record_reports(compared(here, there))
+    quality, shape = report.agreements  # the third column was measured in neither, the reference row has no difference
+    marks = [f" ({verdict})" if verdict else "" for verdict in (here, there)]
+    assert quality.sentence == (
+        f"lambda_rad = 0, NVS PSNR: {outcome}. Here -1.23 ± 0.50 dB{marks[0]}, in the record -1.23 ± 0.50 dB{marks[1]}."
+    )
+    assert shape.outcome == SAME
+    (words,) = report.rows_in_words
+    assert words.startswith("lambda_rad = 0: ")
+    assert f"{outcome}: NVS PSNR" in words
 
 
-def test_pictures_beside_the_page_go_when_it_is_to_stand_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = write_run(tmp_path, {**summary(), "sheet": []})
-    monkeypatch.setattr(assemble, "BUDGET", 1)
-    written = write_reports(folder)
-    beside = sorted((folder / "report_files").iterdir())
-    assert beside
-    assert set(beside) < set(written)
-    (folder / "report_files" / "mine.txt").write_text("of somebody")
-    monkeypatch.undo()
-    again = write_reports(folder, alone=True)
-    assert set(again) == set(written) - set(beside)
-    assert [path.name for path in (folder / "report_files").iterdir()] == ["mine.txt"]
+def test_the_papers_claims_stand_beside_what_every_recipe_measured() -> None:
+    made = {recipe: recorded({**summary(), "recipe": recipe}) for recipe in ("printed", "recommended")}
+    for recipe, (low, high, verdict) in {"printed": (-3.0, -1.0, "worse"), "recommended": (-0.5, 0.1, None)}.items():
+        made[recipe]["published"] = {"ours": {"nvs/psnr": 31.0}, "no-rad": {"nvs/psnr": 29.0}}
+        kept = made[recipe]["cells"]["no-rad"]["nvs/psnr"]
+        assert kept["difference"] is not None
+        kept["difference"] |= {"mean": (low + high) / 2, "low": low, "high": high, "verdict": verdict, "smallest": 0.4}
+    grid = claims(list(made.values()))
+    assert grid is not None
+    assert grid.heads == ["suite", "row", "metric", "paper", "printed", "recommended"]
+    (line,) = grid.rows
+    paper, printed, recommended = line[3:]
+    assert paper.value == -2.0
+    assert printed.text == "-2.00 dB [-3.00, -1.00]: sign holds"
+    assert recommended.text == "-0.20 dB [-0.50, +0.10]: not resolved, could show 0.40; the paper's size excluded"
+    (alone,) = [each.rows[0] for each in [claims([made["printed"]])] if each is not None]
+    assert len(alone) == 5
+    made["printed"]["published"] = {}
+    assert claims([made["printed"]]) is None
+    assert "## The paper's claims" in record_document([made["recommended"]])
+
+
+def test_a_value_in_doubt_agrees_with_nothing() -> None:
+    """Its verdict is not shown in the table of the run; no sentence may show it."""
+    made = compared("worse", "worse")
+    made["doubts"] = [{"column": "nvs/psnr", "rows": ["ours"], "text": "not determined"}]
+    (report,) = record_reports(made)
+    assert report.agreements[0].outcome == OPEN
+    kept = recorded(made)["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert kept is not None
+    assert kept["verdict"] is None
+
+
+def test_the_page_shows_the_record_with_its_origin_and_every_scene(tmp_path: Path) -> None:
+    made = compared(None, "worse")
+    (report,) = record_reports(made)
+    assert list(report.facts)[:3] == ["Date", "Commit", "Command"]
+    assert [item.text for item in report.by_scene.rows[0][2:]] == ["-1.00"]
+    page = written_page(made, tmp_path).read_text(encoding="utf-8")
+    assert report.agreements[0].sentence in page
+    assert "&lt;b&gt;twice&lt;/b&gt; the steps" in page
+    assert "<b>twice" not in page
+    assert "<b>twice" not in record_document(made["longer_runs"])
+
+
+def test_fields_that_were_set_in_all_rows_stand_with_the_preset_alone() -> None:
+    made = summary()
+    made["preset"] = "tiny with incident_samples = 64"
+    for row in made["rows"]:
+        row["text"] += " (incident_samples = 64)"
+    made["rows"][1]["text"] += " (of files)"
+    kept = recorded(made, "incident_samples = 64")
+    assert kept["preset"] == "tiny with incident_samples = 64"
+    assert [row["text"] for row in kept["rows"]] == ["Ours", "lambda_rad = 0 (incident_samples = 64) (of files)"]

@@ -116,8 +116,6 @@ def test_the_contact_sheet_is_large_enough_to_judge(run: Path) -> None:
 
 
 def height_of_contact_sheet(folder: Path, made: Summary) -> int:
-    folder.mkdir()
-    write_run(folder, made)
     with Image.open(write_contact_sheet(made, folder)) as sheet:
         return sheet.height
 
@@ -126,21 +124,14 @@ def test_the_contact_sheet_shows_the_same_truth_once(tmp_path: Path) -> None:
     one, two, other = (summary() for _ in range(3))
     for made in (two, other):
         made["sheet"].append({**made["sheet"][0], "row": "no-rad", "arrays": "cells/def.npz"})
-    alone, both = (height_of_contact_sheet(tmp_path / name, made) for name, made in (("one", one), ("two", two)))
+    folder = write_run(tmp_path, one)
+    alone, both = (height_of_contact_sheet(folder, made) for made in (one, two))
     assert 1.3 * alone < both < 1.7 * alone, "a title and a line more"
-    (tmp_path / "other").mkdir()
-    write_run(tmp_path / "other", other)
-    path = tmp_path / "other" / "cells" / "def.npz"
+    path = folder / "cells" / "def.npz"
     with np.load(path) as stored:
         arrays = dict(stored)
-    arrays["truth/normal"] = -arrays["truth/normal"]
-    np.savez(path, **arrays)
-    with Image.open(write_contact_sheet(other, tmp_path / "other")) as sheet:
-        assert sheet.height == 2 * alone
-
-
-def test_text_is_escaped_character_by_character() -> None:
-    assert escape(r"a_b & 5% \ {x}^~") == r"a\_b \& 5\% \textbackslash{} \{x\}\textasciicircum{}\textasciitilde{}"
+    np.savez(path, **(arrays | {"truth/normal": -arrays["truth/normal"]}))
+    assert height_of_contact_sheet(folder, other) == 2 * alone
 
 
 def test_a_row_without_a_label_in_latex_has_its_text_escaped() -> None:

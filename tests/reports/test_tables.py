@@ -12,7 +12,7 @@ from radiogs_bench.cli.showing import parts_of
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album
 from radiogs_reports.summary import Summary
-from radiogs_reports.tables.model import Cell, Table
+from radiogs_reports.tables.model import Table
 from radiogs_reports.tables.paper import apart_table, paper_table
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.paper import paper_latex, paper_markdown
@@ -116,13 +116,6 @@ def test_where_zero_is_best_a_value_sorts_by_its_magnitude() -> None:
     made["cells"]["ours"]["nvs/psnr"]["mean"] = -31.234
     cell = suite_table(made).rows[0].cells[0]
     assert (cell.text, cell.value) == ("-31.23", 31.234)
-
-
-def test_published_values_by_other_conventions_are_not_beside_measured_ones() -> None:
-    made = summary()
-    assert suite_table(made).rows[0].cells[0].published == Cell("37.86", 37.86)
-    made["columns"][0]["published_by"] = "radiogs"
-    assert suite_table(made).rows[0].cells[0].published is None
 
 
 def test_latex_and_markdown_number_the_notes_of_a_papers_table_alike() -> None:

@@ -4,13 +4,11 @@ Every form of the report shows its sentences and its grid.
 """
 
 from collections import Counter
-from typing import NamedTuple
 
-from ..statistics import Estimate
 from ..summary import Summary, last_stage_title, reference_of, row_texts
 from ..wording import count_of, signed
-from .audit_lines import LOSSES, Judgement, Line, audit_lines
-from .grid import Grid, Item, estimate_item, factor_item, name_item, share_item
+from .audit_lines import LOSSES, AuditLine, Judgement, audit_lines
+from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, factor_item, name_item, share_item
 
 JUDGEMENT_TEXTS: dict[Judgement, str] = {
     "yes": "yes", "within noise": "within noise", "no": "no", "above": "above; one seed has no interval",
@@ -23,15 +21,7 @@ BY_HAND = "no probe: the effects were chosen by hand"
 UNTIMED = "these results are from before probes were timed"
 
 
-class AuditReport(NamedTuple):
-    """The lines of the audit, sentences about them, and the grid that shows them."""
-
-    lines: list[Line]
-    sentences: list[str]
-    grid: Grid
-
-
-def audit_report(summary: Summary) -> AuditReport | None:
+def audit_report(summary: Summary) -> Report | None:
     """The report of a run; None unless it is an audit with a finished row that leaves effects out."""
     lines = audit_lines(summary)
     if not lines:
@@ -40,21 +30,16 @@ def audit_report(summary: Summary) -> AuditReport | None:
     sentences = []
     for row, text in texts.items():
         mine = [line for line in lines if line.row == row]
-        sentences += [sentence for sentence in (_range_sentence(text, mine), _bound_sentence(text, mine)) if sentence]
-    return AuditReport(lines, sentences, _grid(summary, lines, texts))
+        if found := sorted((loss.mean, line.scene) for line in mine if (loss := line.losses["nvs"]) is not None):
+            ends = dict.fromkeys((found[0], found[-1]))
+            losses = " to ".join(f"{signed(loss, DECIMALS)} dB ({scene})" for loss, scene in ends)
+            sentences.append(f"{text}: NVS loss {losses}.")
+        if (bounded := _bound_sentence(text, mine)) is not None:
+            sentences.append(bounded)
+    return Report(sentences, [_grid(summary, lines, texts)], [_record(line) for line in lines])
 
 
-def _range_sentence(text: str, lines: list[Line]) -> str | None:
-    """The smallest and the largest loss over the scenes."""
-    found = sorted((loss.mean, line.scene) for line in lines if (loss := line.losses["nvs"]) is not None)
-    if not found:
-        return None
-    (least, where), (most, there) = found[0], found[-1]
-    text = f"{text}: NVS loss {signed(least, DECIMALS)} dB ({where})"
-    return f"{text}." if len(found) == 1 else f"{text} to {signed(most, DECIMALS)} dB ({there})."
-
-
-def _bound_sentence(text: str, lines: list[Line]) -> str | None:
+def _bound_sentence(text: str, lines: list[AuditLine]) -> str | None:
     """The number of scenes whose loss is under its bound, and whose whole interval is under the tolerance."""
     counted = Counter(line.judgement for line in lines if line.judgement is not None)
     if not counted:
@@ -75,7 +60,7 @@ def _bound_sentence(text: str, lines: list[Line]) -> str | None:
     )
 
 
-def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
+def _grid(summary: Summary, lines: list[AuditLine], texts: dict[str, str]) -> Grid:
     note = (
         f"Compared with '{texts[reference_of(summary)]}', paired by seed; ± is the half-width of the 95 % t"
         " interval over the seeds of that scene, and of that scene alone. A positive loss means worse. The bound is the"
@@ -94,10 +79,12 @@ def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
             name_item(texts[line.row]),
             *(estimate_item(line.losses[name], DECIMALS, "the results have no such value") for name in LOSSES),
             *_prediction(line),
-            share_item(line.rays_saved, "the reference traces no rays either"),
-            factor_item(line.last_stage),
-            factor_item(line.training),
-            *(_probe_share(line, each) for each in (line.probes_of_last_stage, line.probes_of_training)),
+            share_item(line.shares["rays_saved"], "the reference traces no rays either"),
+            *(factor_item(line.shares[f"{name}_times_as_fast"]) for name in ("last_stage", "training")),
+            *(
+                share_item(line.shares[name], UNTIMED) if line.probed else Item("none", None, BY_HAND)
+                for name in ("probes_of_last_stage", "probes_of_training")
+            ),
             name_item(line.left_out) if line.left_out else Item("n/a", None, "the results hold no plan"),
         ]
         for line in lines
@@ -105,7 +92,7 @@ def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
     return Grid("audit", "What leaving effects out cost, and what it saved", note, heads, rows)
 
 
-def _prediction(line: Line) -> tuple[Item, Item]:
+def _prediction(line: AuditLine) -> tuple[Item, Item]:
     """The bound, and whether the loss is under it."""
     if not line.probed:
         return Item("none", None, BY_HAND), name_item("by hand")
@@ -115,5 +102,11 @@ def _prediction(line: Line) -> tuple[Item, Item]:
     return Item(f"{line.bound:.{DECIMALS}f}", line.bound), name_item(text)
 
 
-def _probe_share(line: Line, share: Estimate | None) -> Item:
-    return share_item(share, UNTIMED) if line.probed else Item("none", None, BY_HAND)
+def _record(line: AuditLine) -> Record:
+    """A scene and row; shares are between 0 and 1."""
+    named: Record = {
+        "scene": line.scene, "row": line.row, "seeds": line.seeds, "bound": line.bound, "tolerance": line.tolerance,
+        "under_bound": line.judgement, "left_out": line.left_out,
+    }  # fmt: skip
+    losses = {f"{name}_loss": loss for name, loss in line.losses.items()}
+    return named | estimate_fields(**losses, **line.shares)

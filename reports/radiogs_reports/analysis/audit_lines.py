@@ -3,7 +3,7 @@
 A line also names in words the effects that its plan leaves out.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -20,7 +20,7 @@ Judgement = Literal["yes", "within noise", "no", "above"]
 """Whether a loss is under its bound; ``above``: the loss of a single seed, without an interval, is above it."""
 
 
-class Line(NamedTuple):
+class AuditLine(NamedTuple):
     """Cost and savings of a row's plans on one scene, beside the reference row, which has all effects on.
 
     A value that the results do not hold is None.
@@ -39,23 +39,14 @@ class Line(NamedTuple):
     """Largest loss that probes were allowed, dB."""
     judgement: Judgement | None
     """Whether the loss is under the bound."""
-    rays_saved: Estimate | None
-    """1 - rays / the reference row's rays."""
-    last_stage: Estimate | None
-    """Seconds of the reference row's last stage over the row's."""
-    training: Estimate | None
-    """Seconds of the reference row's training over the row's."""
-    probes_of_last_stage: Estimate | None
-    """Seconds of probing over the seconds of the row's last stage."""
-    probes_of_training: Estimate | None
-    """Seconds of probing over the seconds of the row's training."""
-    probe_rays: Estimate | None
-    """Rays of probing over the reference row's rays."""
+    shares: dict[str, Estimate | None]
+    """By name: the rays saved and those of probing as shares of the reference row's rays; how many times as fast the
+    last stage and the training are as the reference row's; the seconds of probing as shares of the row's own."""
     left_out: str
     """The effects that the plan leaves out, in words."""
 
 
-def audit_lines(summary: Summary) -> list[Line]:
+def audit_lines(summary: Summary) -> list[AuditLine]:
     """All lines, scene by scene, over the seeds that a row and the reference row have both finished.
 
     Empty unless the run is an audit with a reference row.
@@ -82,17 +73,23 @@ def chosen_effects(run: RunSummary) -> str | list[str] | None:
     return chosen
 
 
-def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary]) -> Line:
+def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary]) -> AuditLine:
     plans = {origin: run["effects"] for origin, run in mine.items() if run["effects"] is not None}
     bounds = [plan["bound"] for plan in plans.values() if plan["bound"] is not None]
     tolerances = [plan["tolerance"] for plan in plans.values() if plan["tolerance"] is not None]
     probed = any(chosen_effects(run) == "auto" for run in mine.values())
     bound = max(bounds, default=None) if probed else None
-    losses = {name: _loss(mine, full, column) for name, column in LOSSES.items()}
+    losses = {
+        name: paired_difference(*(_known(runs, lambda run, key=key: run["metrics"].get(key)) for runs in (full, mine)))
+        for name, key in LOSSES.items()
+    }
+    rays, full_rays = (_known(runs, lambda run: cost_of(run, "rays") or 0.0) for runs in (mine, full))
+    stage, full_stage = (_known(runs, last_stage_seconds) for runs in (mine, full))
+    training, full_training = (_known(runs, partial(cost_of, cost="seconds")) for runs in (mine, full))
     probe_seconds, probe_rays = (
         _known(mine, partial(_probing, cost=cost)) if probed else {} for cost in ("seconds", "rays")
     )
-    return Line(
+    return AuditLine(
         scene=scene,
         row=row,
         seeds=len(mine),
@@ -101,12 +98,14 @@ def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping
         bound=bound,
         tolerance=max(tolerances, default=None),
         judgement=judged(losses["nvs"], bound),
-        rays_saved=share_saved(_known(mine, traced_rays), _known(full, traced_rays)),
-        last_stage=paired_ratio(_known(full, last_stage_seconds), _known(mine, last_stage_seconds)),
-        training=paired_ratio(_known(full, _training_seconds), _known(mine, _training_seconds)),
-        probes_of_last_stage=share(probe_seconds, _known(mine, last_stage_seconds)),
-        probes_of_training=share(probe_seconds, _known(mine, _training_seconds)),
-        probe_rays=share(probe_rays, _known(full, traced_rays)),
+        shares={
+            "rays_saved": mean_of({at: 1 - share for at, share in shares_of(rays, full_rays).items()}),
+            "last_stage_times_as_fast": paired_ratio(full_stage, stage),
+            "training_times_as_fast": paired_ratio(full_training, training),
+            "probes_of_last_stage": mean_of(shares_of(probe_seconds, stage)),
+            "probes_of_training": mean_of(shares_of(probe_seconds, training)),
+            "probe_rays_share": mean_of(shares_of(probe_rays, full_rays)),
+        },
         left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed, _), plan in plans.items()}),
     )
 
@@ -122,19 +121,9 @@ def judged(loss: Estimate | None, bound: float | None) -> Judgement | None:
     return "within noise" if loss.low <= bound else "no"
 
 
-def share(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> Estimate | None:
-    """Mean of part / whole, where both are known. An arithmetic mean, because the part may be zero."""
-    return mean_of({each: part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0})
-
-
-def share_saved(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> Estimate | None:
-    """Mean of 1 - part / whole, where both are known."""
-    return mean_of({each: 1 - part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0})
-
-
-def traced_rays(run: RunSummary) -> float:
-    """Rays traced in training; results leave out counters that are zero."""
-    return cost_of(run, "rays") or 0.0
+def shares_of(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> dict[Origin, float]:
+    """Part / whole, where both are known. Their mean is arithmetic, because the part may be zero."""
+    return {each: part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0}
 
 
 def last_stage_seconds(run: RunSummary) -> float | None:
@@ -143,16 +132,8 @@ def last_stage_seconds(run: RunSummary) -> float | None:
     return None if stage is None else run["seconds"].get(stage["name"])
 
 
-def _loss(mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary], column: str) -> Estimate | None:
-    return paired_difference(*(_known(runs, lambda run: run["metrics"].get(column)) for runs in (full, mine)))
-
-
 def _known(runs: Mapping[Origin, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Origin, float]:
     return {origin: value for origin, run in runs.items() if (value := read(run)) is not None}
-
-
-def _training_seconds(run: RunSummary) -> float | None:
-    return cost_of(run, "seconds")
 
 
 def _probing(run: RunSummary, cost: str) -> float | None:
@@ -170,7 +151,11 @@ def left_out(plan: Mapping[str, Any]) -> str:
     ``plan`` is as results store it: a mask is the share of surfels that it turns on. A field that it does not have
     leaves nothing out.
     """
-    parts = [*_rays(plan), *_lobes(plan)]
+    parts = _rays(plan)
+    if not plan.get("specular", True):
+        parts.append("no lobes")
+    elif (share := plan.get("specular_at")) is not None:
+        parts.append(f"lobes on {100 * share:.0f} % of the surfels")
     if not plan.get("bounces", True):
         parts.append("one bounce")
     if not plan.get("light_sampling", True):
@@ -196,13 +181,6 @@ def _rays(plan: Mapping[str, Any]) -> list[str]:
     return parts
 
 
-def _lobes(plan: Mapping[str, Any]) -> list[str]:
-    if not plan.get("specular", True):
-        return ["no lobes"]
-    share = plan.get("specular_at")
-    return [] if share is None else [f"lobes on {100 * share:.0f} % of the surfels"]
-
-
 def over_seeds(texts: Mapping[int, str]) -> str:
     """Texts by seed as one: each different text once, with its seeds where there are several."""
     seeds_by_text: dict[str, list[int]] = {}
@@ -210,8 +188,6 @@ def over_seeds(texts: Mapping[int, str]) -> str:
         seeds_by_text.setdefault(texts[seed], []).append(seed)
     if len(seeds_by_text) <= 1:
         return "".join(seeds_by_text)
-    return "; ".join(f"{text} ({_seeds(seeds)})" for text, seeds in seeds_by_text.items())
-
-
-def _seeds(seeds: Sequence[int]) -> str:
-    return f"seed{'' if len(seeds) == 1 else 's'} {', '.join(map(str, seeds))}"
+    return "; ".join(
+        f"{text} (seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))})" for text, seeds in seeds_by_text.items()
+    )

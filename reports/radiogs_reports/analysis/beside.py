@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
 from ..wording import count_of, heading, plus_minus, signed
-from .comparisons import ERROR_RATE, holm, upwards
-from .grid import Grid, Item, estimate_item, name_item, plain_item
-from .samples import flat, made_from, runs_of, values_of
+from .comparisons import ERROR_RATE, better_or_worse, holm, upwards
+from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
+from .samples import changed_fields, flat, made_from, runs_of, values_of
 
 MOST_CHANGES = 8
 """Settings of a row that are named; more are counted."""
@@ -33,14 +33,6 @@ class Beside(NamedTuple):
     """Whether this run is resolved to be better: paired t tests with Holm's correction over the rows of the column."""
     equal: bool
     """Whether all pairs are equal to the last bit."""
-
-
-class BesideReport(NamedTuple):
-    """All values that both runs have, the sentences about them, and the grid that shows them."""
-
-    values: list[Beside]
-    sentences: list[str]
-    grid: Grid
 
 
 def other_run(other: Summary, name: str, origin: Mapping[str, str]) -> OtherRun:
@@ -67,39 +59,42 @@ def other_run(other: Summary, name: str, origin: Mapping[str, str]) -> OtherRun:
     )
 
 
-def beside_report(summary: Summary) -> BesideReport | None:
+def beside_report(summary: Summary) -> Report | None:
     """The comparison with the other run of the summary; None without one."""
     other = summary.get("beside")
     if other is None:
         return None
-    values = [each for column in summary["columns"] for each in _column(summary, other, column)]
-    sentences = [_about(other), *_paired(summary, other), *_in_words(summary, values), *_changes(summary, other)]
-    return BesideReport(values, sentences, _grid(summary, other, values))
+    known = ", ".join(f"{name.lower()} {text}" for name, text in other["origin"].items())
+    about = f"Other run: {other['name']} ({known})."
+    values = compared_values(summary, other)
+    sentences = [about, *_paired(summary, other), *_in_words(summary, values), *_changes(summary, other)]
+    return Report(sentences, [_grid(summary, other, values)], [_record(each) for each in values])
+
+
+def compared_values(summary: Summary, other: OtherRun) -> list[Beside]:
+    """The values of all rows that share a scene and seed with the other run, column by column."""
+    return [each for column in summary["columns"] for each in _column(summary, other, column)]
+
+
+def _record(each: Beside) -> Record:
+    named: Record = {"row": each.row, "metric": each.column["key"]}
+    estimates = estimate_fields(there=each.there, here=each.here, difference=each.difference)
+    return named | estimates | {"verdict": each.verdict, "equal": each.equal}
 
 
 def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
     """The rows of a column that share a scene and seed with the other run."""
-    here, there, differences, gains = {}, {}, {}, {}
+    found = {}
     for row in row_texts(summary):
-        one, two = _shared(summary, other, row, column["key"])
-        difference = paired_difference(one, two)
-        if difference is not None:
-            here[row], there[row], differences[row] = one, two, difference
-            gains[row] = _gain(one, two, column)
-    p_values = {row: gain.p_value for row, gain in gains.items() if gain is not None and gain.p_value is not None}
-    adjusted = holm(p_values)
-    for row, difference in differences.items():
-        gain = gains[row]
-        verdict: Verdict | None = None
-        if gain is not None and adjusted.get(row, 1.0) <= ERROR_RATE:
-            verdict = "better" if gain.mean > 0 else "worse"
-        yield Beside(
-            row, column, mean_of(there[row]), mean_of(here[row]), difference, verdict, here[row] == there[row]
-        )  # fmt: skip
-
-
-def _gain(here: Sample, there: Sample, column: ColumnSummary) -> Estimate | None:
-    return paired_difference(upwards(here, column["direction"]), upwards(there, column["direction"]))
+        here, there = _shared(summary, other, row, column["key"])
+        difference = paired_difference(here, there)
+        gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)))
+        if difference is not None and gain is not None:
+            found[row] = here, there, difference, gain
+    adjusted = holm({row: gain.p_value for row, (*_, gain) in found.items() if gain.p_value is not None})
+    for row, (here, there, difference, gain) in found.items():
+        verdict = better_or_worse(gain) if adjusted.get(row, 1.0) <= ERROR_RATE else None
+        yield Beside(row, column, mean_of(there), mean_of(here), difference, verdict, here == there)
 
 
 def _shared(summary: Summary, other: OtherRun, row: str, column: str) -> tuple[Sample, Sample]:
@@ -113,11 +108,6 @@ def _shared(summary: Summary, other: OtherRun, row: str, column: str) -> tuple[S
         if place is not None and value is not None:
             there[place] = value
     return {place: here[place] for place in there}, there
-
-
-def _about(other: OtherRun) -> str:
-    known = ", ".join(f"{name.lower()} {text}" for name, text in other["origin"].items())
-    return f"Other run: {other['name']} ({known})."
 
 
 def _paired(summary: Summary, other: OtherRun) -> Iterator[str]:
@@ -165,7 +155,7 @@ def _changes(summary: Summary, other: OtherRun) -> Iterator[str]:
         if row in other["settings"]:
             here, there = _settings(summary, row), other["settings"][row]
             if here and there:
-                names = sorted(name for name in here.keys() | there.keys() if here.get(name) != there.get(name))
+                names = sorted(changed_fields(here, there))
                 said = [f"{name} {there.get(name, ABSENT)} there, {here.get(name, ABSENT)} here" for name in names]
                 more = len(said) - MOST_CHANGES
                 tail = [f"and {count_of(more, 'other')}"] if more > 0 else []
@@ -181,20 +171,17 @@ def _settings(summary: Summary, row: str) -> dict[str, Any]:
 
 def _grid(summary: Summary, other: OtherRun, values: list[Beside]) -> Grid:
     texts = row_texts(summary)
-    rows: list[list[Item]] = []
-    for each in values:
-        decimals = each.column["decimals"]
-        found = "equal" if each.equal else each.verdict or "not resolved"
-        rows.append(
-            [
-                name_item(texts[each.row]),
-                name_item(heading(each.column)),
-                plain_item(each.there, decimals),
-                plain_item(each.here, decimals),
-                estimate_item(each.difference, decimals),
-                name_item(found),
-            ]
-        )
+    rows = [
+        [
+            name_item(texts[each.row]),
+            name_item(heading(each.column)),
+            plain_item(each.there, each.column["decimals"]),
+            plain_item(each.here, each.column["decimals"]),
+            estimate_item(each.difference, each.column["decimals"]),
+            name_item("equal" if each.equal else each.verdict or "not resolved"),
+        ]
+        for each in values
+    ]
     note = (
         "Means over the scenes and seeds that both runs have. Difference: this run minus the other, paired by scene and"
         " seed; ± is the half-width of the 95 % t interval, and without it there is only one unit to compare. Better,"

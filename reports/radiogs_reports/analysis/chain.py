@@ -5,14 +5,14 @@ Such a chain leads from one group of settings to another, as from a method as pr
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..statistics import Estimate, Sample, mean_of, paired_difference
-from ..summary import ColumnSummary, Summary, row_texts
+from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import ERROR_RATE, holm
-from .grid import Grid, Item, estimate_item, name_item, plain_item
-from .samples import costs_of, flat, made_from, values_of
+from .report import Grid, Item, Report, estimate_fields, estimate_item, name_item, plain_item
+from .samples import changed_fields, costs_of, made_from, values_of
 
 FEWEST = 3
 """Steps of a chain."""
@@ -36,23 +36,18 @@ class Worth(NamedTuple):
     that no footnote concerns."""
 
 
-class ChainReport(NamedTuple):
-    """The values of all steps, the sentences about them, and the grid that shows them."""
-
-    rows: list[str]
-    worth: list[Worth]
-    sentences: list[str]
-    grid: Grid
-
-
-def chain_report(summary: Summary) -> ChainReport | None:
+def chain_report(summary: Summary) -> Report | None:
     """The report of a run whose rows are a chain with at least one finished cell each; None for other runs."""
     rows = chain_of(summary)
     if rows is None:
         return None
-    worth = [_worth(summary, rows, column, values) for column, values in _values(summary, rows)]
-    texts = row_texts(summary)
-    return ChainReport(rows, worth, [_sentence(each, texts) for each in worth], _grid(worth, rows, texts))
+    worth, texts = worth_of(summary, rows), row_texts(summary)
+    records = [
+        {"metric": each.column["key"], "row": row, "after": before} | estimate_fields(difference=each.steps[row])
+        for each in worth
+        for before, row in pairwise(rows)
+    ]
+    return Report([_sentence(each, texts) for each in worth], [_grid(worth, rows, texts)], records)
 
 
 def chain_of(summary: Summary) -> list[str] | None:
@@ -64,33 +59,26 @@ def chain_of(summary: Summary) -> list[str] | None:
     known = [content for content in contents if content is not None]
     if len({repr([content.get("method"), content.get("budget", {})]) for content in known}) > 1:
         return None
-    changes = [_changed(one["variant"], other["variant"]) for one, other in pairwise(known)]
+    changes = [changed_fields(one["variant"], other["variant"]) for one, other in pairwise(known)]
     apart = len(set().union(*changes)) == sum(map(len, changes))
     return rows if all(changes) and apart else None
 
 
-def _changed(one: Mapping[str, Any], other: Mapping[str, Any]) -> set[str]:
-    left, right = flat(one), flat(other)
-    return {name for name in left.keys() | right.keys() if left.get(name) != right.get(name)}
-
-
-def _values(summary: Summary, rows: list[str]) -> list[tuple[ColumnSummary, Mapping[str, Sample]]]:
-    """The values of every column that has a better side, and the seconds of training, by row."""
-    columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
+def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
+    """The worth of the steps of a chain, for every column that has a better side and for the seconds of training."""
     found: list[tuple[ColumnSummary, Mapping[str, Sample]]] = [
-        (column, {row: values_of(summary, row, column["key"]) for row in rows}) for column in columns
+        (column, {row: values_of(summary, row, column["key"]) for row in rows}) for column in directed_columns(summary)
     ]
-    if all(column["key"] != SECONDS["key"] for column in columns):
+    if all(column["key"] != SECONDS["key"] for column, _ in found):
         found.append((SECONDS, {row: costs_of(summary, row, "seconds") for row in rows}))
-    return [(column, values) for column, values in found if any(values.values())]
+    return [_worth(summary, rows, column, values) for column, values in found if any(values.values())]
 
 
 def _worth(summary: Summary, rows: list[str], column: ColumnSummary, values: Mapping[str, Sample]) -> Worth:
     steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
     known = {row: step.p_value for row, step in steps.items() if step is not None and step.p_value is not None}
     before = dict(zip(rows[1:], rows, strict=False))
-    doubts = (each for each in summary.get("doubts", []) if each["column"] == column["key"])
-    doubted = {row for doubt in doubts for row in doubt["rows"]}
+    doubted = doubted_rows(summary, column["key"])
     resolved = frozenset(
         row for row, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint((before[row], row))
     )

@@ -43,34 +43,24 @@ def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:
 
 def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
     """Every other row that shares a scene and seed with the reference row, compared with it."""
-    others = {row: sample for row, sample in samples.items() if row != reference}
-    found, gains = {}, {}
-    for row, sample in others.items():
-        difference = paired_difference(sample, samples[reference])
-        if difference is not None:
-            found[row] = difference
-            gains[row] = difference if direction == "none" else _gain(sample, samples[reference], direction)
-    adjusted = holm({row: gain.p_value for row, gain in gains.items() if gain.p_value is not None})
-    return {
-        row: Comparison(
-            difference,
-            spread(differences(others[row], samples[reference])),
-            adjusted.get(row),
-            _verdict(gains[row], adjusted.get(row), direction),
-        )
-        for row, difference in found.items()
-    }
+    base, found = samples[reference], {}
+    for row, sample in samples.items():
+        difference = paired_difference(sample, base)
+        gain = paired_difference(upwards(sample, direction), upwards(base, direction))
+        if row != reference and difference is not None and gain is not None:
+            found[row] = difference, gain
+    adjusted = holm({row: gain.p_value for row, (_, gain) in found.items() if gain.p_value is not None})
+    compared = {}
+    for row, (difference, gain) in found.items():
+        p_value, verdict = adjusted.get(row), None
+        if direction != "none" and p_value is not None and p_value <= ERROR_RATE:
+            verdict = better_or_worse(gain)
+        compared[row] = Comparison(difference, spread(differences(samples[row], base)), p_value, verdict)
+    return compared
 
 
-def _gain(sample: Sample, reference: Sample, direction: Direction) -> Estimate:
-    gain = paired_difference(upwards(sample, direction), upwards(reference, direction))
-    assert gain is not None
-    return gain
-
-
-def _verdict(gain: Estimate, p_value: float | None, direction: Direction) -> Verdict | None:
-    if direction == "none" or p_value is None or p_value > ERROR_RATE:
-        return None
+def better_or_worse(gain: Estimate) -> Verdict:
+    """The verdict on a gain that is resolved."""
     return "better" if gain.mean > 0 else "worse"
 
 

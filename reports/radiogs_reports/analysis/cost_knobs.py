@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..statistics import Estimate, Origin, exponential, mean_of, paired_difference, paired_ratio
 from ..summary import ColumnSummary, Summary, reference_of
-from .samples import costs_of, flat, made_from, values_of
+from .samples import changed_fields, costs_of, flat, made_from, values_of
 
 RADIOGS = "radiogs"
 
@@ -41,7 +41,7 @@ COMPARED = ("method", "variant", "settings")
 """Parts of a key's content that rows of one knob share."""
 
 
-class Setting(NamedTuple):
+class KnobSetting(NamedTuple):
     """A value of a knob and the row that has it."""
 
     value: int
@@ -53,7 +53,7 @@ class Knob(NamedTuple):
 
     field: str
     text: str
-    settings: tuple[Setting, ...]
+    settings: tuple[KnobSetting, ...]
 
 
 def knobs(summary: Summary) -> list[Knob]:
@@ -66,17 +66,17 @@ def knobs(summary: Summary) -> list[Knob]:
     base = made_from(summary, reference_of(summary))
     if base is None or "budget" not in base:
         return []
-    found: dict[str, list[Setting]] = {}
+    found: dict[str, list[KnobSetting]] = {}
     for row in summary["rows"]:
         content = made_from(summary, row["key"])
         field = None if content is None else only_difference(content, base)
         if content is not None and field is not None:
-            found.setdefault(field, []).append(Setting(flat(content["budget"])[field], row["key"]))
+            found.setdefault(field, []).append(KnobSetting(flat(content["budget"])[field], row["key"]))
     return [
         Knob(
             field,
             label_of(base, field),
-            tuple(sorted([*settings, Setting(flat(base["budget"])[field], reference_of(summary))])),
+            tuple(sorted([*settings, KnobSetting(flat(base["budget"])[field], reference_of(summary))])),
         )
         for field, settings in found.items()
     ]
@@ -96,7 +96,7 @@ def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str 
     if any(content.get(part) != base.get(part) for part in COMPARED):
         return None
     budget, other = flat(content.get("budget", {})), flat(base["budget"])
-    changed = {name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)}
+    changed = changed_fields(budget, other) - {"name"}
     group = next((each for each in TOGETHER if changed == set(each)), tuple(changed) if len(changed) == 1 else ())
     pairs: list[tuple[Any, Any]] = [(budget.get(name), other.get(name)) for name in group]
     if not all(type(value) is int and value > 0 for pair in pairs for value in pair):
@@ -104,12 +104,12 @@ def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str 
     return group[0] if len({Fraction(*pair) for pair in pairs}) == 1 else None
 
 
-class Step(NamedTuple):
+class KnobStep(NamedTuple):
     """From one setting to the next: the difference in every metric, and the ratios of training time and rays."""
 
     knob: Knob
-    low: Setting
-    high: Setting
+    low: KnobSetting
+    high: KnobSetting
     differences: dict[str, Estimate]
     """By column; columns in which the two rows share no origin are absent."""
     time_ratio: Estimate | None
@@ -125,7 +125,7 @@ class Doubling(NamedTuple):
     time_ratio: Estimate | None
 
 
-def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
+def steps(summary: Summary, knobs: list[Knob]) -> list[KnobStep]:
     """Every origin of neighbouring settings of every knob."""
     found = []
     for knob in knobs:
@@ -141,7 +141,7 @@ def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
                 for cost in ("seconds", "rays")
             )
             known = {key: change for key, change in changes.items() if change is not None}
-            found.append(Step(knob, low, high, known, time_ratio, ray_ratio))
+            found.append(KnobStep(knob, low, high, known, time_ratio, ray_ratio))
     return found
 
 

@@ -5,72 +5,60 @@ Values during training are means over a few test views: compare them with each o
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
 
 from ..statistics import Estimate, Origin, mean_of, paired_difference
-from ..summary import ColumnSummary, Summary, reference_of
+from ..summary import ColumnSummary, Summary, reference_of, row_texts
+from ..wording import mean_over
+from .report import Grid, Item, name_item, number_item
 from .samples import runs_of
-from .settling import Point, curve
+from .settling import ScoredPoint, curve
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
 """Targets, as shares of the reference row's gain from its first scored point to its last."""
 
 
-class AtTime(NamedTuple):
-    """The best row after a number of seconds, by the mean of its runs' values then, and the reference row's mean."""
-
-    seconds: float
-    column: ColumnSummary
-    row: str
-    value: float
-    reference: float | None
-
-
-class ToQuality(NamedTuple):
-    """Time to a target (its mean over scenes and seeds), of the fastest row and of the reference row."""
-
-    column: ColumnSummary
-    share: float
-    """The target, as a share of the reference row's gain."""
-    target: float
-    row: str
-    """The fastest row."""
-    seconds: float
-    """Mean seconds of the fastest row."""
-    reference: float
-    """Mean seconds of the reference row."""
-    reached: int
-    """Number of rows that reach the target."""
-
-
-def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[Point]]:
+def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[ScoredPoint]]:
     """Curves of the row's finished runs that were scored during training."""
     found = {origin: curve(run, column) for origin, run in runs_of(summary, row).items()}
     return {origin: points for origin, points in found.items() if points}
 
 
-def at_equal_time(summary: Summary) -> list[AtTime]:
-    """The best row at the time of each scored point of the reference row, taken from its slowest run."""
-    found = []
+def equal_time(summary: Summary) -> Grid:
+    """The best row, by the mean of its runs' values, after the time of each scored point of the reference row.
+
+    That time is taken from the slowest run of the reference row.
+    """
+    texts, rows = row_texts(summary), []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
         reference = every[reference_of(summary)]
         for place in range(min((len(points) for points in reference.values()), default=0)):
             seconds = max(points[place].seconds for points in reference.values())
-            means = {row: _mean(_after(runs, seconds)) for row, runs in every.items()}
+            means = {
+                row: _mean({at: value_at(points, seconds) for at, points in runs.items()})
+                for row, runs in every.items()
+            }
             known = {row: mean for row, mean in means.items() if mean is not None}
             best = max(known, key=lambda row: _goodness(known[row], column))
-            found.append(AtTime(seconds, column, best, known[best], known[reference_of(summary)]))
-    return found
+            values = [number_item(known[row], column["decimals"]) for row in (best, reference_of(summary))]
+            rows.append([name_item(column["label"]), number_item(seconds, 1), name_item(texts[best]), *values])
+    return Grid(
+        "equal-time",
+        "Equal time: the best row after so many seconds",
+        "Seconds of training, all stages included; values during training, over a few test views, linear between"
+        f" scored points; mean over {mean_over(summary, named=False)}.",
+        ["metric", "seconds", "best row", "its value", "the reference's"],
+        rows,
+    )
 
 
-def to_equal_quality(summary: Summary) -> list[ToQuality]:
+def equal_quality(summary: Summary) -> Grid:
     """Time to each share of the reference row's gain, in columns that it improves in each of its runs.
 
     Every (scene, seed) has its own target, because scenes differ in quality. A row reaches a target if it does so in
     every (scene, seed) of the reference row.
     """
-    found = []
+    rows = []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
         ends = {origin: (points[0].value, points[-1].value) for origin, points in every[reference_of(summary)].items()}
@@ -80,8 +68,16 @@ def to_equal_quality(summary: Summary) -> list[ToQuality]:
             targets = {
                 origin: last if share == 1 else first + share * (last - first) for origin, (first, last) in ends.items()
             }
-            found.append(_to_targets(summary, column, share, targets, every))
-    return found
+            rows.append(_to_targets(summary, column, share, targets, every))
+    return Grid(
+        "equal-quality",
+        "Equal quality: seconds until a target is reached",
+        "A target is a share of the reference's gain from its first scored point to its last, on each scene and seed"
+        " (the mean is shown). Time is linear between scored points. A row reaches a target if it does so on every"
+        " scene and seed.",
+        ["metric", "share", "target", "fastest row", "its seconds", "the reference's", "rows that reach it"],
+        rows,
+    )
 
 
 def _to_targets(
@@ -89,17 +85,23 @@ def _to_targets(
     column: ColumnSummary,
     share: float,
     targets: dict[Origin, float],
-    every: dict[str, dict[Origin, list[Point]]],
-) -> ToQuality:
+    every: dict[str, dict[Origin, list[ScoredPoint]]],
+) -> list[Item]:
     times = {
         row: _mean({at: seconds_to(points.get(at, []), target, column) for at, target in targets.items()})
         for row, points in every.items()
     }
     known = {row: seconds for row, seconds in times.items() if seconds is not None}
     fastest = min(known, key=lambda row: known[row])
-    target = mean_of(targets)
-    assert target is not None  # only columns with a target are asked for
-    return ToQuality(column, share, target.mean, fastest, known[fastest], known[reference_of(summary)], len(known))
+    return [
+        name_item(column["label"]),
+        Item(f"{100 * share:.0f} %", share),
+        number_item(_mean(targets), column["decimals"]),
+        name_item(row_texts(summary)[fastest]),
+        number_item(known[fastest], 1),
+        number_item(known[reference_of(summary)], 1),
+        Item(f"{len(known)} of {len(times)}", len(known)),
+    ]
 
 
 def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | None:
@@ -117,12 +119,7 @@ def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | No
     return None if gain is None or share is None else (gain, share)
 
 
-def _after(runs: Mapping[Origin, list[Point]], seconds: float) -> dict[Origin, float | None]:
-    """The value of each run after a number of seconds."""
-    return {origin: value_at(points, seconds) for origin, points in runs.items()}
-
-
-def value_at(points: list[Point], seconds: float) -> float | None:
+def value_at(points: list[ScoredPoint], seconds: float) -> float | None:
     """The value after a number of seconds, linear between scored points; None before the first."""
     if seconds < points[0].seconds:
         return None
@@ -133,7 +130,7 @@ def value_at(points: list[Point], seconds: float) -> float | None:
     return points[-1].value
 
 
-def seconds_to(points: list[Point], target: float, column: ColumnSummary) -> float | None:
+def seconds_to(points: list[ScoredPoint], target: float, column: ColumnSummary) -> float | None:
     """Seconds until the value is first as good as the target, linear between scored points; None if it never is."""
     aim = _goodness(target, column)
     if not points:
@@ -151,7 +148,7 @@ def _goodness(value: float, column: ColumnSummary) -> float:
     return {"up": value, "down": -value, "zero": -abs(value), "none": value}[column["direction"]]
 
 
-def _mean(values: Mapping[Origin, float | None]) -> float | None:
+def _mean(values: Mapping[Origin, float | None] | Mapping[Origin, float]) -> float | None:
     """The mean, as tables have it; None if a value is None or there are no values."""
     known = {origin: value for origin, value in values.items() if value is not None}
     mean = mean_of(known) if len(known) == len(values) else None

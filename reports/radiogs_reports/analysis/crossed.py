@@ -3,16 +3,15 @@
 Such pairs tell whether a part does what another one does as well: then it is worth less beside that one.
 """
 
-from collections.abc import Mapping
 from itertools import combinations
 from typing import Any, NamedTuple
 
 from ..statistics import Estimate, paired_difference
-from ..summary import ColumnSummary, Summary, row_texts
+from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import ERROR_RATE, holm
-from .grid import Grid, Item, estimate_item, name_item
-from .samples import flat, made_from, values_of
+from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, name_item
+from .samples import changed_fields, flat, made_from, values_of
 
 FEWEST = 2
 """Pairs of rows that a setting has to differ in alone."""
@@ -27,36 +26,33 @@ class Crossed(NamedTuple):
     """Its value in the first row of each pair, and in the second."""
     pairs: list[tuple[str, str]]
 
-
-class CrossedReport(NamedTuple):
-    """The differences of all pairs, the sentences about them, and the grid that shows them."""
-
-    found: list[Crossed]
-    differences: dict[tuple[str, str, str], Estimate]
-    """First row less second row, by first row, second row and column."""
-    sentences: list[str]
-    grid: Grid
+    @property
+    def text(self) -> str:
+        """``masking = smith instead of none``."""
+        return f"{self.setting} = {self.values[0]} instead of {self.values[1]}"
 
 
-def crossed_report(summary: Summary) -> CrossedReport | None:
+def crossed_report(summary: Summary) -> Report | None:
     """The report of a run in which a setting differs alone in several pairs of rows; None for other runs."""
     found = crossed_of(summary)
     if not found:
         return None
-    columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
-    differences: dict[tuple[str, str, str], Estimate] = {}
-    for each in found:
-        for one, other in each.pairs:
-            for column in columns:
-                key = column["key"]
-                difference = paired_difference(values_of(summary, one, key), values_of(summary, other, key))
-                if difference is not None:
-                    differences[one, other, key] = difference
-    texts = row_texts(summary)
-    sentences = [
-        sentence for each in found for column in columns if (sentence := _sentence(summary, each, column, differences))
-    ]
-    return CrossedReport(found, differences, sentences, _grid(found, columns, differences, texts))
+    columns, texts = directed_columns(summary), row_texts(summary)
+    sentences, records = list[str](), list[Record]()
+    lines: list[list[Item]] = []
+    for crossed in found:
+        worth = {column["key"]: _differences(summary, crossed, column["key"]) for column in columns}
+        sentences += [_sentence(summary, crossed, each, own) for each in columns if (own := worth[each["key"]])]
+        for pair in crossed.pairs:
+            items = [estimate_item(worth[each["key"]].get(pair), each["decimals"]) for each in columns]
+            lines.append([name_item(crossed.text), name_item(texts[pair[0]]), *items])
+            named = {"setting": crossed.setting, "row": pair[0], "instead_of": pair[1]}
+            records += [
+                {**named, "metric": key} | estimate_fields(difference=own[pair])
+                for key, own in worth.items()
+                if pair in own
+            ]
+    return Report(sentences, [_grid(columns, lines)], records)
 
 
 def crossed_of(summary: Summary) -> list[Crossed]:
@@ -77,50 +73,33 @@ def crossed_of(summary: Summary) -> list[Crossed]:
     return [each for each in groups.values() if len(each.pairs) >= FEWEST]
 
 
-def _changed(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[str, tuple[Any, Any]] | None:
+def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any, Any]] | None:
     """The one setting in which two rows differ, and its values; None if they differ in more, or in anything else."""
     if one.get("method") != other.get("method") or one.get("budget", {}) != other.get("budget", {}):
         return None
     left, right = flat(one["variant"]), flat(other["variant"])
-    names = [name for name in left.keys() | right.keys() if left.get(name) != right.get(name)]
+    names = list(changed_fields(left, right))
     return (names[0], (left.get(names[0]), right.get(names[0]))) if len(names) == 1 else None
 
 
-def _sentence(
-    summary: Summary, each: Crossed, column: ColumnSummary, differences: Mapping[tuple[str, str, str], Estimate]
-) -> str:
-    own = {pair: found for pair in each.pairs if (found := differences.get((*pair, column["key"]))) is not None}
-    if not own:
-        return ""
-    doubted = {row for doubt in summary.get("doubts", []) if doubt["column"] == column["key"] for row in doubt["rows"]}
+def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[str, str], Estimate]:
+    """First row less second row, for each pair that shares a scene and seed."""
+    found = {pair: paired_difference(*(values_of(summary, row, column) for row in pair)) for pair in crossed.pairs}
+    return {pair: difference for pair, difference in found.items() if difference is not None}
+
+
+def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Estimate]) -> str:
+    doubted = doubted_rows(summary, column["key"])
     known = {pair: found.p_value for pair, found in own.items() if found.p_value is not None}
     resolved = [pair for pair, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint(pair)]
-    least, most = min(own.values(), key=lambda each: each.mean), max(own.values(), key=lambda each: each.mean)
+    means = [found.mean for found in own.values()]
     return (
-        f"{_said(each)}, {label_with_unit(column)}: from {signed(least.mean, column['decimals'])} to"
-        f" {signed(most.mean, column['decimals'])} in {len(own)} pairs of rows, resolved in {len(resolved)}."
+        f"{crossed.text}, {label_with_unit(column)}: from {signed(min(means), column['decimals'])} to"
+        f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(resolved)}."
     )
 
 
-def _said(each: Crossed) -> str:
-    return f"{each.setting} = {each.values[0]} instead of {each.values[1]}"
-
-
-def _grid(
-    found: list[Crossed],
-    columns: list[ColumnSummary],
-    differences: Mapping[tuple[str, str, str], Estimate],
-    texts: Mapping[str, str],
-) -> Grid:
-    lines: list[list[Item]] = [
-        [
-            name_item(_said(each)),
-            name_item(texts[one]),
-            *(estimate_item(differences.get((one, other, column["key"])), column["decimals"]) for column in columns),
-        ]
-        for each in found
-        for one, other in each.pairs
-    ]
+def _grid(columns: list[ColumnSummary], lines: list[list[Item]]) -> Grid:
     note = (
         "Each line is a pair of rows that differ in one setting alone: the named row less the row with the other value,"
         " paired by scene and seed; ± is the half-width of the 95 % t interval, and without it there is only one unit"

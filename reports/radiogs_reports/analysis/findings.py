@@ -5,6 +5,7 @@ A published difference is a row's published value minus the published one of the
 the measured difference. Its own sign holds where the measured one is resolved in the same direction.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
 
@@ -12,20 +13,22 @@ from ..summary import (
     CellSummary,
     ColumnSummary,
     Interval,
-    LongerRun,
+    PaperColumn,
     PaperTable,
     PaperValue,
     RecordedCell,
+    RecordedRun,
     RowSummary,
     Summary,
     is_doubted,
 )
 from ..wording import count_of, number, signed_number
+from .comparisons import upwards
 
 Outcome = Literal["holds", "does not hold", "not resolved"]
 
 
-class Finding(NamedTuple):
+class MeasuredDifference(NamedTuple):
     """A row's difference to the reference row in a column, and the paper's beside it."""
 
     row: str
@@ -66,12 +69,18 @@ class Sentence(NamedTuple):
 
     text: str
     """The sentence, without the label of its row."""
-    short: str
-    """Without measured values, which stand in the table; empty where that leaves nothing."""
     row: str = ""
     """Label of the row that it is about, in plain text; empty if it is about the table."""
     latex: str = ""
     """That label in LaTeX; empty where it is ``row``, escaped."""
+    without_values: str | None = None
+    """The sentence without measured values, which stand in the table, empty where that leaves nothing; None where it
+    has none."""
+
+    @property
+    def short(self) -> str:
+        """The sentence without measured values."""
+        return self.text if self.without_values is None else self.without_values
 
     @property
     def plain(self) -> str:
@@ -79,37 +88,7 @@ class Sentence(NamedTuple):
         return f"{self.row}, {self.text}" if self.row else self.text
 
 
-def findings(summary: Summary) -> list[Finding]:
-    """Every measured difference of the suite's table, row by row; empty without a reference row."""
-    return _findings(_of_suite(summary))
-
-
-def sentences(summary: Summary) -> list[str]:
-    """The findings of the suite's table in plain text."""
-    return [each.plain for each in suite_sentences(summary)]
-
-
-def suite_sentences(summary: Summary) -> list[Sentence]:
-    """The findings of the suite's table: the counts, how to read what follows, then each row's; empty without any."""
-    return _sentences(_of_suite(summary), summary["scenes"])
-
-
-def paper_sentences(table: PaperTable, summary: Summary) -> list[Sentence]:
-    """``suite_sentences`` of a table of the paper, with its own reference row."""
-    return _sentences(_of_paper(table, summary), summary["scenes"])
-
-
-def record_sentences(run: LongerRun) -> list[Sentence]:
-    """``suite_sentences`` of a recorded run."""
-    return _sentences(_of_record(run), run["scenes"])
-
-
-def record_findings(run: LongerRun) -> list[Finding]:
-    """``findings`` of a recorded run."""
-    return _findings(_of_record(run))
-
-
-class _Compared(NamedTuple):
+class ComparedTable(NamedTuple):
     """A table whose rows may be compared with one of them. Values are by row, then column."""
 
     reference: str | None
@@ -118,24 +97,40 @@ class _Compared(NamedTuple):
     cells: Mapping[str, Mapping[str, CellSummary | PaperValue | RecordedCell]]
     published: Mapping[str, Mapping[str, float]]
     published_data: str
+    scenes: Sequence[str]
     doubted: set[tuple[str, str]]
     """Rows and columns of the values that a footnote concerns, their own or the reference row's."""
 
 
-def _of_suite(summary: Summary) -> _Compared:
-    rows, columns, reference = summary["rows"], summary["columns"], summary["reference"]
-    return _Compared(
-        reference, rows, columns, summary["cells"], summary["published"], summary["published_data"],
-        _doubted(summary, rows, columns),
+def compared_suite(summary: Summary) -> ComparedTable:
+    """The table of a run's suite."""
+    return ComparedTable(
+        summary["reference"], summary["rows"], summary["columns"], summary["cells"], summary["published"],
+        summary["published_data"], summary["scenes"], _doubted(summary, summary["rows"], summary["columns"]),
     )  # fmt: skip
 
 
-def _of_record(run: LongerRun) -> _Compared:
-    places = ((row, column) for row, cells in run["cells"].items() for column in cells)
-    doubted = {(row, column) for row, column in places if run["cells"][row][column]["doubted"]}
-    return _Compared(
-        run["reference"], run["rows"], run["columns"], run["cells"], run["published"], run["published_data"], doubted
-    )
+def compared_record(run: RecordedRun) -> ComparedTable:
+    """The table of a recorded run."""
+    doubted = {(row, key) for row, cells in run["cells"].items() for key, cell in cells.items() if cell["doubted"]}
+    return ComparedTable(
+        run["reference"], run["rows"], run["columns"], run["cells"], run["published"], run["published_data"],
+        run["scenes"], doubted,
+    )  # fmt: skip
+
+
+def compared_paper(table: PaperTable, summary: Summary) -> ComparedTable:
+    """A table of the paper, with its own reference row, without settings, in which no value is better."""
+    columns = [_metric(each) for each in table["columns"] if each["direction"] != "none"]
+    rows = [RowSummary(key=each["key"], latex="", text=each["text"], seconds=None) for each in table["rows"]]
+    published = {
+        row: {key: float(value["published"]) for key, value in cells.items() if value["published"] is not None}
+        for row, cells in table["cells"].items()
+    }
+    return ComparedTable(
+        table["reference"], rows, columns, table["cells"], published, table["data"], summary["scenes"],
+        _doubted(summary, rows, columns),
+    )  # fmt: skip
 
 
 def _doubted(summary: Summary, rows: Sequence[RowSummary], columns: Sequence[ColumnSummary]) -> set[tuple[str, str]]:
@@ -143,59 +138,41 @@ def _doubted(summary: Summary, rows: Sequence[RowSummary], columns: Sequence[Col
     return {(row, column) for row, column in places if is_doubted(summary, row, column)}
 
 
-def _of_paper(table: PaperTable, summary: Summary) -> _Compared:
-    columns = list(_metrics(table))
-    rows = [RowSummary(key=each["key"], latex="", text=each["text"], seconds=None) for each in table["rows"]]
-    published = {
-        row: {key: float(value["published"]) for key, value in cells.items() if value["published"] is not None}
-        for row, cells in table["cells"].items()
-    }
-    return _Compared(
-        table["reference"], rows, columns, table["cells"], published, table["data"], _doubted(summary, rows, columns)
-    )
+def _metric(printed: PaperColumn) -> ColumnSummary:
+    column = ColumnSummary(
+        key=printed["key"], label=f"{printed['group']} {printed['label']}".strip(), unit=printed["unit"],
+        direction=printed["direction"], decimals=printed["decimals"],
+    )  # fmt: skip
+    if "published_by" in printed:
+        column["published_by"] = printed["published_by"]
+    return column
 
 
-def _metrics(table: PaperTable) -> Iterator[ColumnSummary]:
-    """The columns but for settings, in which neither more nor less is better."""
-    for each in table["columns"]:
-        if each["direction"] != "none":
-            column = ColumnSummary(
-                key=each["key"], label=f"{each['group']} {each['label']}".strip(), unit=each["unit"],
-                direction=each["direction"], decimals=each["decimals"],
-            )  # fmt: skip
-            if "published_by" in each:
-                column["published_by"] = each["published_by"]
-            yield column
-
-
-def _findings(table: _Compared) -> list[Finding]:
+def differences_of(table: ComparedTable) -> list[MeasuredDifference]:
+    """Every measured difference of a table, row by row; empty without a reference row."""
     if table.reference is None:
         return []
     return [
-        _finding(table, row["key"], table.reference, column, difference)
+        _measured_difference(table, row["key"], table.reference, column, difference)
         for row in table.rows
         for column in table.columns
         if (difference := table.cells[row["key"]][column["key"]]["difference"]) is not None
     ]
 
 
-def _finding(table: _Compared, row: str, reference: str, column: ColumnSummary, difference: Interval) -> Finding:
+def _measured_difference(
+    table: ComparedTable, row: str, reference: str, column: ColumnSummary, difference: Interval
+) -> MeasuredDifference:
     key = column["key"]
     theirs, base = (table.published.get(each, {}).get(key) for each in (row, reference))
     doubted = (row, key) in table.doubted
     published, outcome = None, None
     if theirs is not None and base is not None:
         published = theirs - base
-        outcome = None if doubted else _outcome(_gain(theirs, base, column), difference)
+        upward = upwards({"row": theirs, "reference": base}, column["direction"])
+        outcome = None if doubted else _outcome(upward["row"] - upward["reference"], difference)
     resolved = difference["verdict"] is not None and not doubted
-    return Finding(row, key, difference, resolved, difference["smallest"], published, outcome, doubted)
-
-
-def _gain(value: float, reference: float, column: ColumnSummary) -> float:
-    """A published difference with the sign that makes positive ones better."""
-    if column["direction"] == "zero":
-        return abs(reference) - abs(value)
-    return value - reference if column["direction"] == "up" else reference - value
+    return MeasuredDifference(row, key, difference, resolved, difference["smallest"], published, outcome, doubted)
 
 
 def _outcome(gain: float, difference: Interval) -> Outcome | None:
@@ -206,21 +183,21 @@ def _outcome(gain: float, difference: Interval) -> Outcome | None:
     return "holds" if (gain > 0) == (difference["verdict"] == "better") else "does not hold"
 
 
-def _sentences(table: _Compared, scenes: Sequence[str]) -> list[Sentence]:
-    found = _findings(table)
+def sentences_of(table: ComparedTable) -> list[Sentence]:
+    """The findings of a table: the counts, how to read the rest, then each row's; empty without any."""
+    found = differences_of(table)
     counted = [each for each in found if not each.doubted]
-    made = [*_counts(counted), *_how_to_read(table, counted, scenes)]
+    made = [*_counts(counted), *_how_to_read(table, counted)]
     for row in table.rows:
         made += _of_row(table, row, [each for each in counted if each.row == row["key"]])
     return [*made, *_left_out(table, [each for each in found if each.doubted])]
 
 
-def _counts(counted: Sequence[Finding]) -> Iterator[Sentence]:
+def _counts(counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     if not counted:
         return
     if all(each.difference["units"] == 1 for each in counted):
-        text = "One scene and one seed: no difference can be resolved."
-        yield Sentence(text, text)
+        yield Sentence("One scene and one seed: no difference can be resolved.")
         return
     resolved = sum(each.resolved for each in counted)
     verdicts = [each.verdict for each in counted if each.verdict is not None]
@@ -229,21 +206,21 @@ def _counts(counted: Sequence[Finding]) -> Iterator[Sentence]:
         f"; the paper's sign holds in {holds}, does not hold in {turned}, and is not resolved in {open_} of the"
         f" {count_of(len(verdicts), 'difference')} that the paper reports"
     )
-    text = (
+    yield Sentence(
         f"{resolved} of {count_of(len(counted), 'difference')} {'is' if resolved == 1 else 'are'} resolved"
         f"{signs if verdicts else ''}."
     )
-    yield Sentence(text, text)
 
 
-def _how_to_read(table: _Compared, counted: Sequence[Finding], scenes: Sequence[str]) -> Iterator[Sentence]:
+def _how_to_read(table: ComparedTable, counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     if any(each.smallest is not None for each in counted):
-        yield Sentence(HOW_TO_READ, "")
+        yield Sentence(HOW_TO_READ, without_values="")
     reported = {each.column for each in counted if each.published is not None}
     if reported:
-        measured = ", ".join(scenes) if len(scenes) <= MOST_NAMED else count_of(len(scenes), "scene")
-        text = f"Paper: its difference, on {table.published_data} (here on {measured}){_conventions(table, reported)}."
-        yield Sentence(text, text)
+        few = len(table.scenes) <= MOST_NAMED
+        measured = ", ".join(table.scenes) if few else count_of(len(table.scenes), "scene")
+        conventions = _conventions(table, reported)
+        yield Sentence(f"Paper: its difference, on {table.published_data} (here on {measured}){conventions}.")
 
 
 HOW_TO_READ = (
@@ -254,7 +231,7 @@ MOST_NAMED = 4
 """Most scenes that are named."""
 
 
-def _conventions(table: _Compared, reported: set[str]) -> str:
+def _conventions(table: ComparedTable, reported: set[str]) -> str:
     """The protocol of published values where its conventions are others than the run's, and the columns."""
     columns = [each for each in table.columns if each["key"] in reported]
     apart = [each for each in columns if "published_by" in each]
@@ -265,23 +242,23 @@ def _conventions(table: _Compared, reported: set[str]) -> str:
     return f", by other conventions (protocol {protocols}){where}"
 
 
-def _of_row(table: _Compared, row: RowSummary, found: Sequence[Finding]) -> Iterator[Sentence]:
+def _of_row(table: ComparedTable, row: RowSummary, found: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     """A sentence on the resolved differences of a row, and one on the others."""
     columns = {each["key"]: each for each in table.columns}
     own = [(columns[each.column], each) for each in found]
     told = [each for each in own if each[1].resolved]
     if told:
         text, short = ("; ".join(_entry(*each, with_values) for each in told) for with_values in (True, False))
-        yield Sentence(f"resolved: {text}.", f"resolved: {short}.", row["text"], row["latex"])
+        yield Sentence(f"resolved: {text}.", row["text"], row["latex"], f"resolved: {short}.")
     others = [each for each in own if not each[1].resolved]
     if others:
         text = f"not resolved: {'; '.join(_entry(*each, with_values=True) for each in others)}."
         sizes = " ".join(_sizes(others))
         short = f"{sizes[:1].lower()}{sizes[1:]}"
-        yield Sentence(f"{text} {sizes}".rstrip(), short, row["text"], row["latex"])
+        yield Sentence(f"{text} {sizes}".rstrip(), row["text"], row["latex"], short)
 
 
-def _sizes(others: Sequence[tuple[ColumnSummary, Finding]]) -> Iterator[str]:
+def _sizes(others: Sequence[tuple[ColumnSummary, MeasuredDifference]]) -> Iterator[str]:
     """For which columns the run was too small for the paper's difference, and for which its interval excludes it."""
     small = [column["label"] for column, each in others if each.too_small]
     if small:
@@ -291,7 +268,7 @@ def _sizes(others: Sequence[tuple[ColumnSummary, Finding]]) -> Iterator[str]:
         yield f"The interval excludes the paper's size: {', '.join(excluded)}."
 
 
-def _entry(column: ColumnSummary, found: Finding, with_values: bool) -> str:
+def _entry(column: ColumnSummary, found: MeasuredDifference, with_values: bool) -> str:
     """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``, or without the measured values."""
     decimals, remarks = column["decimals"], []
     if not found.resolved and found.smallest is not None:
@@ -314,10 +291,9 @@ def measured(column: ColumnSummary, difference: Interval) -> str:
     return "".join(f" {part}" for part in parts if part)
 
 
-def _left_out(table: _Compared, doubted: Sequence[Finding]) -> Iterator[Sentence]:
-    labels = {each["key"]: each["label"] for each in table.columns}
-    counts = {key: sum(each.column == key for each in doubted) for key in labels}
-    named = [f"{count_of(count, 'difference')} of {labels[key]}" for key, count in counts.items() if count]
+def _left_out(table: ComparedTable, doubted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
+    counts = Counter(each.column for each in doubted)
+    columns = [each for each in table.columns if each["key"] in counts]
+    named = [f"{count_of(counts[each['key']], 'difference')} of {each['label']}" for each in columns]
     if named:
-        text = f"Left out, because a footnote of this run concerns them: {', '.join(named)}."
-        yield Sentence(text, text)
+        yield Sentence(f"Left out, because a footnote of this run concerns them: {', '.join(named)}.")

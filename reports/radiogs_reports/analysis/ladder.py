@@ -4,12 +4,15 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..statistics import Estimate, Origin, mean_of, paired_difference
-from ..summary import ColumnSummary, Summary
+from ..summary import ColumnSummary, Summary, directed_columns
 from ..wording import heading, label_with_unit, signed
-from .grid import Grid, Item, estimate_item, name_item, plain_item
+from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import values_of
 
 ALL_SCENES = "all scenes"
+
+ENDS = ("first in", "last out")
+"""The names of the values of a ``Share``."""
 
 OWN: Mapping[str, str] = {
     "geometry": "normal", "light": "environment", "albedo": "albedo", "roughness": "roughness",
@@ -48,15 +51,7 @@ class Rung(NamedTuple):
     parts: dict[str, Share]
 
 
-class LadderReport(NamedTuple):
-    """The rungs, sentences about them, and the grid that shows them."""
-
-    rungs: list[Rung]
-    sentences: list[str]
-    grid: Grid
-
-
-def ladder_report(summary: Summary) -> LadderReport | None:
+def ladder_report(summary: Summary) -> Report | None:
     """The report of a run; None unless its rows give parts of the truth and one of them is finished."""
     rungs = ladder_rungs(summary)
     if not rungs:
@@ -64,7 +59,22 @@ def ladder_report(summary: Summary) -> LadderReport | None:
     several = len({rung.method for rung in rungs}) > 1
     shown = [rung for rung in rungs if rung.scene == ALL_SCENES or len(summary["scenes"]) == 1]
     sentences = [sentence for rung in shown if (sentence := _sentence(rung, several))]
-    return LadderReport(rungs, [WHAT_THEY_MEAN, *sentences], _grid(rungs, several))
+    records = [record for rung in rungs for record in _records(rung)]
+    return Report([WHAT_THEY_MEAN, *sentences], [_grid(rungs, several)], records)
+
+
+def _records(rung: Rung) -> list[Record]:
+    named = {"method": rung.method, "scene": rung.scene, "metric": rung.column["key"]}
+    return [
+        {**named, "part": part}
+        | estimate_fields(
+            nothing_given=rung.nothing,
+            first_in=share.first_in,
+            last_out=share.last_out,
+            everything_given=rung.everything,
+        )
+        for part, share in rung.parts.items()
+    ]
 
 
 def ladder_rungs(summary: Summary) -> list[Rung]:
@@ -72,12 +82,16 @@ def ladder_rungs(summary: Summary) -> list[Rung]:
     scenes: list[tuple[str, ...]] = [(scene,) for scene in summary["scenes"]]
     if len(scenes) > 1:
         scenes.append(tuple(summary["scenes"]))
-    columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
     found = []
     for method, rows in _ladders(summary).items():
         for chosen in scenes:
-            for column in columns:
-                values = {given: _within(values_of(summary, row, column["key"]), chosen) for given, row in rows.items()}
+            for column in directed_columns(summary):
+                values = {
+                    given: {
+                        at: value for at, value in values_of(summary, row, column["key"]).items() if at.scene in chosen
+                    }
+                    for given, row in rows.items()
+                }
                 if any(values.values()):
                     name = chosen[0] if len(chosen) == 1 else ALL_SCENES
                     found.append(_rung(method, name, column, values))
@@ -96,10 +110,6 @@ def _ladders(summary: Summary) -> dict[str, dict[frozenset[str], str]]:
         if "given" in row:
             ladders.setdefault(row.get("method", ""), {})[frozenset(row["given"])] = row["key"]
     return ladders
-
-
-def _within(values: Mapping[Origin, float], scenes: Sequence[str]) -> dict[Origin, float]:
-    return {origin: value for origin, value in values.items() if origin.scene in scenes}
 
 
 def _rung(
@@ -133,11 +143,8 @@ def _sentence(rung: Rung, several: bool) -> str | None:
     decimals = rung.column["decimals"]
     others = {part: share for part, share in rung.parts.items() if not is_own(part, rung.column)}
     most = []
-    for name, ends in (
-        ("first in", {part: share.first_in for part, share in others.items()}),
-        ("last out", {part: share.last_out for part, share in others.items()}),
-    ):
-        known = {part: end.mean for part, end in ends.items() if end is not None}
+    for place, name in enumerate(ENDS):
+        known = {part: end.mean for part, share in others.items() if (end := share[place]) is not None}
         part = max(known, key=lambda each: known[each], default=None)
         if part is not None and round(known[part], decimals) > 0:
             most.append(f"{name}, {part} counts most ({signed(known[part], decimals)})")
@@ -151,16 +158,16 @@ def _sentence(rung: Rung, several: bool) -> str | None:
 
 def _grid(rungs: Sequence[Rung], several: bool) -> Grid:
     parts = list(dict.fromkeys(part for rung in rungs for part in rung.parts))
-    heads = ["scene", "metric", "nothing given"]
-    for part in parts:
-        heads += [f"{part}, first in", f"{part}, last out"]
+    heads = ["scene", "metric", "nothing given", *(f"{part}, {end}" for part in parts for end in ENDS)]
     rows = []
     for rung in rungs:
         decimals, line = rung.column["decimals"], [name_item(_place(rung, several)), name_item(heading(rung.column))]
         line.append(plain_item(rung.nothing, decimals))
         for part in parts:
             for end in rung.parts.get(part, Share(None, None)):
-                line.append(_end(end, decimals, is_own(part, rung.column)))
+                item = estimate_item(end, decimals)
+                own = end is not None and is_own(part, rung.column)
+                line.append(item._replace(text=f"({item.text})") if own else item)
         rows.append([*line, plain_item(rung.everything, decimals)])
     note = (
         f"{WHAT_THEY_MEAN} Paired by scene and seed; ± is the half-width of the 95 % t interval: over the seeds of the"
@@ -169,11 +176,6 @@ def _grid(rungs: Sequence[Rung], several: bool) -> Grid:
     )
     title = "What each part is responsible for"
     return Grid("ladder", title, note, [*heads, "everything given"], rows)
-
-
-def _end(end: Estimate | None, decimals: int, own: bool) -> Item:
-    item = estimate_item(end, decimals)
-    return item._replace(text=f"({item.text})") if own and end is not None else item
 
 
 def _place(rung: Rung, several: bool) -> str:

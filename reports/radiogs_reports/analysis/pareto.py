@@ -10,7 +10,7 @@ from .comparisons import Direction, beaten, upwards
 from .samples import costs_of, values_of
 
 
-class Point(NamedTuple):
+class CostPoint(NamedTuple):
     """Mean cost and quality of a row."""
 
     row: str
@@ -21,16 +21,16 @@ class Point(NamedTuple):
     on_front: bool
 
 
-def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
+def points(summary: Summary, column: ColumnSummary, cost: str) -> list[CostPoint]:
     """A point for every row with a value in the column and a known cost, in the table's order; none of counts."""
-    found = list[Point]()
+    found = list[CostPoint]()
     if column["direction"] == "none":
         return found
     for row in summary["rows"]:
         cell = summary["cells"][row["key"]][column["key"]]
         spent = mean_of(costs_of(summary, row["key"], cost))
         if cell["mean"] is not None and spent is not None:
-            found.append(Point(row["key"], spent.mean, cell["mean"], half_width(cell["difference"]), False))
+            found.append(CostPoint(row["key"], spent.mean, cell["mean"], half_width(cell["difference"]), False))
     samples = [values_of(summary, point.row, column["key"]) for point in found]
     best = pareto_front([point.cost for point in found], samples, column["direction"])
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
@@ -44,16 +44,16 @@ def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: D
     """
     named = {str(place): sample for place, sample in enumerate(samples)}
     worse = beaten(named, direction) or {}
+
+    def better(row: str, other: str) -> bool:
+        gain = paired_difference(upwards(named[row], direction), upwards(named[other], direction))
+        if gain is None:
+            return False
+        return gain.mean > 0 if gain.low is None else other in worse.get(row, set())
+
     means = [-math.inf if (mean := mean_of(upwards(each, direction))) is None else mean.mean for each in samples]
     front: list[int] = []
     for place in sorted(range(len(costs)), key=lambda place: (costs[place], -means[place])):
-        if samples[place] and all(_better(named, worse, str(place), str(other), direction) for other in front):
+        if samples[place] and all(better(str(place), str(other)) for other in front):
             front.append(place)
     return set(front)
-
-
-def _better(samples: dict[str, Sample], worse: dict[str, set[str]], row: str, other: str, direction: Direction) -> bool:
-    gain = paired_difference(upwards(samples[row], direction), upwards(samples[other], direction))
-    if gain is None:
-        return False
-    return gain.mean > 0 if gain.low is None else other in worse.get(row, set())

@@ -11,7 +11,7 @@ from ..statistics import Estimate, Origin, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import beaten, upwards
-from .grid import Grid, Item, name_item
+from .report import Grid, Record, Report, name_item, number_item
 from .samples import values_of
 
 FEWEST = 3
@@ -57,32 +57,27 @@ class Order(NamedTuple):
     """The pairs that are resolved in the other order."""
 
 
-class OrderReport(NamedTuple):
-    """The columns, sentences about them, and the grid that shows them."""
-
-    orders: list[Order]
-    sentences: list[str]
-    grid: Grid
-
-
-def order_report(summary: Summary) -> OrderReport | None:
+def order_report(summary: Summary) -> Report | None:
     """The report of a run; None unless a column has three rows of different methods with a published value each."""
-    rows = _of_different_methods(summary)
-    orders = [order for column in summary["columns"] if (order := _order(summary, column, rows)) is not None]
+    orders = orders_of(summary)
     if not orders:
         return None
     texts = row_texts(summary)
     sentences = [HOW_TO_READ, *(_sentence(order, each, texts) for order in orders for each in order.reversals)]
-    return OrderReport(orders, sentences, _grid(orders))
+    return Report(sentences, [_grid(orders)], [_record(order) for order in orders])
 
 
-def _of_different_methods(summary: Summary) -> list[str]:
-    """The first row of every method that has a finished cell."""
+def orders_of(summary: Summary) -> list[Order]:
+    """The order of the methods in every column of which at least ``FEWEST`` have a published value.
+
+    A method stands in it by the first of its rows that has a finished cell.
+    """
     first: dict[str, str] = {}
     for run in summary["runs"]:
         if run["made_from"]:
             first.setdefault(run["made_from"].get("method", run["row"]), run["row"])
-    return [row["key"] for row in summary["rows"] if row["key"] in first.values()]
+    rows = [row["key"] for row in summary["rows"] if row["key"] in first.values()]
+    return [order for column in summary["columns"] if (order := _order(summary, column, rows)) is not None]
 
 
 def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Order | None:
@@ -109,15 +104,9 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
         for first, second in ordered
         if first in worse.get(second, set())
     ]
-    low, high = _bounds(published, confirmed, len(reversals), len(ordered))
+    scale = math.sqrt(math.comb(len(published), 2) * len(ordered))  # of tau-b
+    low, high = (2 * confirmed - len(ordered)) / scale, (len(ordered) - 2 * len(reversals)) / scale
     return Order(column, len(alike), float(whole.statistic), low, high, float(whole.pvalue), confirmed, reversals)
-
-
-def _bounds(published: Mapping[str, float], confirmed: int, reversed_: int, ordered: int) -> tuple[float, float]:
-    """Kendall's tau-b with every pair that is not resolved in the other order, and in the published one."""
-    pairs = math.comb(len(published), 2)
-    scale = math.sqrt(pairs * ordered)
-    return (2 * confirmed - ordered) / scale, (ordered - 2 * reversed_) / scale
 
 
 def _reversal(
@@ -147,13 +136,10 @@ def _grid(orders: Sequence[Order]) -> Grid:
     rows = [
         [
             name_item(heading(order.column)),
-            Item(str(order.methods), order.methods),
-            Item(f"{order.tau:.2f}", order.tau),
-            Item(f"{order.low:.2f}", order.low),
-            Item(f"{order.high:.2f}", order.high),
-            Item(f"{order.by_chance:.2f}", order.by_chance),
-            Item(str(order.confirmed), order.confirmed),
-            Item(str(len(order.reversals)), len(order.reversals)),
+            number_item(order.methods),
+            *(number_item(each, 2) for each in (order.tau, order.low, order.high, order.by_chance)),
+            number_item(order.confirmed),
+            number_item(len(order.reversals)),
         ]
         for order in orders
     ]
@@ -162,3 +148,11 @@ def _grid(orders: Sequence[Order]) -> Grid:
         "pairs resolved the other way",
     ]  # fmt: skip
     return Grid("published-order", "Measured and published order of the methods", HOW_TO_READ, heads, rows)
+
+
+def _record(order: Order) -> Record:
+    return {
+        "column": order.column["key"], "methods": order.methods, "tau": order.tau, "tau_low": order.low,
+        "tau_high": order.high, "by_chance": order.by_chance, "confirmed": order.confirmed,
+        "reversed": "; ".join(f"{each.better} > {each.worse}" for each in order.reversals) or None,
+    }  # fmt: skip

@@ -46,6 +46,12 @@ def made_from(summary: Summary, row: str) -> dict[str, Any] | None:
     return next((run["made_from"] for run in runs_of(summary, row).values()), None)
 
 
+def changed_fields(one: Mapping[str, Any], other: Mapping[str, Any]) -> set[str]:
+    """The fields, by dotted name, in which two stored variants or budgets differ."""
+    left, right = flat(one), flat(other)
+    return {name for name in left.keys() | right.keys() if left.get(name) != right.get(name)}
+
+
 def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """The fields of a stored variant or budget; those of a nested table by dotted names, such as ``geometry.steps``."""
     found: dict[str, Any] = {}

@@ -8,10 +8,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..statistics import Origin, mean_of
-from ..summary import EVALUATION, ColumnSummary, RowSummary, Settled, Summary
-from ..wording import population_of
-from .grid import Grid, Item, name_item
+from ..statistics import mean_of
+from ..summary import EVALUATION, Settled, Summary
+from ..wording import plus_minus, population_of
+from .report import Grid, Item, Report, name_item, number_item
 from .samples import runs_of
 
 DECIBELS = 0.5
@@ -24,14 +24,14 @@ SHARE = 0.05
 UNSCORED = "its model was not scored during training"
 
 
-class Point(NamedTuple):
+class ScoredPoint(NamedTuple):
     """A metric value after a number of seconds of training, earlier stages included."""
 
     seconds: float
     value: float
 
 
-def curve(run: Mapping[str, Any], column: str) -> list[Point]:
+def curve(run: Mapping[str, Any], column: str) -> list[ScoredPoint]:
     """Scored points of a run's last training stage, in the order of time.
 
     ``run``: of a summary, or a stored result.
@@ -41,7 +41,7 @@ def curve(run: Mapping[str, Any], column: str) -> list[Point]:
     last = run["stages"][-1]["name"]
     before = math.fsum(seconds for name, seconds in run["seconds"].items() if name not in (EVALUATION, last))
     return [
-        Point(before + point["seconds"], point["metrics"][column])
+        ScoredPoint(before + point["seconds"], point["metrics"][column])
         for point in run["trail"].get(last, [])
         if column in point["metrics"]
     ]
@@ -52,7 +52,7 @@ def band_of(measure: str, unit: str, final: float) -> float:
     return DECIBELS if unit == "dB" else BANDS.get(measure, SHARE * abs(final))
 
 
-def settled_after(points: Sequence[Point], band: float) -> float | None:
+def settled_after(points: Sequence[ScoredPoint], band: float) -> float | None:
     """Seconds after which the value stays within ``band`` of the last one, linear between scored points.
 
     None for fewer than two points. If the value is near the last one at the first point already, that point's seconds.
@@ -68,12 +68,22 @@ def settled_after(points: Sequence[Point], band: float) -> float | None:
     return points[0].seconds
 
 
+def settled_seconds(run: Mapping[str, Any], column: str, unit: str) -> float | None:
+    """Seconds of training until a metric stays near its final value; None where a run was not scored meanwhile."""
+    points = curve(run, column)
+    if not points:
+        return None
+    return settled_after(points, band_of(column.partition("/")[2], unit, points[-1].value))
+
+
 def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
     """Time to quality by row, then column, of everything that was scored during training."""
     found: dict[str, dict[str, Settled]] = {}
     for row in summary["rows"]:
         for column in summary["columns"]:
-            mean = mean_of(_seconds(summary, row["key"], column))
+            runs = runs_of(summary, row["key"]).items()
+            seconds = {origin: settled_seconds(run, column["key"], column["unit"]) for origin, run in runs}
+            mean = mean_of({origin: each for origin, each in seconds.items() if each is not None})
             if mean is not None:
                 found.setdefault(row["key"], {})[column["key"]] = Settled(
                     seconds=mean.mean, low=mean.low, high=mean.high, count=mean.values
@@ -81,38 +91,24 @@ def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
     return found
 
 
-def _seconds(summary: Summary, row: str, column: ColumnSummary) -> dict[Origin, float]:
-    found = {}
-    for origin, run in runs_of(summary, row).items():
-        points = curve(run, column["key"])
-        if points:
-            measure = column["key"].partition("/")[2]
-            seconds = settled_after(points, band_of(measure, column["unit"], points[-1].value))
-            if seconds is not None:
-                found[origin] = seconds
-    return found
-
-
-class SettlingReport(NamedTuple):
-    """The times at which metrics stand near their final values, as sentences and as a grid."""
-
-    sentences: list[str]
-    grid: Grid
-
-
-def settling_report(summary: Summary) -> SettlingReport | None:
+def settling_report(summary: Summary) -> Report | None:
     """The report of a run; None where nothing was scored during training."""
     found = summary.get("settling", {})
     if not found:
         return None
     columns = [column for column in summary["columns"] if any(column["key"] in each for each in found.values())]
     rows = [row for row in summary["rows"] if row["key"] in found]
-    sentences = [_sentence(column, rows, found) for column in columns]
+    sentences = []
+    for column in columns:
+        first = next(row for row in rows if column["key"] in found[row["key"]])
+        seconds, whole = found[first["key"]][column["key"]]["seconds"], first["seconds"]
+        of_whole = "" if whole is None else f" of {whole:.1f} s"
+        sentences.append(f"{column['label']} settles after {seconds:.1f} s{of_whole} ({first['text']}).")
     lines = [
         [
             name_item(row["text"]),
             *(_item(found[row["key"]].get(column["key"])) for column in columns),
-            Item("n/a") if row["seconds"] is None else Item(f"{row['seconds']:.1f}", row["seconds"]),
+            number_item(row["seconds"], 1),
         ]
         for row in rows
     ]
@@ -125,16 +121,12 @@ def settling_report(summary: Summary) -> SettlingReport | None:
         ["row", *(column["label"] for column in columns), "whole training"],
         lines,
     )
-    return SettlingReport(sentences, grid)
-
-
-def _sentence(column: ColumnSummary, rows: Sequence[RowSummary], found: Mapping[str, Mapping[str, Settled]]) -> str:
-    """A sentence on the row that comes first: ``NVS PSNR settles after 12.3 s of 40.1 s (ours).``"""
-    row = next(row for row in rows if column["key"] in found[row["key"]])
-    whole = "" if row["seconds"] is None else f" of {row['seconds']:.1f} s"
-    return (
-        f"{column['label']} settles after {found[row['key']][column['key']]['seconds']:.1f} s{whole} ({row['text']})."
-    )
+    records = [
+        {"row": row, "column": column, **settled}
+        for row, columns in found.items()
+        for column, settled in columns.items()
+    ]
+    return Report(sentences, [grid], records)
 
 
 def _bands() -> str:
@@ -148,5 +140,5 @@ def _item(settled: Settled | None) -> Item:
     if settled is None:
         return Item("n/a", None, UNSCORED)
     low, high = settled["low"], settled["high"]
-    text = f"{settled['seconds']:.1f}"
-    return Item(text if low is None or high is None else f"{text} ± {(high - low) / 2:.1f}", settled["seconds"])
+    half_width = None if low is None or high is None else (high - low) / 2
+    return Item(plus_minus(f"{settled['seconds']:.1f}", half_width, 1), settled["seconds"])

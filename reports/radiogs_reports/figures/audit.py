@@ -4,17 +4,16 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.scale import SymmetricalLogScale
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from ..analysis.audit_lines import Line, audit_lines
+from ..analysis.audit_lines import AuditLine, audit_lines
 from ..summary import Summary
 from ..wording import short_number
 from .axes import add_grid
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, Sketch, panels, plain
 
 ACROSS = 2
 PANEL = (3.4, 3.2)
@@ -37,16 +36,11 @@ def audit_figure(summary: Summary) -> list[Sketch]:
     rows = [row for row in summary["rows"] if any(line.row == row["key"] for line in lines)]
     if not rows:
         return []
-    bands, across = -(-len(rows) // ACROSS), min(ACROSS, len(rows))
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across + LEGEND, PANEL[1] * bands)
-        grid = figure.subplots(bands, across, squeeze=False).ravel()
-        for axes, row in zip(grid, rows, strict=False):
-            _panel(axes, summary, [line for line in lines if line.row == row["key"]])
-            axes.set_title(plain(row["text"]))
-        for axes in grid[len(rows) :]:
-            axes.set_visible(False)
-        figure.legend(handles=_handles(summary, lines), loc="outside right center", frameon=False)
+    figure, grid = panels(len(rows), min(ACROSS, len(rows)), PANEL, beside=LEGEND)
+    for axes, row in zip(grid, rows, strict=True):
+        _panel(axes, summary, [line for line in lines if line.row == row["key"]])
+        axes.set_title(plain(row["text"]))
+    figure.legend(handles=_handles(summary, lines), loc="outside right center", frameon=False)
     caption = (
         "Predicted bound on the loss of NVS PSNR (the largest of all probes and seeds) and the observed loss compared"
         " with everything on (mean over paired seeds; bars: 95 % t interval over the seeds of a scene). Below the"
@@ -56,7 +50,7 @@ def audit_figure(summary: Summary) -> list[Sketch]:
     return [Sketch("audit", caption, figure, on_page=True)]
 
 
-def _panel(axes: Axes, summary: Summary, lines: Sequence[Line]) -> None:
+def _panel(axes: Axes, summary: Summary, lines: Sequence[AuditLine]) -> None:
     tolerance = max((line.tolerance for line in lines if line.tolerance is not None), default=None)
     bounds, ends = [0.0 if tolerance is None else tolerance], [0.0 if tolerance is None else tolerance]
     for line in lines:
@@ -105,18 +99,14 @@ def _style(summary: Summary, scene: str) -> tuple[str, str]:
     return COLOURS[place % 8], MARKERS[(place + place // 8) % 8]
 
 
-def _handles(summary: Summary, lines: Sequence[Line]) -> list[Line2D]:
+def _handles(summary: Summary, lines: Sequence[AuditLine]) -> list[Line2D]:
     scenes = [scene for scene in summary["scenes"] if any(line.scene == scene for line in lines)]
     handles = []
     for scene in scenes:
         colour, marker = _style(summary, scene)
-        label = _scene_label(scene, lines)
+        is_whole = not any(line.bound for line in lines if line.scene == scene)
+        label = f"{plain(scene)}: nothing left out" if is_whole else plain(scene)
         handles.append(Line2D([], [], linestyle="", marker=marker, color=colour, markersize=5, label=label))
     diagonal = Line2D([], [], color="#888888", linewidth=0.8, label="loss = bound")
     tolerance = Line2D([], [], color="#444444", linestyle="--", linewidth=0.8, label="tolerance")
     return [*handles, diagonal, tolerance]
-
-
-def _scene_label(scene: str, lines: Sequence[Line]) -> str:
-    left = [line.bound for line in lines if line.scene == scene]
-    return plain(scene) if any(left) else f"{plain(scene)}: nothing left out"

@@ -1,6 +1,7 @@
 """The look of all plots: titles, grids, and axes of cost and quality."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -21,6 +22,22 @@ def metric_title(column: ColumnSummary) -> str:
     return plain(heading(column))
 
 
+def metric_over_numbers(axes: Axes, column: ColumnSummary) -> None:
+    """The look of a panel of a metric over a number of the budget or seconds: better values are higher up."""
+    logarithmic(axes, "x")
+    if column["direction"] == "down":
+        axes.invert_yaxis()
+    axes.set_title(metric_title(column))
+    add_grid(axes)
+
+
+def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
+    """Make axes logarithmic, with ticks at plain numbers."""
+    for each in which:
+        axes.set(**{f"{each}scale": "log"})
+        plain_numbers({"x": axes.xaxis, "y": axes.yaxis}[each])
+
+
 def add_grid(axes: Axes) -> None:
     """A light grid behind the data."""
     axes.grid(color=GRID, linewidth=0.5)
@@ -38,8 +55,7 @@ def better_is_up(axes: Axes, qualities: Sequence[float], column: ColumnSummary) 
 def cost_axis(axes: Axes, costs: Sequence[float], logarithmic_from: float) -> None:
     """Make the x axis logarithmic if the largest cost is at least ``logarithmic_from`` times the smallest."""
     if max(costs) / min(costs) >= logarithmic_from:
-        axes.set_xscale("log")
-        plain_numbers(axes.xaxis)
+        logarithmic(axes, "x")
 
 
 def plain_numbers(axis: Axis) -> None:

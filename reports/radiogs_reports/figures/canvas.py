@@ -1,6 +1,7 @@
 """Parts of all figures: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
 
 import hashlib
+import math
 import re
 import textwrap
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context, rcParamsDefault
+from matplotlib import rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -34,7 +35,10 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # outlines that journals accept, text that can be searched
 }
-"""All settings of matplotlib: those that it comes with, not of a ``matplotlibrc``, and ours over them."""
+"""All settings of matplotlib: those that it comes with, not of a ``matplotlibrc``, and ours over them.
+
+``run_folder.write_figures`` draws and saves every figure under them.
+"""
 
 COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5b4bb7", "#444444")
 """Colours of rows, in order: dark enough on white, distinct without red and green (after Okabe and Ito)."""
@@ -88,6 +92,31 @@ def blank(width: float, height: float) -> Figure:
     return figure
 
 
+def panels(
+    count: int, across: int, size: tuple[float, float], beside: float = 0.0, below: float = 0.0, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels of one size, line by line, and their axes.
+
+    ``beside`` and ``below``: further inches of the figure's width and height, for labels and a legend. ``options``: of
+    ``Figure.subplots``.
+    """
+    lines = max(1, math.ceil(count / across))
+    figure = blank(size[0] * across + beside, size[1] * lines + below)
+    grid = list(figure.subplots(lines, across, squeeze=False, **options).ravel())
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, grid[:count]
+
+
+def tiles(bands: int, lines: int, across: int, room: float) -> tuple[Figure, NDArray[object_]]:
+    """A figure of pictures in bands below each other, and its axes, [bands, lines, across].
+
+    ``room``: inches of a band beyond its pictures, for their titles.
+    """
+    figure = blank(TILE * across + 0.4, (TILE * lines + room) * bands)
+    return figure, figure.subplots(lines * bands, across, squeeze=False).reshape(bands, lines, across)
+
+
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
     """The number of columns, as wide as the longest line of the labels, that fit into ``width`` inches; ``most`` at
     most."""
@@ -98,23 +127,22 @@ def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
 def save(sketch: Sketch, out: Path) -> Drawn:
     """Write a figure as PNG and PDF, without the date and version that matplotlib would add."""
     png, pdf = (fresh(out / FOLDER / f"{sketch.name}.{ending}", out) for ending in ("png", "pdf"))
-    with rc_context(STYLE):
-        sketch.figure.savefig(png, metadata={"Software": None})
-        sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
+    sketch.figure.savefig(png, metadata={"Software": None})
+    sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     return Drawn(png, pdf, sketch.caption, sketch.on_page, sketch.images)
 
 
 def file_name(*parts: str) -> str:
-    """Join parts into a file name that every system and LaTeX accept; other parts give another name."""
-    return "-".join(map(_plain_part, parts))
+    """Join parts into a file name that every system and LaTeX accept; other parts give another name.
 
-
-def _plain_part(part: str) -> str:
-    """Letters, digits and single underscores; followed by a digest of the part if that changes it."""
-    kept = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")[:LONGEST_PART]
-    if kept and kept == part:
-        return kept
-    return f"{kept}_{hashlib.sha256(part.encode('utf-8', 'replace')).hexdigest()[:8]}"
+    A part has letters, digits and single underscores, and a digest of the whole part behind them if it has others.
+    """
+    names = []
+    for part in parts:
+        kept = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")[:LONGEST_PART]
+        digest = hashlib.sha256(part.encode("utf-8", "replace")).hexdigest()[:8]
+        names.append(kept if kept and kept == part else f"{kept}_{digest}")
+    return "-".join(names)
 
 
 def plain(text: str) -> str:
@@ -150,8 +178,3 @@ def hide_empty(grid: NDArray[object_]) -> None:
     """Hide the axes of a grid that hold neither data nor text."""
     for axes in grid.ravel():
         axes.set_visible(axes.has_data() or bool(axes.texts))
-
-
-def name_row(axes: Axes, text: str) -> None:
-    """Put the name of a row of pictures to the left of its first."""
-    axes.set_ylabel(text, fontsize=8)

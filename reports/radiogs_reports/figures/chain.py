@@ -1,13 +1,12 @@
 """A waterfall of a chain of rows: from the first row's value to the last one's, a bar for every step."""
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 
-from ..analysis.chain import Worth, chain_report
+from ..analysis.chain import Worth, chain_of, worth_of
 from ..summary import Summary, row_texts
 from ..wording import population_of, signed
 from .axes import GRID, metric_title
-from .canvas import STYLE, Sketch, blank, hide_empty, plain
+from .canvas import Sketch, panels, plain
 
 ACROSS = 4
 PANEL = 1.9
@@ -24,24 +23,19 @@ PALE = 0.4
 
 def chain_figures(summary: Summary) -> list[Sketch]:
     """One figure with a panel for each metric; none where the rows are no chain."""
-    report = chain_report(summary)
-    if report is None:
+    rows = chain_of(summary)
+    worth = [] if rows is None else worth_of(summary, rows)
+    shown = [each for each in worth if each.first is not None and None not in each.steps.values()]
+    if rows is None or not shown:
         return []
-    shown = [each for each in report.worth if each.first is not None and None not in each.steps.values()]
-    if not shown:
-        return []
-    texts = row_texts(summary)
-    labels = [plain(texts[report.rows[0]]), *(f"+ {plain(texts[row])}" for row in report.rows[1:]), "all together"]
-    across = min(ACROSS, len(shown))
-    down = -(-len(shown) // across)
-    with rc_context(STYLE):
-        figure = blank(LABELS + PANEL * across, (BAR * len(labels) + 0.6) * down)
-        grid = figure.subplots(down, across, squeeze=False, sharey=True)
-        for axes, worth in zip(grid.ravel(), shown, strict=False):
-            _panel(axes, worth)
-        grid[0, 0].set_yticks(range(len(labels)), labels)
-        grid[0, 0].invert_yaxis()
-        hide_empty(grid.ravel()[len(shown) :])
+    first, *others = (plain(row_texts(summary)[row]) for row in rows)
+    labels = [first, *(f"+ {text}" for text in others), "all together"]
+    size = PANEL, BAR * len(labels) + 0.6
+    figure, grid = panels(len(shown), min(ACROSS, len(shown)), size, beside=LABELS, sharey=True)
+    for axes, each in zip(grid, shown, strict=True):
+        _panel(axes, each)
+    grid[0].set_yticks(range(len(labels)), labels)
+    grid[0].invert_yaxis()
     caption = (
         "What each step is worth. Every bar begins where the one above ends; blue steps make the metric better, orange"
         " ones worse, and pale ones are not resolved (paired t tests with Holm's correction over the steps of a metric,"

@@ -62,7 +62,8 @@ def _band(title: str, lines: list[list[Tile]]) -> Image.Image:
         for place, (label, image) in enumerate(tiles):
             left = MARGIN + place * step
             draw.text((left, top + 5), label, fill=FAINT, font=_font(14))
-            band.paste(_enlarged(image, factor), (left, top + LABEL))
+            enlarged = maps.levels(image).repeat(factor, 0).repeat(factor, 1)
+            band.paste(Image.fromarray(enlarged), (left, top + LABEL))
     return band
 
 
@@ -101,7 +102,3 @@ def _title(summary: Summary, entry: SheetSummary) -> str:
 def _font(size: int) -> ImageFont.FreeTypeFont:
     """Matplotlib's own font: it has the Greek letters of rows' names and is there on every machine."""
     return ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
-
-
-def _enlarged(image: maps.Image, factor: int) -> Image.Image:
-    return Image.fromarray(maps.levels(image).repeat(factor, 0).repeat(factor, 1))

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -14,8 +13,8 @@ from ..analysis.samples import runs_of
 from ..statistics import Origin, mean_of
 from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail
 from ..wording import mean_over
-from .axes import add_grid, metric_title, plain_numbers
-from .canvas import ALL, COLOURS, STYLE, Sketch, blank, legend_columns, plain
+from .axes import add_grid, logarithmic, metric_title
+from .canvas import ALL, COLOURS, Sketch, legend_columns, panels, plain
 
 CONSISTENCY = "consistency"
 """The loss L_rad of methods that train for radiometric consistency."""
@@ -46,7 +45,8 @@ class Panel:
 
 def convergence_figures(summary: Summary) -> list[Sketch]:
     """A loss by iteration, and the metrics where models were scored during training; none without a trail."""
-    return [sketch for sketch in (_losses(summary), _metrics(summary)) if sketch is not None]
+    sketches = (_losses(summary), _metrics(summary))
+    return [_figure(summary, name, caption, drawn) for name, caption, drawn in sketches if drawn]
 
 
 def mean_curve(trails: Mapping[Origin, Sequence[TrailPoint]], read: Read) -> Curve:
@@ -69,35 +69,31 @@ def stage_titles(summary: Summary) -> dict[str, str]:
     return titles
 
 
-def _finished(summary: Summary) -> dict[str, dict[Origin, RunSummary]]:
-    """Finished runs by row, then scene and seed."""
-    return {row["key"]: runs_of(summary, row["key"]) for row in summary["rows"]}
+def _curves(summary: Summary, trail_of: Callable[[RunSummary], Sequence[TrailPoint]], read: Read) -> dict[str, Curve]:
+    """The mean curve of each row over its finished runs."""
+    rows = {row["key"]: runs_of(summary, row["key"]) for row in summary["rows"]}
+    return {row: mean_curve({at: trail_of(run) for at, run in runs.items()}, read) for row, runs in rows.items()}
 
 
-def _losses(summary: Summary) -> Sketch | None:
-    """L_rad where any run trains for it, otherwise the sum of all weighted losses."""
+def _losses(summary: Summary) -> tuple[str, str, list[Panel]]:
+    """Name, caption and panels: L_rad where any run trains for it, otherwise the sum of all weighted losses."""
     trained = [point for run in summary["runs"] for trail in run["trail"].values() for point in trail]
     consistent = any(CONSISTENCY in point["losses"] for point in trained)
     symbol = r"$L_\mathrm{rad}$" if consistent else "loss"
-    panels = []
     read = _consistency if consistent else _total
+    drawn = []
     for stage, title in stage_titles(summary).items():
-        every = {
-            row: mean_curve({origin: run["trail"].get(stage, []) for origin, run in runs.items()}, read)
-            for row, runs in _finished(summary).items()
-        }
+        every = _curves(summary, lambda run, stage=stage: run["trail"].get(stage, []), read)  # type: ignore[misc]
         # L_rad is zero before it sets in and where its weight is zero, which a logarithmic axis cannot show.
         curves = {row: [(x, y) for x, y in curve if y > 0] for row, curve in every.items()}
         if any(curves.values()):
-            panels.append(Panel(f"{symbol} (weighted), {plain(title)}", curves, logarithmic=True))
-    if not panels:
-        return None
+            drawn.append(Panel(f"{symbol} (weighted), {plain(title)}", curves, logarithmic=True))
     what = "the weighted loss of radiometric consistency" if consistent else "the sum of all weighted losses"
     caption = (
         f"Convergence of {what}: mean over the steps since the previous point and over"
         f" {mean_over(summary)}. A row whose loss is zero has no curve."
     )
-    return _figure(summary, "convergence-losses", caption, panels)
+    return "convergence-losses", caption, drawn
 
 
 def _consistency(point: TrailPoint) -> float | None:
@@ -108,63 +104,49 @@ def _total(point: TrailPoint) -> float | None:
     return math.fsum(point["losses"].values()) if point["losses"] else None
 
 
-def _metric(key: str) -> Read:
-    return lambda point: point["metrics"].get(key)
-
-
-def _metrics(summary: Summary) -> Sketch | None:
-    panels = []
+def _metrics(summary: Summary) -> tuple[str, str, list[Panel]]:
+    """Name, caption and panels of the metrics during the last stage."""
+    drawn = []
     for column in summary["columns"]:
-        read = _metric(column["key"])
-        curves = {
-            row: mean_curve({origin: last_trail(run) for origin, run in runs.items()}, read)
-            for row, runs in _finished(summary).items()
-        }
+        curves = _curves(summary, last_trail, lambda point, key=column["key"]: point["metrics"].get(key))  # type: ignore[misc]
         if any(curves.values()):
-            panels.append(Panel(metric_title(column), curves, logarithmic=False))
-    if not panels:
-        return None
+            drawn.append(Panel(metric_title(column), curves, logarithmic=False))
     caption = (
         f"Metrics during {last_stage_title(summary)}, scored on a few test views with the clock stopped; mean over"
         f" {mean_over(summary)}."
     )
-    return _figure(summary, "convergence-metrics", caption, panels)
+    return "convergence-metrics", caption, drawn
 
 
-def _figure(summary: Summary, name: str, caption: str, panels: list[Panel]) -> Sketch:
-    lines = -(-len(panels) // ACROSS)
-    labels = _labels(summary, panels)
+def _figure(summary: Summary, name: str, caption: str, drawn: list[Panel]) -> Sketch:
+    labels = _labels(summary, drawn)
     columns = legend_columns(list(labels.values()), PANEL[0] * ACROSS, MOST_COLUMNS)
     below = sum(1 + label.count("\n") for label in labels.values()) // columns
     handles = []
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines + 0.16 * (2 + below))
-        grid = figure.subplots(lines, ACROSS, squeeze=False).ravel()
-        for place, (row, label) in enumerate(labels.items()):
-            look: dict[str, Any] = {
-                "color": COLOURS[place % 8],
-                "linestyle": DASHES[place // 8 % 4],
-                "linewidth": _line_width(place, len(labels)),
-            }
-            handles.append(Line2D([], [], label=label, **look))
-            for axes, panel in zip(grid, panels, strict=False):
-                if panel.curves[row]:
-                    marker = None if panel.logarithmic else "o"
-                    axes.plot(*zip(*panel.curves[row], strict=True), marker=marker, markersize=3, **look)
-        for axes, panel in zip(grid, panels, strict=False):
-            _dress(axes, panel)
-        for axes in grid[len(panels) :]:
-            axes.set_visible(False)
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+    figure, grid = panels(len(drawn), ACROSS, PANEL, below=0.16 * (2 + below))
+    for place, (row, label) in enumerate(labels.items()):
+        look: dict[str, Any] = {
+            "color": COLOURS[place % 8],
+            "linestyle": DASHES[place // 8 % 4],
+            "linewidth": _line_width(place, len(labels)),
+        }
+        handles.append(Line2D([], [], label=label, **look))
+        for axes, panel in zip(grid, drawn, strict=True):
+            if panel.curves[row]:
+                marker = None if panel.logarithmic else "o"
+                axes.plot(*zip(*panel.curves[row], strict=True), marker=marker, markersize=3, **look)
+    for axes, panel in zip(grid, drawn, strict=True):
+        _dress(axes, panel)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return Sketch(name, caption, figure, on_page=True)
 
 
-def _labels(summary: Summary, panels: list[Panel]) -> dict[str, str]:
+def _labels(summary: Summary, drawn: list[Panel]) -> dict[str, str]:
     """Label of each line, by its first row; rows that agree in every panel (they share a training) are one line."""
     texts_by_row: dict[str, list[str]] = {}
     for row in summary["rows"]:
         same = (
-            first for first in texts_by_row if all(panel.curves[first] == panel.curves[row["key"]] for panel in panels)
+            first for first in texts_by_row if all(panel.curves[first] == panel.curves[row["key"]] for panel in drawn)
         )
         texts_by_row.setdefault(next(same, row["key"]), []).append(plain(row["text"]))
     if len(texts_by_row) == 1 < len(summary["rows"]):
@@ -183,9 +165,5 @@ def _line_width(place: int, count: int) -> float:
 def _dress(axes: Axes, panel: Panel) -> None:
     axes.set_title(panel.title)
     axes.set_xlabel("iteration")
-    axes.set_xscale("log")
-    plain_numbers(axes.xaxis)
-    if panel.logarithmic:
-        axes.set_yscale("log")
-        plain_numbers(axes.yaxis)
+    logarithmic(axes, *(("x", "y") if panel.logarithmic else ("x",)))
     add_grid(axes)

@@ -1,17 +1,18 @@
 """Quality against training cost, one panel per metric: every row, or a line for each knob of the budget, and slopes."""
 
-from matplotlib import rc_context
+import math
+
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.cost_knobs import Doubling, Knob, doublings, knobs
-from ..analysis.pareto import Point, points
+from ..analysis.pareto import CostPoint, points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
 from ..wording import ARROWS, mean_over, population_of
 from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, legend_columns, plain
+from .canvas import COLOURS, MARKERS, Sketch, legend_columns, panels, plain
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
@@ -27,35 +28,34 @@ LOGARITHMIC_FROM = 8.0
 
 
 def cost_figures(summary: Summary) -> list[Sketch]:
+    """The figures of the knobs that were turned; of a run without knobs, the figures of its rows."""
+    return knob_figures(summary) or row_figures(summary)
+
+
+def row_figures(summary: Summary) -> list[Sketch]:
     """A figure for each kind of cost that differs between rows by more than ``ALIKE``."""
     made = []
     for cost in COSTS:
-        panels = [(column, points(summary, column, cost)) for column in summary["columns"]]
-        panels = [(column, found) for column, found in panels if found]
-        spent = [point.cost for _, found in panels for point in found]
+        drawn = [(column, found) for column in summary["columns"] if (found := points(summary, column, cost))]
+        spent = [point.cost for _, found in drawn for point in found]
         if spent and max(spent) > (1 + ALIKE) * min(spent):
-            made.append(_figure(summary, cost, panels))
+            made.append(_figure(summary, cost, drawn))
     return made
 
 
-def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[Point]]]) -> Sketch:
-    lines = -(-len(panels) // PANELS_ACROSS)
-    across = min(len(panels), PANELS_ACROSS)
+def _figure(summary: Summary, cost: str, drawn: list[tuple[ColumnSummary, list[CostPoint]]]) -> Sketch:
+    across = min(len(drawn), PANELS_ACROSS)
     names = [plain(row["text"]) for row in summary["rows"]]
     columns = legend_columns(names, PANEL[0] * across, MOST_COLUMNS)
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across, PANEL[1] * lines + LEGEND_LINE * -(-len(names) // columns) + 0.2)
-        grid = figure.subplots(lines, across, squeeze=False).ravel()
-        for axes, (column, found) in zip(grid, panels, strict=False):
-            _panel(axes, summary, column, cost, found)
-            axes.set_xlabel(COSTS[cost])
-        for axes in grid[len(panels) :]:
-            axes.set_visible(False)
-        handles = [
-            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=name)
-            for place, name in enumerate(names)
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+    figure, grid = panels(len(drawn), across, PANEL, below=LEGEND_LINE * math.ceil(len(names) / columns) + 0.2)
+    for axes, (column, found) in zip(grid, drawn, strict=True):
+        _panel(axes, summary, column, cost, found)
+        axes.set_xlabel(COSTS[cost])
+    handles = [
+        Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=name)
+        for place, name in enumerate(names)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     caption = (
         f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
         " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel,"
@@ -64,7 +64,7 @@ def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[
     return Sketch(f"cost-{cost}", caption, figure)
 
 
-def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found: list[Point]) -> None:
+def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found: list[CostPoint]) -> None:
     places = {row["key"]: place % 8 for place, row in enumerate(summary["rows"])}
     qualities = [point.quality for point in found]
     costs = [point.cost for point in found]
@@ -80,10 +80,7 @@ def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found
     axes.plot(*zip(*best, strict=True), linestyle="--", color="#888888", linewidth=0.8, zorder=1)
     for point in found:
         place = places[point.row]
-        axes.errorbar(
-            point.cost, point.quality, point.half_width, fmt=MARKERS[place], color=COLOURS[place], markersize=6,
-            markerfacecolor=COLOURS[place] if point.on_front else "white", elinewidth=0.8,
-        )  # fmt: skip
+        _mark(axes, point, MARKERS[place], COLOURS[place], 6, 0.8)
     better_is_up(axes, qualities, column)
     cost_axis(axes, costs, LOGARITHMIC_FROM)
     axes.set_title(metric_title(column))
@@ -116,16 +113,12 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
     columns = [column for column in summary["columns"] if points(summary, column, cost)]
     if not columns:
         return None
-    lines = -(-(len(columns) + 1) // KNOB_PANELS_ACROSS)
-    with rc_context(STYLE):
-        figure = blank(KNOB_PANEL[0] * KNOB_PANELS_ACROSS, KNOB_PANEL[1] * lines)
-        grid = figure.subplots(lines, KNOB_PANELS_ACROSS, squeeze=False).ravel()
-        for axes, column in zip(grid, columns, strict=False):
-            _knob_panel(axes, turned, column, points(summary, column, cost), reference_of(summary))
-            axes.set_xlabel(COSTS[cost])
-        grid[len(columns)].legend(handles=_knob_handles(summary, turned), loc="center left", frameon=False)
-        for axes in grid[len(columns) :]:
-            axes.set_axis_off()
+    figure, (*grid, last) = panels(len(columns) + 1, KNOB_PANELS_ACROSS, KNOB_PANEL)
+    for axes, column in zip(grid, columns, strict=True):
+        _knob_panel(axes, turned, column, points(summary, column, cost), reference_of(summary))
+        axes.set_xlabel(COSTS[cost])
+    last.legend(handles=_knob_handles(summary, turned), loc="center left", frameon=False)
+    last.set_axis_off()
     caption = (
         f"What accuracy costs in {COSTS[cost]}: means over {mean_over(summary)}. A line joins the settings of one knob,"
         " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the Pareto front"
@@ -135,7 +128,7 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
     return Sketch(FILE_NAMES[cost], caption, figure, on_page=True)
 
 
-def _knob_panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Point], reference: str) -> None:
+def _knob_panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[CostPoint], reference: str) -> None:
     by_row = {point.row: point for point in found}
     best = sorted((point.cost, point.quality) for point in found if point.on_front)
     axes.plot(*zip(*best, strict=True), linestyle="--", color="#aaaaaa", linewidth=0.9, zorder=1)
@@ -158,10 +151,10 @@ def _knob_panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: li
     add_grid(axes)
 
 
-def _mark(axes: Axes, point: Point, marker: str, colour: str, size: float) -> None:
+def _mark(axes: Axes, point: CostPoint, marker: str, colour: str, size: float, line_width: float = 0.5) -> None:
     axes.errorbar(
         point.cost, point.quality, point.half_width, fmt=marker, color=colour, markersize=size,
-        markerfacecolor=colour if point.on_front else "white", elinewidth=0.5,
+        markerfacecolor=colour if point.on_front else "white", elinewidth=line_width,
     )  # fmt: skip
 
 
@@ -181,14 +174,10 @@ def _knob_handles(summary: Summary, turned: list[Knob]) -> list[Line2D]:
 def _doublings(summary: Summary, turned: list[Knob]) -> Sketch:
     found = doublings(summary, turned)
     columns = [column for column in summary["columns"] if any(each.column == column for each in found)]
-    lines = -(-max(1, len(columns)) // KNOB_PANELS_ACROSS)
-    with rc_context(STYLE):
-        figure = blank(KNOB_PANEL[0] * KNOB_PANELS_ACROSS, (0.8 + 0.24 * len(turned)) * lines)
-        grid = figure.subplots(lines, KNOB_PANELS_ACROSS, squeeze=False, sharey=True).ravel()
-        for axes, column in zip(grid, columns, strict=False):
-            _slopes(axes, turned, column, [each for each in found if each.column == column])
-        for axes in grid[len(columns) :]:
-            axes.set_visible(False)
+    size = KNOB_PANEL[0], 0.8 + 0.24 * len(turned)
+    figure, grid = panels(len(columns), KNOB_PANELS_ACROSS, size, sharey=True)
+    for axes, column in zip(grid, columns, strict=True):
+        _slopes(axes, turned, column, [each for each in found if each.column == column])
     caption = (
         "What each doubling of a knob gives: slope over its binary logarithm, with the 95 % t interval"
         f" {population_of(summary)}."

@@ -9,15 +9,14 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..analysis.cost_knobs import COMPARED, label_of
 from ..analysis.samples import flat, made_from, values_of
 from ..summary import ColumnSummary, Summary
-from .axes import add_grid, metric_title, plain_numbers
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, file_name, hide_empty, legend_columns, plain
+from .axes import metric_over_numbers
+from .canvas import COLOURS, MARKERS, Sketch, file_name, legend_columns, panels, plain
 
 FEWEST = 3
 """Settings that make a curve."""
@@ -105,30 +104,27 @@ def _changes(line: Line) -> Line:
 
 
 def _sketch(summary: Summary, curves: Curves, scene: str | None) -> Sketch | None:
-    columns = [column for column in summary["columns"] if _lines(summary, curves, column, scene)]
-    if not columns:
+    every = [(column, _lines(summary, curves, column, scene)) for column in summary["columns"]]
+    shown = [(column, lines) for column, lines in every if lines]
+    if not shown:
         return None
-    drawn = {label for column in columns for label in _lines(summary, curves, column, scene)}
+    drawn = {label for _, lines in shown for label in lines}
     labels = [label for label in (summary["scenes"] if scene is None else curves.series) if label in drawn]
-    across = min(ACROSS, len(columns))
-    down = -(-len(columns) // across)
+    across = min(ACROSS, len(shown))
     beside = legend_columns(labels, PANEL[0] * across, MOST_COLUMNS)
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across, PANEL[1] * down + LEGEND_LINE * -(-len(labels) // beside) + 0.2)
-        grid = figure.subplots(down, across, squeeze=False).ravel()
-        for axes, column in zip(grid, columns, strict=False):
-            _panel(axes, column, _lines(summary, curves, column, scene), labels)
-            axes.set_xlabel(curves.text)
-        hide_empty(grid)
-        handles = [
-            Line2D([], [], color=COLOURS[place % 8], marker=MARKERS[place % 8], markersize=4, linewidth=1, label=label)
-            for place, label in enumerate(labels)
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=beside, frameon=False)
+    figure, grid = panels(len(shown), across, PANEL, below=LEGEND_LINE * math.ceil(len(labels) / beside) + 0.2)
+    for axes, (column, lines) in zip(grid, shown, strict=True):
+        _panel(axes, column, lines, labels)
+        axes.set_xlabel(curves.text)
+    handles = [
+        Line2D([], [], color=COLOURS[place % 8], marker=MARKERS[place % 8], markersize=4, linewidth=1, label=label)
+        for place, label in enumerate(labels)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=beside, frameon=False)
     what = "a line for each scene" if scene is None else f"on {scene}"
     several = "; bands: from the lowest to the highest seed" if len(summary["seeds"]) > 1 else ""
-    shown = "changes of metrics from the lowest setting" if scene is None else "metrics"
-    caption = f"By {curves.text}: {shown}, {what}, means over seeds{several}. Better is higher up in every panel."
+    values = "changes of metrics from the lowest setting" if scene is None else "metrics"
+    caption = f"By {curves.text}: {values}, {what}, means over seeds{several}. Better is higher up in every panel."
     name = "curves" if scene is None else file_name("curves", scene)
     return Sketch(name, caption, figure, on_page=True)
 
@@ -139,9 +135,4 @@ def _panel(axes: Axes, column: ColumnSummary, lines: Mapping[str, Line], labels:
         settings, means, low, high = zip(*line, strict=True)
         axes.plot(settings, means, color=COLOURS[place], marker=MARKERS[place], markersize=4, linewidth=1)
         axes.fill_between(settings, low, high, color=COLOURS[place], alpha=0.2, linewidth=0)
-    axes.set_xscale("log")
-    plain_numbers(axes.xaxis)
-    if column["direction"] == "down":
-        axes.invert_yaxis()
-    axes.set_title(metric_title(column))
-    add_grid(axes)
+    metric_over_numbers(axes, column)

@@ -6,7 +6,6 @@ Drawn where curves (``curves.py``) come in pairs of rows that differ in one othe
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -15,8 +14,8 @@ from ..analysis.samples import values_of
 from ..statistics import Estimate, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary
 from ..wording import mean_over, population_of
-from .axes import add_grid, metric_title, plain_numbers
-from .canvas import COLOURS, STYLE, Sketch, blank, hide_empty
+from .axes import metric_over_numbers
+from .canvas import COLOURS, Sketch, blank, hide_empty
 from .curves import FEWEST, Curves, curves_of
 
 ACROSS = 4
@@ -28,7 +27,7 @@ LINES: tuple[Literal["-"], Literal["--"]] = ("-", "--")
 """Styles of the two curves of a pair."""
 
 
-class Pair(NamedTuple):
+class CurvePair(NamedTuple):
     """Two curves that differ in one setting alone, by their labels, and their rows at each number of the budget."""
 
     one: str
@@ -49,36 +48,35 @@ def effect_curve_figures(summary: Summary) -> list[Sketch]:
     ]
 
 
-def _pairs(crossed: Crossed, curves: Curves) -> list[Pair]:
+def _pairs(crossed: Crossed, curves: Curves) -> list[CurvePair]:
     """The pairs of curves that a setting tells apart at ``FEWEST`` numbers of the budget at least."""
     place = {row: (label, number) for label, rows in curves.series.items() for number, row in rows}
     pairs: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     for one, other in crossed.pairs:
         if one in place and other in place:
             pairs.setdefault((place[one][0], place[other][0]), []).append((place[one][1], one, other))
-    return [Pair(*labels, sorted(rows)) for labels, rows in pairs.items() if len(rows) >= FEWEST]
+    return [CurvePair(*labels, sorted(rows)) for labels, rows in pairs.items() if len(rows) >= FEWEST]
 
 
-def _sketch(summary: Summary, curves: Curves, crossed: Crossed, pairs: Sequence[Pair], name: str) -> Sketch:
+def _sketch(summary: Summary, curves: Curves, crossed: Crossed, pairs: Sequence[CurvePair], name: str) -> Sketch:
     columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
     across = min(ACROSS, len(columns))
     down = -(-len(columns) // across)
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across, PANEL[1] * down + LEGEND_LINE * len(pairs) + 0.2)
-        grid = figure.subplots(2 * down, across, squeeze=False, sharex=True, height_ratios=(3, 2) * down)
-        for place, column in enumerate(columns):
-            above, below = grid[2 * (place // across) : 2 * (place // across) + 2, place % across]
-            for number, pair in enumerate(pairs):
-                _draw(summary, column, pair, above, below, COLOURS[number % len(COLOURS)])
-            _finish(column, above, below)
-            below.set_xlabel(curves.text)
-        hide_empty(grid.ravel())
-        handles = [
-            Line2D([], [], color=COLOURS[number % len(COLOURS)], linestyle=LINES[place], linewidth=1, label=label)
-            for number, pair in enumerate(pairs)
-            for place, label in enumerate((pair.one, pair.other))
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    figure = blank(PANEL[0] * across, PANEL[1] * down + LEGEND_LINE * len(pairs) + 0.2)
+    grid = figure.subplots(2 * down, across, squeeze=False, sharex=True, height_ratios=(3, 2) * down)
+    for place, column in enumerate(columns):
+        above, below = grid[2 * (place // across) : 2 * (place // across) + 2, place % across]
+        for number, pair in enumerate(pairs):
+            _draw(summary, column, pair, above, below, COLOURS[number % len(COLOURS)])
+        _finish(column, above, below)
+        below.set_xlabel(curves.text)
+    hide_empty(grid.ravel())
+    handles = [
+        Line2D([], [], color=COLOURS[number % len(COLOURS)], linestyle=LINES[place], linewidth=1, label=label)
+        for number, pair in enumerate(pairs)
+        for place, label in enumerate((pair.one, pair.other))
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     caption = (
         f"By {curves.text}: above, the mean over {mean_over(summary)}; below, {crossed.setting} ="
         f" {crossed.values[0]} less {crossed.values[1]}, with 95 % t intervals {population_of(summary)}."
@@ -87,7 +85,7 @@ def _sketch(summary: Summary, curves: Curves, crossed: Crossed, pairs: Sequence[
     return Sketch(name, caption, figure, on_page=True)
 
 
-def _draw(summary: Summary, column: ColumnSummary, pair: Pair, above: Axes, below: Axes, colour: str) -> None:
+def _draw(summary: Summary, column: ColumnSummary, pair: CurvePair, above: Axes, below: Axes, colour: str) -> None:
     """The two curves of a pair, and the band of their differences."""
     for place, style in enumerate(LINES, start=1):
         means = [(rows[0], mean_of(values_of(summary, str(rows[place]), column["key"]))) for rows in pair.rows]
@@ -110,11 +108,7 @@ def _draw(summary: Summary, column: ColumnSummary, pair: Pair, above: Axes, belo
 
 def _finish(column: ColumnSummary, above: Axes, below: Axes) -> None:
     for axes in (above, below):
-        axes.set_xscale("log")
-        plain_numbers(axes.xaxis)
-        add_grid(axes)
-        if column["direction"] == "down":
-            axes.invert_yaxis()
+        metric_over_numbers(axes, column)
+    below.set_title("")
     below.axhline(0, color="black", linewidth=0.6)
     below.tick_params(labelbottom=True)
-    above.set_title(metric_title(column))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 from ..analysis.samples import flat, made_from
 from ..maps import Image
 from ..summary import ColumnSummary, ModesSummary, Summary, reference_of, row_texts
-from ..wording import mean_over, population_of
-from .axes import add_grid, metric_title, plain_numbers
-from .canvas import COLOURS, STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, wrapped
+from ..wording import count_of, mean_over, population_of
+from .axes import add_grid, logarithmic, metric_over_numbers
+from .canvas import COLOURS, Sketch, blank, file_name, hide_empty, panels, plain, show, tiles, wrapped
 from .views import SceneViews, scene_views
 
 MILLISECONDS = ("prepare/ms", "render/ms")
@@ -31,6 +30,11 @@ class Mode(NamedTuple):
     number: int
     title: str
 
+    @property
+    def colour(self) -> str:
+        """Colour of its lines."""
+        return COLOURS[self.number % len(COLOURS)]
+
 
 class Tuned(NamedTuple):
     """A row that fine-tunes: its mode and its number of iterations."""
@@ -39,8 +43,13 @@ class Tuned(NamedTuple):
     mode: Mode
     iterations: int
 
+    @property
+    def text(self) -> str:
+        """Its number of iterations in words."""
+        return count_of(self.iterations, "iteration")
 
-class Times(NamedTuple):
+
+class RelightTimes(NamedTuple):
     """Seconds to prepare for a light, and seconds per frame under it."""
 
     prepare: float
@@ -50,12 +59,12 @@ class Times(NamedTuple):
         """Total seconds for a number of frames under one light."""
         return self.prepare + frames * self.frame
 
-    def break_even(self, other: "Times") -> float | None:
+    def break_even(self, other: "RelightTimes") -> float | None:
         """The number of frames, at least one, after which both totals are equal; None if one is always ahead."""
         later, saved = self.prepare - other.prepare, other.frame - self.frame
         return later / saved if later * saved > 0 and later / saved >= 1 else None
 
-    def versus(self, other: "Times") -> str:
+    def versus(self, other: "RelightTimes") -> str:
         """For which numbers of frames this total is the smaller one, as text."""
         frames = self.break_even(other)
         if frames is None:
@@ -85,11 +94,6 @@ def finetuning_figures(summary: Summary, out: Path) -> list[Sketch]:
     return [*_progression(summary, tuned), *_crossover(summary, tuned), *_pictures(summary, out, tuned)]
 
 
-def colour_of(mode: Mode) -> str:
-    """Colour of a mode's lines."""
-    return COLOURS[mode.number % len(COLOURS)]
-
-
 def by_mode(tuned: list[Tuned]) -> dict[Mode, list[Tuned]]:
     """Rows by mode, fewest iterations first; modes without rows are absent."""
     modes = sorted({each.mode for each in tuned})
@@ -100,15 +104,11 @@ def _progression(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
     columns = _measured(summary, tuned)
     if not columns:
         return []
-    with rc_context(STYLE):
-        lines = -(-len(columns) // ACROSS)
-        figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines + 0.4)
-        grid = figure.subplots(lines, ACROSS, squeeze=False).ravel()
-        for axes, column in zip(grid, columns, strict=False):
-            _panel(axes, summary, column, tuned, lambda each: float(each.iterations))
-            axes.set_xlabel("iterations of fine-tuning")
-        hide_empty(grid)
-        figure.legend(handles=_handles(summary, tuned), loc="outside lower center", ncols=3, frameon=False)
+    figure, grid = panels(len(columns), ACROSS, PANEL, below=0.4)
+    for axes, column in zip(grid, columns, strict=True):
+        _panel(axes, summary, column, tuned, lambda each: float(each.iterations))
+        axes.set_xlabel("iterations of fine-tuning")
+    figure.legend(handles=_handles(summary, tuned), loc="outside lower center", ncols=3, frameon=False)
     caption = (
         "Fine-tuning the surfels for a new light: metrics by iterations, means over"
         f" {mean_over(summary)}; dashed: without fine-tuning; bars: 95 % interval of the paired difference to that,"
@@ -138,23 +138,18 @@ def _panel(
         differences = [summary["cells"][each.row][column["key"]]["difference"] for each in mine]
         bars = [0.0 if each is None or each["high"] is None else each["high"] - each["mean"] for each in differences]
         axes.errorbar(
-            [x_of(each) for each in mine], [value(each.row) for each in mine], bars, color=colour_of(mode),
+            [x_of(each) for each in mine], [value(each.row) for each in mine], bars, color=mode.colour,
             marker="o", markersize=4, linewidth=1.0, elinewidth=0.6,
         )  # fmt: skip
     axes.axhline(value(reference_of(summary)), color="#000000", linestyle="--", linewidth=0.9, zorder=1)
-    axes.set_xscale("log")
-    plain_numbers(axes.xaxis)
-    if column["direction"] == "down":
-        axes.invert_yaxis()  # better is higher up
-    axes.set_title(metric_title(column))
-    add_grid(axes)
+    metric_over_numbers(axes, column)
 
 
 def _handles(summary: Summary, tuned: list[Tuned]) -> list[Line2D]:
     texts = {row["key"]: plain(row["text"]) for row in summary["rows"]}
     handles = [Line2D([], [], color="#000000", linestyle="--", linewidth=0.9, label=texts[reference_of(summary)])]
     handles += [
-        Line2D([], [], color=colour_of(mode), marker="o", markersize=4, linewidth=1.0, label=plain(mode.title))
+        Line2D([], [], color=mode.colour, marker="o", markersize=4, linewidth=1.0, label=plain(mode.title))
         for mode in by_mode(tuned)
     ]
     return handles
@@ -167,42 +162,41 @@ def _crossover(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
     if reference is None or not timed:
         return []
     quality = _measured(summary, timed)[:1]
-    with rc_context(STYLE):
-        figure = blank(WIDE, 2.7 + 0.17 * (1 + max(map(len, by_mode(timed).values()))))
-        axes, *others = figure.subplots(1, 1 + len(quality), squeeze=False).ravel()
-        _totals(axes, timed, times, reference)
-        for other, column in zip(others, quality, strict=True):
-            _panel(other, summary, column, timed, lambda each: times[each.row].prepare)
-            other.set_xlabel("seconds to prepare for a light")
-        modes = by_mode(timed)
-        versus = {each.row: times[each.row].versus(reference) for each in timed}
-        columns = [_handles(summary, []), *(_timed_handles(mode, mine, versus) for mode, mine in modes.items())]
-        figure.legend(handles=_in_columns(columns), loc="outside lower center", ncols=1 + len(modes), frameon=False)
+    figure = blank(WIDE, 2.7 + 0.17 * (1 + max(map(len, by_mode(timed).values()))))
+    axes, *others = figure.subplots(1, 1 + len(quality), squeeze=False).ravel()
+    _totals(axes, timed, times, reference)
+    for other, column in zip(others, quality, strict=True):
+        _panel(other, summary, column, timed, lambda each: times[each.row].prepare)
+        other.set_xlabel("seconds to prepare for a light")
+    modes = by_mode(timed)
+    versus = {each.row: times[each.row].versus(reference) for each in timed}
+    columns = [_handles(summary, []), *(_timed_handles(mode, mine, versus) for mode, mine in modes.items())]
+    figure.legend(handles=_in_columns(columns), loc="outside lower center", ncols=1 + len(modes), frameon=False)
+    known = _modes_and_content(summary, reference_of(summary))
+    assert known is not None  # else no row is fine-tuned
+    untuned = known[1]["variant"][known[0]["field"]]
     caption = (
         "When fine-tuning pays: total seconds for a number of frames under one light, preparation included (times per"
         f" light and per frame are means over {mean_over(summary)}, on {summary['machine']}). Points: where a"
-        f" fine-tuned row and {_untuned(summary)} (dashed) break even."
+        f" fine-tuned row and {known[0]['titles'].get(untuned, untuned)} (dashed) break even."
     )
     if quality:
         caption += " Right: quality by preparation time; dashed: without fine-tuning."
     return [Sketch("finetuning-crossover", caption, figure, on_page=True)]
 
 
-def _totals(axes: Axes, timed: list[Tuned], times: dict[str, Times], reference: Times) -> None:
+def _totals(axes: Axes, timed: list[Tuned], times: dict[str, RelightTimes], reference: RelightTimes) -> None:
     """Total seconds by frames, and the points where each row and the reference break even."""
     even = {each.row: times[each.row].break_even(reference) for each in timed}
     frames = np.geomspace(1, BEYOND * max([10.0, *(each for each in even.values() if each is not None)]), 200)
     axes.plot(frames, reference.after(frames), color="#000000", linestyle="--", linewidth=0.9)
     for mode, mine in by_mode(timed).items():
         for place, each in enumerate(mine):
-            colour, after, crossing = colour_of(mode), times[each.row].after, even[each.row]
+            colour, after, crossing = mode.colour, times[each.row].after, even[each.row]
             axes.plot(frames, after(frames), color=colour, alpha=_alpha(place, mine), linewidth=1)
             if crossing is not None:
                 axes.plot(crossing, after(np.array(crossing)), "o", color=colour, markersize=4)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    plain_numbers(axes.xaxis)
-    plain_numbers(axes.yaxis)
+    logarithmic(axes, "x", "y")
     axes.set_xlabel("frames under one light")
     axes.set_title("total seconds ↓")
     add_grid(axes)
@@ -216,8 +210,8 @@ def _alpha(place: int, mine: list[Tuned]) -> float:
 def _timed_handles(mode: Mode, mine: list[Tuned], versus: dict[str, str]) -> list[Line2D]:
     """A column of the legend: the mode, then for which frames each of its rows is ahead."""
     lines = [
-        Line2D([], [], color=colour_of(mode), alpha=_alpha(place, mine), linewidth=1,
-               label=f"{_iterations(each)}: {versus[each.row]}")
+        Line2D([], [], color=mode.colour, alpha=_alpha(place, mine), linewidth=1,
+               label=f"{each.text}: {versus[each.row]}")
         for place, each in enumerate(mine)
     ]  # fmt: skip
     return [Line2D([], [], linestyle="", label=plain(mode.title)), *lines]
@@ -228,10 +222,6 @@ def _in_columns(columns: list[list[Line2D]]) -> list[Line2D]:
     longest = max(map(len, columns))
     empty = Line2D([], [], linestyle="", label=" ")
     return [handle for column in columns for handle in (*column, *[empty] * (longest - len(column)))]
-
-
-def _iterations(tuned: Tuned) -> str:
-    return f"{tuned.iterations} iterations" if tuned.iterations > 1 else "1 iteration"
 
 
 def _pictures(summary: Summary, out: Path, tuned: list[Tuned]) -> list[Sketch]:
@@ -252,18 +242,16 @@ def _picture_grid(
     reference = reference_of(summary)
     beside = [(plain(row_texts(summary)[reference]), found[reference]), ("truth", views.truth["relit"])]
     across = max(map(len, modes.values()))
-    with rc_context(STYLE):
-        figure = blank(TILE * (across + len(beside)) + 0.4, (TILE + 0.2) * len(modes))
-        grid = figure.subplots(len(modes), across + len(beside), squeeze=False)
-        for line, (mode, mine) in zip(grid, modes.items(), strict=True):
-            for axes, each in zip(line, mine, strict=False):
-                show(axes, found[each.row])
-                axes.set_title(_iterations(each))
-            name_row(line[0], wrapped(plain(mode.title)))
-        for axes, (label, image) in zip(grid[0, across:], beside, strict=True):
-            show(axes, image)
-            axes.set_title(wrapped(label))
-        hide_empty(grid)
+    figure, grid = tiles(len(modes), 1, across + len(beside), 0.2)
+    for line, (mode, mine) in zip(grid[:, 0], modes.items(), strict=True):
+        for axes, each in zip(line, mine, strict=False):
+            show(axes, found[each.row])
+            axes.set_title(each.text)
+        line[0].set_ylabel(wrapped(plain(mode.title)))
+    for axes, (label, image) in zip(grid[0, 0, across:], beside, strict=True):
+        show(axes, image)
+        axes.set_title(wrapped(label))
+    hide_empty(grid)
     light = f" under {views.light}" if views.light else ""
     caption = f"{views.scene}, view {views.view}{light}, after more and more iterations of fine-tuning for that light."
     return Sketch(file_name(views.scene, "finetuning"), caption, figure)
@@ -275,8 +263,11 @@ def tunings(summary: Summary) -> list[Tuned]:
     Empty if the reference row is fine-tuned itself or its method offers no modes, or if no mode has two numbers of
     iterations.
     """
-    modes, base = _modes_and_content(summary, summary["reference"])
-    if modes is None or base is None or base["variant"].get(modes["field"]) in (None, *modes["by_steps"]):
+    known = None if summary["reference"] is None else _modes_and_content(summary, summary["reference"])
+    if known is None:
+        return []
+    modes, base = known
+    if base["variant"].get(modes["field"]) in (None, *modes["by_steps"]):
         return []
     found = []
     for row in summary["rows"]:
@@ -290,12 +281,12 @@ def tunings(summary: Summary) -> list[Tuned]:
     return sorted(kept, key=lambda each: (each.mode, each.iterations))
 
 
-def times_of(summary: Summary, row: str) -> Times | None:
+def times_of(summary: Summary, row: str) -> RelightTimes | None:
     """Mean times over the row's cells; None where they were not measured."""
     cells = summary["cells"][row]
     means = [cells[column]["mean"] for column in MILLISECONDS if column in cells]
     known = [1e-3 * each for each in means if each is not None]
-    return Times(*known) if len(known) == len(MILLISECONDS) else None
+    return RelightTimes(*known) if len(known) == len(MILLISECONDS) else None
 
 
 def _content(summary: Summary, row: str) -> dict[str, Any] | None:
@@ -306,20 +297,11 @@ def _content(summary: Summary, row: str) -> dict[str, Any] | None:
     return {**content, "variant": flat(content["variant"]), "budget": flat(content["budget"])}
 
 
-def _modes_and_content(summary: Summary, reference: str | None) -> tuple[ModesSummary | None, dict[str, Any] | None]:
-    """The relighting modes of the reference row's method, and what the row's cells are made of."""
-    content = None if reference is None else _content(summary, reference)
+def _modes_and_content(summary: Summary, row: str) -> tuple[ModesSummary, dict[str, Any]] | None:
+    """The relighting modes of a row's method, and what its cells are made of; None for a method without modes."""
+    content = _content(summary, row)
     modes = None if content is None else summary.get("relighting", {}).get(content.get("method", ""))
-    return modes, content
-
-
-def _untuned(summary: Summary) -> str:
-    """The title of the mode that the reference row renders."""
-    modes, content = _modes_and_content(summary, summary["reference"])
-    assert modes is not None  # only then a figure is drawn
-    assert content is not None
-    mode = content["variant"][modes["field"]]
-    return modes["titles"].get(mode, mode)
+    return None if content is None or modes is None else (modes, content)
 
 
 def _without_tuning(content: dict[str, Any], modes: ModesSummary) -> list[Any]:

@@ -2,23 +2,20 @@
 
 from collections.abc import Sequence
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..analysis.ladder import ALL_SCENES, Rung, is_own, ladder_rungs
-from ..statistics import Estimate
+from ..analysis.ladder import ALL_SCENES, ENDS, Rung, is_own, ladder_rungs
 from ..summary import Summary
 from ..wording import label_with_unit, signed
 from .axes import GRID
-from .canvas import COLOURS, STYLE, Sketch, blank, file_name, plain
+from .canvas import COLOURS, Sketch, file_name, panels, plain
 
 ACROSS = 4
 PANEL = (2.1, 2.0)
 LEGEND = 0.3
 """Height of the legend in inches."""
 
-ENDS = ("first in", "last out")
 THICKNESS = 0.38
 """Thickness of a bar, as a share of the distance between two parts."""
 
@@ -46,17 +43,11 @@ def ladder_figures(summary: Summary) -> list[Sketch]:
 
 
 def _sketch(name: str, title: str, rungs: Sequence[Rung], on_page: bool) -> Sketch:
-    across = min(ACROSS, len(rungs))
-    down = -(-len(rungs) // across)
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across + 0.6, PANEL[1] * down + LEGEND)
-        grid = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
-        for axes, rung in zip(grid, rungs, strict=False):
-            _panel(axes, rung)
-        for axes in grid[len(rungs) :]:
-            axes.set_visible(False)
-        handles = [Patch(color=colour, label=end) for end, colour in zip(ENDS, COLOURS, strict=False)]
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(ENDS), frameon=False)
+    figure, grid = panels(len(rungs), min(ACROSS, len(rungs)), PANEL, beside=0.6, below=LEGEND, sharey=True)
+    for axes, rung in zip(grid, rungs, strict=True):
+        _panel(axes, rung)
+    handles = [Patch(color=colour, label=end) for end, colour in zip(ENDS, COLOURS, strict=False)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(ENDS), frameon=False)
     caption = (
         f"{title}: what each part of the truth is worth when it alone is given (first in, compared with nothing given),"
         " and when it alone is left out (last out, compared with everything given). To the right is better, whatever"
@@ -67,9 +58,16 @@ def _sketch(name: str, title: str, rungs: Sequence[Rung], on_page: bool) -> Sket
 
 
 def _panel(axes: Axes, rung: Rung) -> None:
-    """Two bars for each part, from top to bottom; the axis shows whole all but bars of the part itself."""
+    """Two bars for each part, from top to bottom; the axis shows whole all but bars of the part itself.
+
+    Those are shown by a tenth at least, so that noise beside them does not look like an effect.
+    """
     decimals, parts = rung.column["decimals"], list(rung.parts)
-    reach = _reach(rung)
+    ends = [(part, end) for part, share in rung.parts.items() for end in share if end is not None]
+    values = [(part, each) for part, end in ends for each in (end.mean, end.low, end.high) if each is not None]
+    seen = [abs(value) * (OWN_SHARE if is_own(part, rung.column) else 1.0) for part, value in values]
+    reach = ROOM * max(seen, default=0.0) or 1.0
+    least = min([0.0, *(value for _, value in values)])
     for place, part in enumerate(parts):
         own = is_own(part, rung.column)
         for number, end in enumerate(rung.parts[part]):
@@ -85,33 +83,10 @@ def _panel(axes: Axes, rung: Rung) -> None:
                     0.97 * side * reach, height, signed(end.mean, decimals), fontsize=6, va="center",
                     ha="right" if side > 0 else "left",
                 )  # fmt: skip
-    axes.set_xlim(max(-reach, ROOM * _least(rung) - 0.08 * reach), reach)
+    axes.set_xlim(max(-reach, ROOM * least - 0.08 * reach), reach)
     axes.axvline(0, color="#888888", linewidth=0.8)
     axes.set_yticks(range(len(parts)), parts)
     axes.set_ylim(len(parts) - 0.5, -0.5)
     axes.set_title(plain(label_with_unit(rung.column)))
     axes.grid(axis="x", color=GRID, linewidth=0.5)
     axes.set_axisbelow(True)
-
-
-def _reach(rung: Rung) -> float:
-    """The end of the axis: beyond all bars and intervals but those of the part that the metric measures itself.
-
-    Those are shown by a tenth at least, so that noise beside them does not look like an effect.
-    """
-    seen = [
-        abs(value) * (OWN_SHARE if is_own(part, rung.column) else 1.0)
-        for part, share in rung.parts.items()
-        for end in share
-        for value in _values(end)
-    ]
-    return ROOM * max(seen, default=0.0) or 1.0
-
-
-def _least(rung: Rung) -> float:
-    """The largest loss that a part causes in the metric, as a negative value."""
-    return min([0.0, *(value for share in rung.parts.values() for end in share for value in _values(end))])
-
-
-def _values(end: Estimate | None) -> list[float]:
-    return [] if end is None else [value for value in (end.mean, end.low, end.high) if value is not None]

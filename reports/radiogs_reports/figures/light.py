@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import Summary
-from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, show_absence, wrapped
+from .canvas import Sketch, file_name, hide_empty, panels, plain, show, show_absence, tiles, wrapped
 from .views import SceneViews, scene_views
 
 WIDTH = 2.6
@@ -68,18 +67,12 @@ def _figure(views: SceneViews) -> Sketch:
         scale = factors(found["environment"], truth)
         times = ", ".join(f"{each:.2g}" for each in scale)
         tiles.append((f"{label}\nRGB times {times}", scale * found["environment"]))
-    across = min(len(tiles), ACROSS)
-    lines = -(-len(tiles) // across)
-    with rc_context(STYLE):
-        figure = blank(across * WIDTH, lines * (WIDTH / 2 + 0.45))
-        grid = figure.subplots(lines, across, squeeze=False).ravel()
-        for axes, (label, radiance) in zip(grid, tiles, strict=False):
-            show(axes, maps.display(tone_mapped(radiance, truth)))
-            axes.set_title(label)
-            for spine in axes.spines.values():  # a white sky has no visible edge
-                spine.set(visible=True, linewidth=0.5, edgecolor="#888888")
-        for axes in grid[len(tiles) :]:
-            axes.set_visible(False)
+    figure, grid = panels(len(tiles), min(len(tiles), ACROSS), (WIDTH, WIDTH / 2 + 0.45))
+    for axes, (label, radiance) in zip(grid, tiles, strict=True):
+        show(axes, maps.display(tone_mapped(radiance, truth)))
+        axes.set_title(label)
+        for spine in axes.spines.values():  # a white sky has no visible edge
+            spine.set(visible=True, linewidth=0.5, edgecolor="#888888")
     caption = (
         f"Recovered light of {views.scene}, latitude-longitude, Z up, centre column towards +X; all tone-mapped alike,"
         " by the truth's brightness. Each is multiplied by its best-fitting factor per channel, because albedo and"
@@ -130,17 +123,21 @@ def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
     truth = components(indirect_as_incident(views.truth) if truth_is_incident else views.truth)
     rows = [components(found) for _, found in views.rows]
     names = [name for name in COMPONENTS if all(name in parts for parts in rows)]
-    bands = views.bands()
-    true = len(truth) > 1
-    across = len(bands[0].rows) + true
-    with rc_context(STYLE):
-        figure = blank(TILE * across + 0.4, (TILE * len(names) + 0.4) * len(bands))
-        grid = figure.subplots(len(names) * len(bands), across, squeeze=False)
-        for start, band in zip(range(0, len(grid), len(names)), bands, strict=True):
-            columns = [("truth", truth)] if true else []
-            columns += [(label, components(found)) for label, found in band.rows]
-            _illumination_band(grid[start : start + len(names)], columns, names)
-        hide_empty(grid)
+    bands, true = views.bands(), len(truth) > 1
+    figure, grid = tiles(len(bands), len(names), len(bands[0].rows) + true, 0.4)
+    for axes, band in zip(grid, bands, strict=True):
+        columns = [("truth", truth)] if true else []
+        columns += [(label, components(found)) for label, found in band.rows]
+        for place, (label, parts) in enumerate(columns):
+            axes[0, place].set_title(wrapped(label))
+            for line, name in zip(axes[:, place], names, strict=True):
+                if name in parts:
+                    show(line, parts[name])
+                else:
+                    show_absence(line, parts["image"])
+        for line, name in zip(axes[:, 0], names, strict=True):
+            line.set_ylabel(LABELS.get(name) or maps.KINDS[name].label)
+    hide_empty(grid)
     caption = (
         f"Illumination of {views.scene}, view {views.view}. Direct: the image less its indirect part, in linear"
         " radiance; a lower bound where the image is clipped."
@@ -149,20 +146,6 @@ def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
         caption += " Incident: mean indirect radiance over each surfel's hemisphere"
         caption += ", and mean visible light." if "incident_direct" in names else "."
     return Sketch(file_name(views.scene, "illumination"), caption, figure)
-
-
-def _illumination_band(
-    grid: NDArray[np.object_], columns: list[tuple[str, dict[str, maps.Image]]], names: list[str]
-) -> None:
-    for place, (label, parts) in enumerate(columns):
-        grid[0, place].set_title(wrapped(label))
-        for line, name in zip(grid[:, place], names, strict=True):
-            if name in parts:
-                show(line, parts[name])
-            else:
-                show_absence(line, parts["image"])
-    for line, name in zip(grid[:, 0], names, strict=True):
-        name_row(line, LABELS.get(name) or maps.KINDS[name].label)
 
 
 RELIT, RELIT_INDIRECT = "relit", "relit_indirect"
@@ -191,17 +174,15 @@ def lights(views: SceneViews, kind: str) -> list[str]:
 def _relit(views: SceneViews, kind: str) -> Sketch:
     names = lights(views, kind)
     bands, shown = views.bands(), maps.KINDS[kind].shown
-    with rc_context(STYLE):
-        figure = blank(TILE * (len(bands[0].rows) + 1) + 0.4, (TILE * len(names) + 0.4) * len(bands))
-        grid = figure.subplots(len(names) * len(bands), len(bands[0].rows) + 1, squeeze=False)
-        for start, band in zip(range(0, len(grid), len(names)), bands, strict=True):
-            for column, (label, found) in enumerate([("truth", band.truth), *band.rows]):
-                grid[start, column].set_title(wrapped(label))
-                for line, light in enumerate(names, start):
-                    show(grid[line, column], shown(found[f"{kind}/{light}"]))
-            for line, light in enumerate(names, start):
-                name_row(grid[line, 0], plain(light))
-        hide_empty(grid)
+    figure, grid = tiles(len(bands), len(names), len(bands[0].rows) + 1, 0.4)
+    for axes, band in zip(grid, bands, strict=True):
+        for column, (label, found) in enumerate([("truth", band.truth), *band.rows]):
+            axes[0, column].set_title(wrapped(label))
+            for line, light in zip(axes[:, column], names, strict=True):
+                show(line, shown(found[f"{kind}/{light}"]))
+        for line, light in zip(axes[:, 0], names, strict=True):
+            line.set_ylabel(plain(light))
+    hide_empty(grid)
     caption = (
         f"{views.scene}, view {views.view}, {maps.KINDS[kind].label}: a line per light, none of them the light of the"
         " training views. Where the true albedo is known, albedo is aligned with it first, as for the values of the"

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import Summary
-from .canvas import DOTS_PER_INCH, STYLE, TILE, Sketch, blank, file_name, name_row, show, wrapped
+from .canvas import DOTS_PER_INCH, TILE, Sketch, blank, file_name, show, wrapped
 from .crops import Window, away_from_edges, crop_place, outline
 from .views import SceneViews, scene_views
 
@@ -29,7 +28,7 @@ OUTLIERS = 0.05
 
 
 @dataclass(frozen=True)
-class Line:
+class ComparedMap:
     """One map of the overview."""
 
     name: str
@@ -51,7 +50,7 @@ def overview_figures(summary: Summary, out: Path) -> list[Sketch]:
     ]
 
 
-def lines_of(views: SceneViews) -> list[Line]:
+def lines_of(views: SceneViews) -> list[ComparedMap]:
     """The maps that the truth and all rows have, of one size."""
     sides = [views.truth, *(found for _, found in views.rows)]
     names = [name for name in LABELS if all(name in side for side in sides)]
@@ -60,11 +59,11 @@ def lines_of(views: SceneViews) -> list[Line]:
         pictures = [np.clip(maps.KINDS[name].shown(side[name]), 0, 1) for side in sides]
         window = crop_place(pictures[1:], away_from_edges(views.truth, pictures[0]))
         errors = [np.abs(mine - pictures[0]).mean(-1, keepdims=True) for mine in pictures[1:]]
-        made.append(Line(name, pictures, window, errors))
+        made.append(ComparedMap(name, pictures, window, errors))
     return made
 
 
-def error_range(lines: list[Line]) -> float:
+def error_range(lines: list[ComparedMap]) -> float:
     """The end of the scale of all error maps; pixels without any error, as around an object, do not count."""
     errors = np.concatenate([error.ravel() for line in lines for error in line.errors])
     errors = errors[errors > 0]
@@ -72,21 +71,20 @@ def error_range(lines: list[Line]) -> float:
     return next(end for end in RANGES if end >= largest)
 
 
-def _figure(views: SceneViews, lines: list[Line]) -> Sketch:
+def _figure(views: SceneViews, lines: list[ComparedMap]) -> Sketch:
     labels = ["truth", *(label for label, _ in views.rows)]
     end = error_range(lines)
     tile = max(TILE, max(lines[0].pictures[0].shape[:2]) / DOTS_PER_INCH)
     columns = 3 * len(labels) - 1
-    with rc_context(STYLE):
-        figure = blank(tile * columns + 0.9, tile * len(lines) + 0.35)
-        grid = figure.subplots(len(lines), columns, squeeze=False)
-        for place, line in enumerate(lines):
-            _draw(grid[place], line, end)
-            name_row(grid[place, 0], LABELS[line.name])
-        titles = [*labels, *(f"crop: {label}" for label in labels), *(f"error: {label}" for label in labels[1:])]
-        for axes, title in zip(grid[0], titles, strict=True):
-            axes.set_title(wrapped(title))
-        figure.colorbar(ScalarMappable(Normalize(0, end), "inferno"), ax=list(grid.ravel()), aspect=40, pad=0.01)
+    figure = blank(tile * columns + 0.9, tile * len(lines) + 0.35)
+    grid = figure.subplots(len(lines), columns, squeeze=False)
+    for place, line in enumerate(lines):
+        _draw(grid[place], line, end)
+        grid[place, 0].set_ylabel(LABELS[line.name])
+    titles = [*labels, *(f"crop: {label}" for label in labels), *(f"error: {label}" for label in labels[1:])]
+    for axes, title in zip(grid[0], titles, strict=True):
+        axes.set_title(wrapped(title))
+    figure.colorbar(ScalarMappable(Normalize(0, end), "inferno"), ax=list(grid.ravel()), aspect=40, pad=0.01)
     light = f" under {views.light}" if views.light else ""
     caption = (
         f"{views.scene}, view {views.view}: new view, relit{light}, indirect light, albedo. In the middle the window in"
@@ -96,7 +94,7 @@ def _figure(views: SceneViews, lines: list[Line]) -> Sketch:
     return Sketch(file_name(views.scene, "overview"), caption, figure)
 
 
-def _draw(tiles: NDArray[np.object_], line: Line, end: float) -> None:
+def _draw(tiles: NDArray[np.object_], line: ComparedMap, end: float) -> None:
     """Whole pictures, the window in each, errors of all but the truth."""
     count = len(line.pictures)
     for whole, near, picture in zip(tiles[:count], tiles[count : 2 * count], line.pictures, strict=True):

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import Summary
-from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, show, wrapped
+from .canvas import Sketch, file_name, hide_empty, show, tiles, wrapped
 from .crops import Window, away_from_edges, crop_place, outline
 from .views import SceneViews, scene_views
 
@@ -35,12 +34,10 @@ def _figure(views: SceneViews, name: str) -> Sketch:
     bands = views.bands()
     lines = 2 if true is None else 3
     across = len(bands[0].rows) + (true is not None)
-    with rc_context(STYLE):
-        figure = blank(TILE * across + 0.4, (TILE * lines + 0.5) * len(bands))
-        grid = figure.subplots(lines * len(bands), across, squeeze=False)
-        for start, band in zip(range(0, len(grid), lines), bands, strict=True):
-            _band(grid[start : start + lines], band, name, place)
-        hide_empty(grid)
+    figure, grid = tiles(len(bands), lines, across, 0.5)
+    for axes, band in zip(grid, bands, strict=True):
+        _band(axes, band, name, place)
+    hide_empty(grid)
     light = f" under {views.light}" if name == "relit" and views.light else ""
     where = "The box is where the rows differ most" if len(mine) > 1 else "The box is where it varies most"
     where += ", edges of the shape left out" if "normal" in views.truth else ""
@@ -61,8 +58,8 @@ def _band(grid: NDArray[np.object_], views: SceneViews, name: str, place: Window
         grid[0, column].set_title(wrapped(label))
         outline(grid[0, column], place)
         show(grid[1, column], image[place])
-    name_row(grid[0, 0], maps.KINDS[name].label)
-    name_row(grid[1, 0], "crop")
+    grid[0, 0].set_ylabel(maps.KINDS[name].label)
+    grid[1, 0].set_ylabel("crop")
     if true is not None:
         _errors(grid[2], true, views, name)
 
@@ -75,4 +72,4 @@ def _errors(line: NDArray[np.object_], truth: maps.Image, views: SceneViews, nam
     largest = f"{maps.ANGLE_RANGE:g}°" if name == "normal" else f"{maps.ERROR_RANGE:g}"
     line[0].set_yticks([0, 63], [largest, "0"])
     line[0].tick_params(length=0)
-    name_row(line[0], "error")
+    line[0].set_ylabel("error")

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from .. import maps
 from ..summary import RunSummary, Summary
 from .axes import add_grid
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, Sketch, blank, plain
 
 EXPERIMENT = "stability"
 ACROSS = 4
@@ -51,21 +50,20 @@ def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
         return []
     rows = {row["key"]: plain(row["text"]) for row in summary["rows"]}
     across, bands = min(ACROSS, len(runs)), -(-len(runs) // ACROSS)
-    with rc_context(STYLE):
-        figure = blank(PANEL[0] * across, 2 * PANEL[1] * bands + 0.6)
-        grid = figure.subplots(2 * bands, across, squeeze=False, sharey=True)
-        for place, run in enumerate(runs):
-            band, column = divmod(place, ACROSS)
-            arrays = maps.read_maps(out / str(run["arrays"]))
-            for line, task in enumerate(TASKS):
-                panel(grid[2 * band + line, column], run, arrays, task)
-            grid[2 * band, column].set_title(rows[run["row"]])
-        for band in range(bands):
-            for line, task in enumerate(TASKS):
-                grid[2 * band + line, 0].set_ylabel(f"error, {task}")
-        for axes in grid.ravel():
-            axes.set_visible(axes.has_data())
-        figure.legend(handles=legend(), loc="outside lower center", ncols=7, frameon=False)
+    figure = blank(PANEL[0] * across, 2 * PANEL[1] * bands + 0.6)
+    grid = figure.subplots(2 * bands, across, squeeze=False, sharey=True)
+    for place, run in enumerate(runs):
+        band, column = divmod(place, ACROSS)
+        arrays = maps.read_maps(out / str(run["arrays"]))
+        for line, task in enumerate(TASKS):
+            panel(grid[2 * band + line, column], run, arrays, task)
+        grid[2 * band, column].set_title(rows[run["row"]])
+    for band in range(bands):
+        for line, task in enumerate(TASKS):
+            grid[2 * band + line, 0].set_ylabel(f"error, {task}")
+    for axes in grid.ravel():
+        axes.set_visible(axes.has_data())
+    figure.legend(handles=legend(), loc="outside lower center", ncols=7, frameon=False)
     caption = (
         "Float32 error of values and of gradients, against float64 on the same rounded inputs, relative to their"
         " largest entry (values: or to their unit, if that is larger). Conditions are harder to the right, the scale to"

@@ -4,30 +4,23 @@ It is made of a template, styles, scripts, the plotting library, data and pictur
 """
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from markupsafe import Markup
 
 from radiogs_core.own_files import fresh
 
 from .. import maps
-from ..analysis.audit import audit_report
-from ..analysis.beside import beside_report
-from ..analysis.chain import chain_report
-from ..analysis.cost import cost_report
-from ..analysis.crossed import crossed_report
-from ..analysis.ladder import ladder_report
+from ..analyses import reports_of
 from ..analysis.pareto import points
-from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
-from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..summary import Summary, protocol_title
 from ..tables.caption import origin, run_note
-from ..tables.longer_run import HEADING, longer_reports
 from ..tables.model import Table
+from ..tables.record import HEADING, record_reports
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
 from .pictures import BUDGET, FOLDER, KIND, Album, album, filter_tables, scale_bar
@@ -36,35 +29,17 @@ from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, means_table, paper_tables
 
 SCRIPTS = (
-    "shared",
-    "theme",
-    "sorting",
-    "means",
-    "scatter",
-    "views",
-    "sheets",
-    "zooming",
-    "browser",
-    "gallery",
-    "surfels",
-    "provenance",
-    "printing",
-    "selection",
+    *("shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", "surfels"),
+    *("provenance", "printing", "selection"),
 )
 """In the order in which they run: all may use the first, and the last one announces the selection to the others."""
 
 
-METRICS_OF = {"image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
-              "indirect": "indirect/psnr"}  # fmt: skip
+METRICS_OF = {
+    "image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
+    "indirect": "indirect/psnr",
+}  # fmt: skip
 """The metric whose value of a view stands below a map, by kind. Relit views are scored over all lights."""
-
-
-class Figure(NamedTuple):
-    """A figure of the page: its PNG as a data address, its caption, and whether it shows images."""
-
-    address: str
-    caption: str
-    images: bool
 
 
 STYLES = ("page", "tables", "comparison", "printing")
@@ -79,11 +54,10 @@ def write_page(
     ``pictures`` it has neither images nor surfels, and says so.
     """
     path = fresh(out / "report.html", out)
-    embedded = [Figure(data_address(drawn.png.read_bytes(), "png"), drawn.caption, drawn.images) for drawn in figures]
     runs = summary["runs"] if pictures else []
     made = album(runs, out, alone, BUDGET)
     note = run_note(summary) if pictures else f"{run_note(summary)} {WITHOUT_PICTURES}"
-    text = page(summary, made, embedded, packed_surfels(runs, out), note)
+    text = page(summary, made, figures, packed_surfels(runs, out), note)
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [path, *made.files.values()]
 
@@ -91,43 +65,15 @@ def write_page(
 WITHOUT_PICTURES = "Figures, images and surfels are left out: `radiogs-bench report` on this folder adds them."
 
 
-class Analysis(NamedTuple):
-    """A section of the page with the findings of an analysis."""
-
-    name: str
-    """Its anchor."""
-    link: str
-    """Its name in the navigation."""
-    heading: str
-    sentences: Sequence[str]
-    table: Table
-
-
-def _analyses(summary: Summary) -> Iterator[Analysis]:
-    """The analyses that the run allows."""
-    for name, link, heading, report in (
-        ("beside", "Other run", "This run beside another", beside_report(summary)),
-        ("settling", "Time to quality", "Time to quality", settling_report(summary)),
-        ("audit", "Audit", "What was left out, and what it cost", audit_report(summary)),
-        ("chain", "Steps", "What each step is worth", chain_report(summary)),
-        ("crossed", "Pairs", "What a setting is worth beside others", crossed_report(summary)),
-        ("ladder", "Ladder", "What each part is responsible for", ladder_report(summary)),
-        ("order", "Published order", "Measured and published order", order_report(summary)),
-    ):
-        if report is not None:
-            yield Analysis(name, link, heading, report.sentences, grid_table(report.grid))
-
-
 def page(
     summary: Summary,
     pictures: Album,
-    figures: Sequence[Figure] = (),
+    figures: Sequence[Drawn] = (),
     surfels: Mapping[str, Packed] | None = None,
     note: str = "",
 ) -> str:
     """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
     means = means_table(summary)
-    cost = cost_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
     return (
@@ -140,12 +86,10 @@ def page(
             downloads=downloads(summary),
             tables=[means, cells_table(summary)],
             paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
-            sentences=[] if cost is None else cost.sentences,
-            grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
-            analyses=list(_analyses(summary)),
-            records=[(each, grid_table(each.by_scene)) for each in longer_reports(summary)],
+            analyses=[(each, made.sentences, list(map(grid_table, made.grids))) for each, made in reports_of(summary)],
+            records=[(each, grid_table(each.by_scene)) for each in record_reports(summary)],
             record_heading=HEADING,
-            figures=figures,
+            figures=[(data_address(each.png.read_bytes(), "png"), each) for each in figures],
             note=note or run_note(summary),
             scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
             finished=sum(run["state"] == "finished" for run in summary["runs"]),
@@ -189,19 +133,16 @@ def data(summary: Summary, means: Table, pictures: Album) -> dict[str, Any]:
         },
         "kinds": summary.get("kinds", {}),
         "runs": [{**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}} for run in summary["runs"]],
-        "maps": {
-            name: {
-                "label": kind.label,
-                "unit": kind.error_to,
-                "range": kind.error_range,
-                "metric": METRICS_OF.get(name.partition("/")[0]),
-            }
-            for name in pictures.maps
-            for kind in [maps.kind_of(name)]
-        },
+        "maps": {name: _look(name) for name in pictures.maps},
         "files": {"folder": FOLDER, "kind": KIND},
         "conventions": summary["conventions"],
     }
+
+
+def _look(name: str) -> dict[str, Any]:
+    """The label of a map, the unit and range of its error, and its metric."""
+    kind, metric = maps.kind_of(name), METRICS_OF.get(name.partition("/")[0])
+    return {"label": kind.label, "unit": kind.error_to, "range": kind.error_range, "metric": metric}
 
 
 def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]:

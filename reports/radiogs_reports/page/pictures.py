@@ -61,17 +61,17 @@ def album(runs: Sequence[RunSummary], out: Path, alone: bool = False, budget: in
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
         return Album()
-    if not alone:
-        return bound(shown, out, Shelf(budget, out / FOLDER))
-    most, factor = max(len(run.get("views") or [None]) for run in shown), 1
-    whole = most
+    whole = max(len(run.get("views") or [None]) for run in shown)
+    most, factor = whole, 1
     while True:
+        shelf = Shelf(budget, None if alone else out / FOLDER)
         try:
-            return bound(shown, out, Shelf(budget, None), most, factor, reduced=most < whole)
+            cells = {run["key"]: sheets_of(run, out, shelf, most, factor) for run in shown}
+            return Album(cells, shelf.inside, shelf.files, factor, reduced=most < whole)
         except Full:
             if most > 1:
                 most //= 2
-            elif _smaller_side(shown[0], out) // (2 * factor) >= LEGIBLE:
+            elif min(next(pairs(shown[0], out)).mine.shape[:2]) // (2 * factor) >= LEGIBLE:
                 factor *= 2
             else:
                 shown = shown[: len(shown) // 2]
@@ -125,7 +125,7 @@ class Shelf:
 RENDER, TRUTH = "render", "truth"
 
 
-class Pair(NamedTuple):
+class ViewMap(NamedTuple):
     """A map of a view."""
 
     name: str
@@ -137,22 +137,8 @@ class Pair(NamedTuple):
     """The true map, as it is stored; None without one."""
 
 
-def bound(
-    runs: Sequence[RunSummary],
-    out: Path,
-    shelf: Shelf,
-    most: int | None = None,
-    factor: int = 1,
-    *,
-    reduced: bool = False,
-) -> Album:
-    """Pictures of these cells, of at most so many views each, with width and height divided by a factor."""
-    cells = {run["key"]: sheets_of(run, out, shelf, most, factor) for run in runs}
-    return Album(cells, shelf.inside, shelf.files, factor, reduced)
-
-
-def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int | None, factor: int) -> Sheets:
-    """The sheets of a cell."""
+def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int, factor: int) -> Sheets:
+    """The sheets of a cell, of at most so many views, with width and height divided by a factor."""
     wanted, made = chosen(run, most), {}
     for name, of_map in groupby(pairs(run, out), lambda pair: pair.name):
         binders = {side: Binder(shelf.keep) for side in ("mine", "truth", "error")}
@@ -163,16 +149,16 @@ def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int | None, factor
     return made
 
 
-def chosen(run: RunSummary, most: int | None) -> Callable[[int], bool]:
+def chosen(run: RunSummary, most: int) -> Callable[[int], bool]:
     """The views that are shown: all, or at most so many, evenly spread, among them the one that the result shows."""
     count = len(run.get("views") or [None])
-    if most is None or most >= count:
+    if most >= count:
         return lambda view: True
     views = {(shown_view(run) + place * count // most) % count for place in range(most)}
     return views.__contains__
 
 
-def add(binders: dict[str, Binder], pair: Pair, factor: int) -> None:
+def add(binders: dict[str, Binder], pair: ViewMap, factor: int) -> None:
     """Add the pictures of a map of a view; the error only where there is a truth, in grey: the page colours it."""
     kind = maps.kind_of(pair.name)
     binders["mine"].add(pair.view, reduced_by(factor, kind.shown(pair.mine)))
@@ -180,11 +166,6 @@ def add(binders: dict[str, Binder], pair: Pair, factor: int) -> None:
         binders["truth"].add(pair.view, reduced_by(factor, kind.shown(pair.theirs)))
         error = reduced_by(factor, maps.error(pair.name, pair.mine, pair.theirs))
         binders["error"].add(pair.view, error.repeat(3, -1), float(np.quantile(error, SHOWN_BY_AUTO)))
-
-
-def _smaller_side(run: RunSummary, out: Path) -> int:
-    """Width or height of a cell's first map, whichever is smaller."""
-    return min(next(pairs(run, out)).mine.shape[:2])
 
 
 def reduced_by(factor: int, image: maps.Image) -> maps.Image:
@@ -205,7 +186,7 @@ def filter_tables() -> list[str]:
     return [" ".join(f"{level / 255:.4g}" for level in channel) for channel in maps.levels(scale_bar())[0].T]
 
 
-def pairs(run: RunSummary, out: Path) -> Iterator[Pair]:
+def pairs(run: RunSummary, out: Path) -> Iterator[ViewMap]:
     """The maps of a cell, map by map and view by view, one at a time; relit ones are ``relit/<light>``.
 
     The view that the result shows is read from its float maps, all others from codes of 8 bits.
@@ -230,7 +211,7 @@ def pairs(run: RunSummary, out: Path) -> Iterator[Pair]:
         for name, view in _in_order(kept):
             mine = read(view, RENDER, name)
             assert mine is not None
-            yield Pair(name, view, mine, read(view, TRUTH, name))
+            yield ViewMap(name, view, mine, read(view, TRUTH, name))
 
 
 def shown_view(run: RunSummary) -> int:

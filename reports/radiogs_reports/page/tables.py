@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from ..analysis.grid import Grid
+from ..analysis.report import Grid
 from ..analysis.samples import cost_of
-from ..summary import ColumnSummary, PaperTable, RunSummary, Summary, row_texts
-from ..tables.model import Cell, Column, Row, Table, missing_cell
+from ..summary import PaperTable, Summary, row_texts
+from ..tables.model import Column, PrintedCell, PrintedRow, Table, missing_cell
 from ..tables.paper import apart_table, paper_table
 from ..tables.suite import TRAINING, metric_columns, suite_table, training_cell, value_cell
 
@@ -38,7 +38,8 @@ def grid_table(grid: Grid) -> Table:
         for place, text in enumerate(grid.heads)
     ]
     rows = [
-        Row(label.text, [Cell(item.text, item.value, item.reason) for item in items]) for label, *items in grid.rows
+        PrintedRow(label.text, [PrintedCell(item.text, item.value, item.reason) for item in items])
+        for label, *items in grid.rows
     ]
     return Table(f"grid-{grid.name}", grid.title, columns[1:], rows, grid.note, lead=grid.heads[0])
 
@@ -54,37 +55,18 @@ def cells_table(summary: Summary) -> Table:
         Column("surfels"),
         Column("state", numeric=False),
     ]
-    rows = [
-        Row(
-            texts[run["row"]],
-            [
-                Cell(run["scene"], run["scene"]),
-                Cell(str(run["seed"]), run["seed"]),
-                *(metric_cell(run, column) for column in summary["columns"]),
-                training_cell(cost_of(run, "seconds"), why_not(run, "nothing was trained")),
-                surfels_cell(run),
-                Cell(run["state"], run["state"]),
-            ],
-            opens=run["key"],
-        )
-        for run in summary["runs"]
-    ]
+    rows = []
+    for run in summary["runs"]:
+        surfels, state, finished = run["surfels"], run["state"], run["state"] == "finished"
+        absent = "the cell has no such value" if run["metrics"] else state
+        uncounted = missing_cell("the result holds no number of surfels" if finished else state)
+        cells = [
+            PrintedCell(run["scene"], run["scene"]),
+            PrintedCell(str(run["seed"]), run["seed"]),
+            *(value_cell(run["metrics"].get(column["key"]), column, absent) for column in summary["columns"]),
+            training_cell(cost_of(run, "seconds"), "nothing was trained" if finished else state),
+            uncounted if surfels is None else PrintedCell(str(surfels), surfels),
+            PrintedCell(state, state),
+        ]
+        rows.append(PrintedRow(texts[run["row"]], cells, opens=run["key"]))
     return Table("cells", "", columns, rows, "Every cell of the run")
-
-
-def metric_cell(run: RunSummary, column: ColumnSummary) -> Cell:
-    """A cell's own value of a metric."""
-    reason = "the cell has no such value" if run["metrics"] else run["state"]
-    return value_cell(run["metrics"].get(column["key"]), column, reason)
-
-
-def surfels_cell(run: RunSummary) -> Cell:
-    """Number of surfels of a cell's model."""
-    if run["surfels"] is None:
-        return missing_cell(why_not(run, "the result holds no number of surfels"))
-    return Cell(str(run["surfels"]), run["surfels"])
-
-
-def why_not(run: RunSummary, reason: str) -> str:
-    """Why a cell has no value: the reason if it is finished, otherwise its state."""
-    return reason if run["state"] == "finished" else run["state"]

@@ -2,6 +2,7 @@
 show."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ..analysis.comparisons import ERROR_RATE
 from ..summary import Interval
@@ -10,6 +11,13 @@ from .model import Column, Table
 
 COLOURS = "In colour: better, or worse, than {reference}, where that is resolved; values with a mark have no colour."
 WORDS = "Better, or worse, than {reference}, where that is resolved; values with a mark are left out."
+
+
+def with_legend(table: Table, scenes: Sequence[str]) -> Table:
+    """The table of these scenes with the sentences of its legend, for reports with and without colours."""
+    return replace(
+        table, legend=legend(table, scenes, coloured=True), legend_in_words=legend(table, scenes, coloured=False)
+    )
 
 
 def legend(table: Table, scenes: Sequence[str], coloured: bool) -> list[str]:

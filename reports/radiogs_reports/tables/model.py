@@ -82,7 +82,7 @@ def difference_of(interval: Interval | None, decimals: int, verdict: Verdict | N
 
 
 @dataclass(frozen=True)
-class Cell:
+class PrintedCell:
     """A value as it is printed, with everything that stands beside it."""
 
     text: str
@@ -97,9 +97,9 @@ class Cell:
     """Its rank among the rows, in words; empty for a row that was not compared."""
     difference: Difference | None = None
     """None in the reference row, and where nothing is compared."""
-    published: "Cell | None" = None
+    published: "PrintedCell | None" = None
     """The published value that stands beside it; None where the table prints none there."""
-    apart: "Cell | None" = None
+    apart: "PrintedCell | None" = None
     """The published value by other conventions, which is not to be compared with it."""
 
     @property
@@ -108,9 +108,9 @@ class Cell:
         return self.difference.verdict if self.difference else None
 
 
-def missing_cell(reason: str | None) -> Cell:
+def missing_cell(reason: str | None) -> PrintedCell:
     """A cell without a value."""
-    return Cell("n/a", None, reason or "not measured")
+    return PrintedCell("n/a", None, reason or "not measured")
 
 
 def rank_in_words(rank: int | None) -> str:
@@ -134,12 +134,12 @@ def stored_ranks(
 
 
 @dataclass(frozen=True)
-class Row:
+class PrintedRow:
     """A row's label and its cells, one for each column."""
 
     text: str
     """Its label in plain text."""
-    cells: Sequence[Cell]
+    cells: Sequence[PrintedCell]
     key: str = ""
     latex: str = ""
     """Its label in LaTeX; empty where that is ``text``, escaped."""
@@ -174,14 +174,14 @@ class Table:
     """Part of file names, labels and references."""
     title: str
     columns: Sequence[Column]
-    rows: Sequence[Row]
+    rows: Sequence[PrintedRow]
     caption: str = ""
     """The conditions of its values, in plain text."""
     lead: str = "row"
     """The heading of the labels."""
     source: str = ""
     """Where the table comes from, for a comment in its file."""
-    reference: Row | None = None
+    reference: PrintedRow | None = None
     """The row that differences are taken to."""
     published_data: str = ""
     """The data that published values are averaged over."""
@@ -205,7 +205,7 @@ class Table:
         return self.notes.index(text.rstrip("."))
 
     @property
-    def cells(self) -> list[Cell]:
+    def cells(self) -> list[PrintedCell]:
         """All cells, row by row."""
         return [cell for row in self.rows for cell in row.cells]
 

@@ -1,14 +1,14 @@
 """A table of the paper with its own rows and columns, measured beside published."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
-from ..analysis.findings import paper_sentences
+from ..analysis.findings import compared_paper, sentences_of
 from ..summary import PaperColumn, PaperTable, Summary, protocol_title
 from ..wording import mean_over, number
 from .doubts import shown_verdict
-from .legend import legend
-from .model import Cell, Column, Row, Table, difference_of, missing_cell, rank_in_words
+from .legend import with_legend
+from .model import Column, PrintedCell, PrintedRow, Table, difference_of, missing_cell, rank_in_words
 
 SIDE_BY_SIDE = ("views",)
 """Keys of tables with a line per setting and the methods side by side; their rows are stored as method-setting."""
@@ -27,13 +27,9 @@ def paper_table(stored: PaperTable, summary: Summary) -> Table:
         reference=next((row for row in rows if row.key == stored["reference"]), None),
         published_data=stored["data"],
         apart_title=_apart_title(stored, summary),
-        findings=paper_sentences(stored, summary),
+        findings=sentences_of(compared_paper(stored, summary)),
     )
-    made = replace(
-        made,
-        legend=legend(made, summary["scenes"], coloured=True),
-        legend_in_words=legend(made, summary["scenes"], coloured=False),
-    )
+    made = with_legend(made, summary["scenes"])
     printed = _side_by_side(made) if stored["key"] in SIDE_BY_SIDE else made
     return replace(printed, notes=list(dict.fromkeys(each.rstrip(".") for each in _reasons(printed))))
 
@@ -41,10 +37,10 @@ def paper_table(stored: PaperTable, summary: Summary) -> Table:
 def apart_table(table: Table) -> Table:
     """The published values by other conventions, as a table of their own; without columns if there are none."""
     places = [place for place, column in enumerate(table.columns) if column.published_by]
-    rows = [
-        Row(row.text, [each for place in places if (each := row.cells[place].apart) is not None], remark=row.remark)
-        for row in table.rows
-    ]
+    rows = []
+    for row in table.rows:
+        cells = [each for place in places if (each := row.cells[place].apart) is not None]
+        rows.append(PrintedRow(row.text, cells, remark=row.remark))
     return Table(table.name, table.apart_title, [table.columns[place] for place in places], rows, notes=table.notes)
 
 
@@ -62,20 +58,20 @@ def _column(column: PaperColumn) -> Column:
     )
 
 
-def _row(table: PaperTable, row: dict[str, str], summary: Summary) -> Row:
+def _row(table: PaperTable, row: dict[str, str], summary: Summary) -> PrintedRow:
     cells = [_cell(table, row["key"], column, summary) for column in table["columns"]]
-    return Row(row["text"], cells, row["key"], ran=row.get("ran", ""), remark=row["remark"])
+    return PrintedRow(row["text"], cells, row["key"], ran=row.get("ran", ""), remark=row["remark"])
 
 
-def _cell(table: PaperTable, row: str, column: PaperColumn, summary: Summary) -> Cell:
+def _cell(table: PaperTable, row: str, column: PaperColumn, summary: Summary) -> PrintedCell:
     """The measured value with the paper's decimals, and the published value as printed."""
     stored, decimals = table["cells"][row][column["key"]], column["decimals"]
     mean, text, difference = stored["mean"], stored["published"], stored["difference"]
     absent = stored["absent"] or "not published"
-    published = missing_cell(absent) if text is None else Cell(text, float(text))
+    published = missing_cell(absent) if text is None else PrintedCell(text, float(text))
     is_beside = "published_by" not in column
     return replace(
-        missing_cell(stored["reason"]) if mean is None else Cell(number(mean, decimals), mean),
+        missing_cell(stored["reason"]) if mean is None else PrintedCell(number(mean, decimals), mean),
         rank=rank_in_words(stored.get("rank")),
         difference=difference_of(difference, decimals, shown_verdict(summary, row, column["key"], difference)),
         published=published if is_beside else None,
@@ -101,28 +97,18 @@ def _side_by_side(table: Table) -> Table:
         lines = [by_key[f"{method}-{setting}"] for method in methods]
         ran = next((row.ran for row in table.rows if row.ran and row.key.rpartition("-")[2] == setting), "")
         cells = [line.cells[place] for place in range(len(table.columns)) for line in lines]
-        rows.append(Row(text, cells, setting, ran=ran))
+        rows.append(PrintedRow(text, cells, setting, ran=ran))
     return replace(table, columns=columns, rows=rows)
 
 
 def _reasons(table: Table) -> Iterator[str]:
     """Why values are missing, and remarks on rows: line by line, and then those of the published values apart."""
     for row in table.rows:
-        for cell in row.cells:
-            yield from _reason(cell, cell.published)
-        yield from _remark(row, row.has_published)
+        yield from (each.reason for cell in row.cells for each in (cell, cell.published) if each and each.value is None)
+        yield from [row.remark] if row.has_published and row.remark else []
     for row in table.rows:
-        for cell in row.cells:
-            yield from _reason(cell.apart)
-        yield from _remark(row, bool(table.apart_title))
-
-
-def _reason(*cells: Cell | None) -> Iterator[str]:
-    yield from (cell.reason for cell in cells if cell is not None and cell.value is None)
-
-
-def _remark(row: Row, shown: bool) -> Sequence[str]:
-    return [row.remark] if shown and row.remark else []
+        yield from (cell.apart.reason for cell in row.cells if cell.apart and cell.apart.value is None)
+        yield from [row.remark] if table.apart_title and row.remark else []
 
 
 def _apart_title(table: PaperTable, summary: Summary) -> str:

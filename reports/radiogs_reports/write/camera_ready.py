@@ -5,7 +5,7 @@ from itertools import groupby
 
 from ..summary import Summary, protocol_title
 from ..tables.caption import preset_and_recipe, unfinished
-from ..tables.model import Cell, Column, Table, stored_ranks
+from ..tables.model import Column, PrintedCell, Table, stored_ranks
 from ..tables.suite import suite_table
 from ..wording import mean_over
 from .latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, as_formula, escape
@@ -67,7 +67,7 @@ def _column(summary: Summary, table: Table, place: int) -> list[str]:
     return [_value(cell, best, ranks.get(row.key, 1)) for row, cell in zip(table.rows, cells, strict=True)]
 
 
-def _best(column: Column, cells: Sequence[Cell]) -> str:
+def _best(column: Column, cells: Sequence[PrintedCell]) -> str:
     """The best mean as it is printed; empty without any, and for counts."""
     values = [(cell.value, cell.text) for cell in cells if isinstance(cell.value, int | float)]
     if column.direction == "none" or not values:
@@ -75,7 +75,7 @@ def _best(column: Column, cells: Sequence[Cell]) -> str:
     return max(values)[1] if column.direction == "up" else min(values)[1]
 
 
-def _value(cell: Cell, best: str, rank: int) -> str:
+def _value(cell: PrintedCell, best: str, rank: int) -> str:
     if cell.value is None:
         return MISSING
     style = r"\textbf" if cell.text == best else r"\textit" if rank > 1 else ""

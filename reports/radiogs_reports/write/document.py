@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ..summary import Summary
-from .latex import END, PREAMBLE, as_formula, escape
+from .latex import END, PREAMBLE, escape
 
 TOGETHER = 20
 """Most figures that LaTeX places at once: it holds back every figure that has no page yet, and stops at too many."""
@@ -25,14 +25,3 @@ def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[t
         )
         parts += ["\\clearpage\n"] * (place % TOGETHER == 0)
     return "".join([*parts, END])
-
-
-def itemized(summary: Summary, title: str, sentences: Sequence[str]) -> list[str]:
-    """A section with its sentences as a list, to be input into a document with ``PREAMBLE``."""
-    return [
-        f"% {as_formula(summary['title'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
-        rf"\section*{{{escape(title)}}}",
-        r"\begin{itemize}",
-        *(rf"\item {as_formula(sentence)}" for sentence in sentences),
-        r"\end{itemize}",
-    ]

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 
 from ..analysis.findings import Sentence
 from ..summary import Verdict
-from ..tables.model import Row
 from ..wording import SYMBOL
 from .mathematics import GREEK, is_mathematics
 
@@ -98,11 +97,6 @@ def as_formula(text: str) -> str:
         raised = "" if upper is None else rf"^\mathrm{{{upper}}}"
         made += rf"${base}_\mathrm{{{lower}}}{raised}$" + escape(rest)
     return made
-
-
-def row_label(row: Row) -> str:
-    """A row's label in LaTeX (``label_of``)."""
-    return label_of(row.latex, row.text)
 
 
 def label_of(latex: str, text: str) -> str:

@@ -63,16 +63,16 @@ def layout(entries: Iterable[Entry]) -> str:
     return rf"S[table-format={sign}{whole}.{decimals}]@{{\,}}l"
 
 
-class Line(NamedTuple):
+class TabularLine(NamedTuple):
     """A line of a table."""
 
     label: str
     """LaTeX in front of the numbers, with the separators of its cells."""
     entries: Sequence[Entry]
 
-    def cut(self, part: slice) -> "Line":
+    def cut(self, part: slice) -> "TabularLine":
         """The line of some of the columns."""
-        return Line(self.label, self.entries[part])
+        return TabularLine(self.label, self.entries[part])
 
     def text(self) -> str:
         """The line of a tabular."""
@@ -82,7 +82,7 @@ class Line(NamedTuple):
 class Group(NamedTuple):
     """Lines that belong together, the first of which is always there; a group with a title stands below a rule."""
 
-    lines: Sequence[Line]
+    lines: Sequence[TabularLine]
     title: str = ""
 
     def cut(self, part: slice) -> "Group":

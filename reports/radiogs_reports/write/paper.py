@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from ..summary import PaperTable, Summary
-from ..tables.model import Cell, Column, Row, Table
+from ..tables.model import Column, PrintedCell, PrintedRow, Table
 from ..tables.paper import apart_table
-from ..wording import mean_over
+from .csv_text import csv_of, value_fields
 from .latex import ARROWS, as_formula, colour_of, escape, found_below, note_mark, text_below
 from .markdown import listed, table_head, table_line
-from .numbers import Entry, Group, Line, difference_entry, environment, over
-from .records import csv_of, difference_fields
+from .numbers import Entry, Group, TabularLine, difference_entry, environment, over
 
 
 def paper_latex(table: Table) -> str:
@@ -29,32 +28,37 @@ def paper_latex(table: Table) -> str:
 
 
 def _heads(columns: Sequence[Column]) -> list[str]:
-    """Headings that columns share, rules below them, and each column's own heading."""
-    groups = [(group, len(list(shared))) for group, shared in groupby(columns, key=lambda each: each.group)]
+    """Headings that columns share, rules below them, and each column's own heading; a number takes two columns."""
+    shared, rules, start = [], [], 3  # after the columns of the row's name and of "measured"
+    for group, neighbours in groupby(columns, key=lambda each: each.group):
+        width = 2 * len(list(neighbours))
+        shared.append(rf"\multicolumn{{{width}}}{{c}}{{{escape(group)}}}")
+        rules.append(rf"\cmidrule(lr){{{start}-{start + width - 1}}}")
+        start += width
     return [
-        " & & " + " & ".join(_spanning(group, count) for group, count in groups) + r" \\",
-        " ".join(_rule(start, end) for start, end in _spans([count for _, count in groups])),
-        "Method & & " + " & ".join(over(_heading(column)) for column in columns) + r" \\",
+        rf" & & {' & '.join(shared)} \\",
+        " ".join(rules),
+        rf"Method & & {' & '.join(over(_heading(column)) for column in columns)} \\",
     ]
 
 
-def _row_lines(table: Table, row: Row) -> list[Line]:
+def _row_lines(table: Table, row: PrintedRow) -> list[TabularLine]:
     """Lines of measured values, of differences if there are any, and of published values if there are any."""
     measured = [Entry(_text(table, cell), colour_of(cell.verdict)) for cell in row.cells]
     differences = [difference_entry(cell.difference) for cell in row.cells]
-    lines = [Line(f"{as_formula(row.measured_label)} & measured", measured)]
+    lines = [TabularLine(f"{as_formula(row.measured_label)} & measured", measured)]
     if any(differences):
-        lines.append(Line(r" & \scriptsize difference", differences))
+        lines.append(TabularLine(r" & \scriptsize difference", differences))
     if row.has_published:
         published = [_published(table, cell.published) for cell in row.cells]
-        lines.append(Line(_paper_label(table, row.published_label, row.remark), published))
+        lines.append(TabularLine(_paper_label(table, row.published_label, row.remark), published))
     return lines
 
 
-def _apart(table: Table) -> list[Line]:
+def _apart(table: Table) -> list[TabularLine]:
     """Lines of published values by other conventions."""
     return [
-        Line(_paper_label(table, row.text, row.remark), [_published(table, cell.apart) for cell in row.cells])
+        TabularLine(_paper_label(table, row.text, row.remark), [_published(table, cell.apart) for cell in row.cells])
         for row in table.rows
     ]
 
@@ -64,11 +68,11 @@ def _paper_label(table: Table, label: str, remark: str) -> str:
     return rf"{as_formula(label)} & \textcolor{{darkgray}}{{paper}}{mark}"
 
 
-def _published(table: Table, cell: Cell | None) -> Entry:
+def _published(table: Table, cell: PrintedCell | None) -> Entry:
     return Entry() if cell is None else Entry(_text(table, cell), r"\color{darkgray}")
 
 
-def _text(table: Table, cell: Cell) -> str:
+def _text(table: Table, cell: PrintedCell) -> str:
     return cell.text if cell.value is not None else f"{cell.text}{note_mark(table.note(cell.reason))}"
 
 
@@ -76,23 +80,6 @@ def _heading(column: Column) -> str:
     unit = f" ({column.unit})" if column.unit not in ("", "dB", "deg") else ""
     arrow = f" {ARROWS[column.direction]}" if column.direction != "none" else ""
     return f"{as_formula(column.name + unit if column.name else column.unit)}{arrow}"
-
-
-def _spanning(group: str, count: int) -> str:
-    return rf"\multicolumn{{{2 * count}}}{{c}}{{{escape(group)}}}"
-
-
-def _spans(counts: Sequence[int]) -> list[tuple[int, int]]:
-    """First and last column of the tabular, two for a number, that each group spans, counted from 1."""
-    spans, start = [], 3  # after the columns of the row's name and of "measured"
-    for count in counts:
-        spans.append((start, start + 2 * count - 1))
-        start += 2 * count
-    return spans
-
-
-def _rule(start: int, end: int) -> str:
-    return rf"\cmidrule(lr){{{start}-{end}}}"
 
 
 def paper_markdown(table: Table) -> str:
@@ -124,7 +111,7 @@ def _markdown_apart(table: Table) -> list[str]:
     return lines
 
 
-def _measured(table: Table, cell: Cell) -> str:
+def _measured(table: Table, cell: PrintedCell) -> str:
     """The mean, and the paired difference with its interval and verdict."""
     difference = cell.difference
     if cell.value is None or difference is None:
@@ -133,14 +120,14 @@ def _measured(table: Table, cell: Cell) -> str:
     return f"{cell.text} ({difference.plus_minus}{verdict})"
 
 
-def _marked(table: Table, cell: Cell | None) -> str:
+def _marked(table: Table, cell: PrintedCell | None) -> str:
     """A value, or n/a with the number of its note; empty where the table has no value."""
     if cell is None:
         return ""
     return cell.text if cell.value is not None else f"{cell.text} [{table.note(cell.reason) + 1}]"
 
 
-def _remark(table: Table, row: Row) -> str:
+def _remark(table: Table, row: PrintedRow) -> str:
     return f" [{table.note(row.remark) + 1}]" if row.remark else ""
 
 
@@ -151,21 +138,12 @@ def paper_csv(table: PaperTable, summary: Summary) -> str:
     for row in table["rows"]:
         for column in table["columns"]:
             value = table["cells"][row["key"]][column["key"]]
+            fields = value_fields(summary, column, value, value["published"])
             records.append(
                 {
                     "table": table["key"],
                     "row": row["key"],
-                    "column": column["key"],
-                    "unit": column["unit"],
-                    "direction": column["direction"],
-                    "mean": value["mean"],
-                    "count": value["count"],
-                    "mean_over": mean_over(summary),
-                    **difference_fields(value["difference"]),
-                    "rank": value.get("rank"),
-                    "smallest_resolved": column.get("smallest"),
-                    "published": value["published"],
-                    "published_by": column.get("published_by"),
+                    **fields,
                     "ran": row.get("ran") or None,
                     "not_measured": value["reason"],
                     "not_published": value["absent"],

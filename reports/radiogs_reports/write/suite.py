@@ -2,12 +2,11 @@
 
 from ..summary import Summary
 from ..tables.doubts import texts_of
-from ..tables.model import Cell, Row, Table
-from ..wording import mean_over
-from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, note_mark, row_label, text_below
+from ..tables.model import PrintedCell, PrintedRow, Table
+from .csv_text import csv_of, value_fields
+from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, label_of, note_mark, text_below
 from .markdown import listed, table_head, table_line
-from .numbers import Entry, Group, Line, difference_entry, environment, over
-from .records import csv_of, difference_fields
+from .numbers import Entry, Group, TabularLine, difference_entry, environment, over
 
 
 def suite_document(table: Table) -> str:
@@ -37,26 +36,26 @@ def _heads(table: Table, part: slice) -> list[str]:
     return [rf"{' & '.join([label, *map(over, texts[part])])} \\" for label, texts in lines]
 
 
-def _group(table: Table, row: Row) -> Group:
+def _group(table: Table, row: PrintedRow) -> Group:
     """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
-    means = Line(row_label(row), [_mean(table, cell) for cell in row.cells])
-    differences = Line("", [difference_entry(cell.difference) for cell in row.cells])
+    means = TabularLine(label_of(row.latex, row.text), [_mean(table, cell) for cell in row.cells])
+    differences = TabularLine("", [difference_entry(cell.difference) for cell in row.cells])
     return Group([line for line in (means, differences) if any(line.entries)])
 
 
-def _mean(table: Table, cell: Cell) -> Entry:
+def _mean(table: Table, cell: PrintedCell) -> Entry:
     number = cell.text if cell.value is not None else f"{cell.text}{note_mark(table.note(cell.reason))}"
     beside = "" if cell.published is None else rf"\textcolor{{gray}}{{({cell.published.text})}}"
     return Entry(number, colour_of(cell.verdict), f"{escape(cell.marks)}{beside}")
 
 
 def _caption(table: Table) -> str:
-    differences = (
-        f" Below each value: paired difference to {row_label(table.reference)} and the half-width of its 95\\,\\% $t$"
-        " interval."
-        if table.reference
-        else ""
-    )
+    differences = ""
+    if table.reference is not None:
+        reference = label_of(table.reference.latex, table.reference.text)
+        differences = (
+            f" Below each value: paired difference to {reference} and the half-width of its 95\\,\\% $t$ interval."
+        )
     published = f" In grey: published ({escape(table.published_data)})." if table.published_columns else ""
     return f"{escape(table.caption)}{differences}{published}"
 
@@ -95,7 +94,7 @@ def _brackets(table: Table) -> str:
     return f"In brackets: paired difference to '{table.reference.text}', with its 95 % t interval. "
 
 
-def _measured(cell: Cell) -> str:
+def _measured(cell: PrintedCell) -> str:
     """The mean with the marks of its footnotes, and the paired difference with its interval and verdict."""
     if cell.value is None:
         return f"{cell.text} ({cell.reason})"
@@ -114,22 +113,8 @@ def suite_csv(summary: Summary) -> str:
     for row in summary["rows"]:
         for column in summary["columns"]:
             cell = summary["cells"][row["key"]][column["key"]]
-            records.append(
-                {
-                    "row": row["key"],
-                    "column": column["key"],
-                    "unit": column["unit"],
-                    "direction": column["direction"],
-                    "mean": cell["mean"],
-                    "count": cell["count"],
-                    "mean_over": mean_over(summary),
-                    **difference_fields(cell["difference"]),
-                    "rank": cell.get("rank"),
-                    "smallest_resolved": column.get("smallest"),
-                    "published": summary["published"].get(row["key"], {}).get(column["key"]),
-                    "published_by": column.get("published_by"),
-                    "reason": cell["reason"],
-                    "doubt": texts_of(summary, row["key"], column["key"]) or None,
-                }
-            )
+            published = summary["published"].get(row["key"], {}).get(column["key"])
+            doubt = texts_of(summary, row["key"], column["key"]) or None
+            fields = value_fields(summary, column, cell, published)
+            records.append({"row": row["key"], **fields, "reason": cell["reason"], "doubt": doubt})
     return csv_of(records)

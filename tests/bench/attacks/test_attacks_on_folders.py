@@ -27,8 +27,8 @@ from radiogs_bench.store.seal import Broken, sealed
 from radiogs_bench.store.shapes import mismatch
 from radiogs_bench.store.tensor_file import packed, read_tensors
 from radiogs_core.surfels.ply import write_ply
+from radiogs_reports.made_files import BEGUN, begin_record, recorded
 from radiogs_reports.maps import MOST_BYTES, read_maps
-from radiogs_reports.record import BEGUN, begin_record, recorded
 from scenes import surfels_facing
 
 

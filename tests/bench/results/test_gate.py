@@ -1,58 +1,22 @@
 """The gate lets an unchanged run through, every time, and gains; it stops losses and changes of what is computed."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import finished_sweep
+from bench.gate_files import put, sealed_by_hand
 from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import BAND, baseline_of
 from radiogs_bench.results.gate import compare
-from radiogs_bench.runs.plan import RunPlan
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
-from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
 
-REQUEST = asked(3)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _fake_in_the_place_of_radiogs() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(substitutes, FAKE.name, FAKE)
-        yield
-
-
-def run(folder: Path, request: RunPlan = REQUEST) -> Path:
-    sweep = FakeSweep(folder)
-    cells = request.cells
-    write_sweep(sweep.store, request.manifest())
-    sweep.run([cell for _, cell in cells])
-    return folder
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run(tmp_path_factory.mktemp("run"))
-
-
-@pytest.fixture
-def baseline(finished: Path, tmp_path: Path) -> Path:
-    file = tmp_path / "baseline.json"
-    assert main(["gate", str(finished), "--baseline", str(file), "--update"]) == 0
-    return file
-
-
-def altered(baseline: Path, change: Callable[[dict[str, Any]], None]) -> str:
-    content = json.loads(baseline.read_text())
-    change(content["cells"]["fake ours seed 1"])
-    baseline.write_bytes(strict_json(sealed(content)))
-    return str(baseline)
+SEED_1 = ("cells", "fake ours seed 1")
 
 
 @pytest.mark.parametrize("repetitions", [2, pytest.param(20, marks=pytest.mark.slow)])
@@ -60,7 +24,7 @@ def test_an_unchanged_tree_passes_every_time(
     repetitions: int, baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for repetition in range(repetitions):
-        again = run(tmp_path / f"again{repetition}")
+        again = finished_sweep(tmp_path / f"again{repetition}", seeds=3)
         assert main(["gate", str(again), "--baseline", str(baseline)]) == 0
     assert "regression" not in capsys.readouterr().out
 
@@ -77,23 +41,20 @@ def test_bands_are_the_spread_over_seeds(finished: Path) -> None:
 def test_one_more_step_is_a_change_that_may_be_accepted(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = altered(baseline, lambda cell: cell["work"]["invert"].update(steps=cell["work"]["invert"]["steps"] - 1))
-    assert main(["gate", str(finished), "--baseline", file]) == 1
+    sealed_by_hand(baseline, put(5, *SEED_1, "work", "invert", "steps"))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
     assert "changed: fake ours: stage invert: more work, steps: 17 -> 18 (+5.88 %)" in capsys.readouterr().out
-    assert main(["gate", str(finished), "--baseline", file, "--accept-changes"]) == 0
+    assert main(["gate", str(finished), "--baseline", str(baseline), "--accept-changes"]) == 0
 
 
 def test_on_another_machine_counters_warn_and_figures_still_stop(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    content = json.loads(baseline.read_text())
-    content["machine"]["cpu"] = "another"
-    content["cells"]["fake ours seed 1"]["work"]["invert"]["steps"] += 1
-    baseline.write_bytes(strict_json(sealed(content)))
+    sealed_by_hand(baseline, put("another", "machine", "cpu"))
+    sealed_by_hand(baseline, put(7, *SEED_1, "work", "invert", "steps"))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "warning: fake ours: stage invert: less work, steps" in capsys.readouterr().out
-    content["cells"]["fake ours seed 1"]["metrics"]["nvs/psnr"] += 1000
-    baseline.write_bytes(strict_json(sealed(content)))
+    sealed_by_hand(baseline, put(1000.0, *SEED_1, "metrics", "nvs/psnr"))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
 
 
@@ -113,13 +74,12 @@ def test_without_a_rerun_a_loss_beyond_the_band_over_seeds_is_a_regression_and_a
 
 
 def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
-    finished: Path, baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    content = json.loads(baseline.read_text())
-    content["cells"]["fake ours seed 0"]["metrics"]["albedo/psnr"] = 30.0
-    content["bands"]["fake ours"]["albedo/psnr"] = 1.0
-    content["cells"]["fake ours seed 9"] = content["cells"]["fake ours seed 0"]
-    baseline.write_bytes(strict_json(sealed(content)))
+    sealed_by_hand(baseline, put(1.0, "bands", "fake ours", "albedo/psnr"))
+    sealed_by_hand(baseline, put(30.0, *SEED_1, "metrics", "albedo/psnr"))
+    cells = json.loads(baseline.read_text())["cells"]
+    sealed_by_hand(baseline, put(cells["fake ours seed 1"], "cells", "fake ours seed 9"))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
     said = capsys.readouterr().out
     assert "albedo/psnr: 30 -> n/a" in said
@@ -148,8 +108,8 @@ def test_time_to_quality_is_a_remark_and_never_stops(
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "remark: fake ours seed 1: near their final values: nvs/psnr after 5.0 s\n" in capsys.readouterr().out
     assert baseline_of(Store(finished), read_sweep(finished))["cells"]["fake ours seed 1"]["settled"] == {"nvs/psnr": 5}
-    file = altered(baseline, lambda cell: cell.update(settled={"nvs/psnr": 4.0}))
-    assert main(["gate", str(finished), "--baseline", file]) == 0
+    sealed_by_hand(baseline, put({"nvs/psnr": 4.0}, *SEED_1, "settled"))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "nvs/psnr after 5.0 s (4.0 before)" in capsys.readouterr().out
 
 
@@ -177,12 +137,10 @@ def test_runs_of_another_kind_are_not_compared(finished: Path, baseline: Path) -
 
 
 def test_a_baseline_is_refused_while_cells_are_missing(tmp_path: Path) -> None:
-    sweep = FakeSweep(tmp_path)
-    cells = REQUEST.cells
-    write_sweep(sweep.store, REQUEST.manifest())
-    sweep.run([cell for _, cell in cells[:-1]])
+    run = finished_sweep(tmp_path, seeds=3)
+    sorted((run / "cells").glob("*.json"))[0].unlink()
     with pytest.raises(DataError, match="1 of 15 cells are not finished"):
-        baseline_of(sweep.store, read_sweep(tmp_path))
+        baseline_of(Store(run), read_sweep(run))
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"schema": "radiogs-bench/baseline/0"}'])

@@ -1,66 +1,27 @@
 """The gate compares with nothing that would let a regression pass: not with holes, NaN, other scenes, other hands."""
 
 import json
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, finished_sweep
+from bench.fake_method import finished_sweep
+from bench.gate_files import put, sealed_by_hand, without
 from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.results.gate import compare
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
-from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
 
 OURS = "fake ours seed 0"
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _fake_in_the_place_of_radiogs() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(substitutes, FAKE.name, FAKE)
-        yield
-
-
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(fake: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of one seed."""
     return finished_sweep(tmp_path_factory.mktemp("run"))
-
-
-@pytest.fixture
-def baseline(finished: Path, tmp_path: Path) -> Path:
-    file = tmp_path / "baseline.json"
-    assert main(["gate", str(finished), "--baseline", str(file), "--update"]) == 0
-    return file
-
-
-def sealed_by_hand(baseline: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    content = json.loads(baseline.read_text())
-    change(content)
-    baseline.write_bytes(strict_json(sealed(content)))
-
-
-def without(*keys: str) -> Callable[[dict[str, Any]], None]:
-    def change(content: dict[str, Any]) -> None:
-        for key in keys[:-1]:
-            content = content[key]
-        del content[keys[-1]]
-
-    return change
-
-
-def put(value: Any, *keys: str) -> Callable[[dict[str, Any]], None]:
-    def change(content: dict[str, Any]) -> None:
-        for key in keys[:-1]:
-            content = content[key]
-        content[keys[-1]] = value
-
-    return change
 
 
 HOLES = {
@@ -117,16 +78,13 @@ def test_a_value_that_is_no_number_does_not_pass(place: str, value: str, finishe
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 3
 
 
-@pytest.mark.parametrize(
-    "change",
-    [put(float("nan"), "cells", OURS, "metrics", "nvs/psnr"), put(float("nan"), "bands", "fake ours", "nvs/psnr")],
-)
+@pytest.mark.parametrize("keys", [("cells", OURS, "metrics"), ("bands", "fake ours")])
 def test_nan_is_refused_too_where_nothing_read_the_baseline(
-    change: Callable[[dict[str, Any]], None], finished: Path, baseline: Path
+    keys: tuple[str, ...], finished: Path, baseline: Path
 ) -> None:
     """Audit M8: a baseline that is handed over from Python."""
     content = json.loads(baseline.read_text())
-    change(content)
+    put(float("nan"), *keys, "nvs/psnr")(content)
     with pytest.raises(DataError, match="no value or no band of nvs/psnr"):
         compare(Store(finished), read_sweep(finished), content)
 

@@ -1,36 +1,21 @@
 """The gate refuses results of other sources than the installed ones, and cells whose values were changed by hand."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bench.fake_method import FAKE, finished_sweep
+from bench.gate_files import put, sealed_by_hand
 from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import cell as cell_module
-from radiogs_bench.store.seal import sealed, strict_json
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _fake_in_the_place_of_radiogs() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(substitutes, FAKE.name, FAKE)
-        yield
 
 
 @pytest.fixture
-def finished(tmp_path: Path) -> Path:
+def finished(fake: None, tmp_path: Path) -> Path:
+    """A run of one seed, of one test alone."""
     return finished_sweep(tmp_path / "run")
-
-
-@pytest.fixture
-def baseline(finished: Path, tmp_path: Path) -> str:
-    file = str(tmp_path / "baseline.json")
-    assert main(["gate", str(finished), "--baseline", file, "--update"]) == 0
-    return file
 
 
 CHANGES: dict[str, tuple[str, Any]] = {
@@ -58,54 +43,53 @@ CHANGES: dict[str, tuple[str, Any]] = {
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_cell_that_was_changed_and_sealed_again_is_an_error_and_no_traceback(
-    change: str, finished: Path, baseline: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    change: str, finished: Path, baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = sorted((finished / "cells").glob("*.json"))[0]
     part, value = CHANGES[change]
-    cell.write_bytes(strict_json(sealed({**json.loads(cell.read_text()), part: value})))
+    sealed_by_hand(cell, put(value, part))
     for further in ([], ["--update"]):
-        assert main(["gate", str(finished), "--baseline", baseline, *further]) == 3
+        assert main(["gate", str(finished), "--baseline", str(baseline), *further]) == 3
         said = capsys.readouterr().err
         assert f"{cell.name} is not as it was stored: " in said
         assert part in said
     assert cell.exists()
 
 
-def test_a_run_without_cells_is_an_error(finished: Path, baseline: str, capsys: pytest.CaptureFixture[str]) -> None:
-    manifest = finished / "sweep.json"
-    manifest.write_bytes(strict_json(sealed({**json.loads(manifest.read_text()), "cells": []})))
+def test_a_run_without_cells_is_an_error(finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sealed_by_hand(finished / "sweep.json", put([], "cells"))
     for further in ([], ["--update"]):
-        assert main(["gate", str(finished), "--baseline", baseline, *further]) == 3
+        assert main(["gate", str(finished), "--baseline", str(baseline), *further]) == 3
         assert "the run has no cells" in capsys.readouterr().err
 
 
 def test_results_of_other_sources_than_the_installed_ones_are_refused(
-    finished: Path, baseline: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    finished: Path, baseline: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Audit A3: after the method was edited, and before it was run again, the gate passed."""
     monkeypatch.setattr(FAKE, "sources", (*FAKE.sources, "radiogs_core.guards"))
     for further in ([], ["--update"]):
-        assert main(["gate", str(finished), "--baseline", baseline, *further]) == 3
+        assert main(["gate", str(finished), "--baseline", str(baseline), *further]) == 3
         said = capsys.readouterr().err
         assert "5 of 5 results were made by other sources than the installed ones (the method: " in said
         assert "Run the same command again" in said
 
 
 def test_a_machine_with_other_weights_of_lpips_has_the_same_sources(
-    finished: Path, baseline: str, monkeypatch: pytest.MonkeyPatch
+    finished: Path, baseline: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     there = bool(cell_module.missing_weights("alex"))
     monkeypatch.setattr(cell_module, "missing_weights", lambda net: "" if there else "none")
-    assert main(["gate", str(finished), "--baseline", baseline]) == 0
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
 
 
 def test_results_of_a_method_that_is_not_installed_are_compared_with_a_warning(
-    finished: Path, baseline: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    finished: Path, baseline: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for cell in (finished / "cells").glob("*.json"):
         assert json.loads(cell.read_text())["cell"]["method"] == FAKE.name
     monkeypatch.setattr("radiogs_bench.installed_methods.substitutes", {})
     monkeypatch.setattr("radiogs_bench.methods.offered_methods", lambda: {})
     monkeypatch.setattr("radiogs_bench.methods.substitutes", {})
-    assert main(["gate", str(finished), "--baseline", baseline]) == 0
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "warning: the run: not compared with the installed sources, because " in capsys.readouterr().out

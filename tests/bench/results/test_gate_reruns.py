@@ -1,15 +1,14 @@
 """Baselines with a rerun: what one is, how a loss over seeds is judged by it, and what the gate could find."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import finished_sweep
+from bench.gate_files import baseline_of_run
 from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.results.baseline import gain
 from radiogs_bench.results.gate import Change, compare, power_lines
 from radiogs_bench.results.paired import ERROR_RATE, Paired
@@ -22,26 +21,15 @@ OURS = "fake ours"
 LOSS = -0.15
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _fake_in_the_place_of_radiogs() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(substitutes, FAKE.name, FAKE)
-        yield
-
-
 def run(folder: Path, threads: int, seeds: int = 3) -> Path:
-    """A run of the fake that says that it had so many threads."""
-    sweep, request = FakeSweep(folder), asked(seeds)
-    cells = request.cells
-    write_sweep(sweep.store, request.manifest())
+    """A run of the fake that claims to have had so many threads."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(provenance, "workers", lambda device: threads)
-        sweep.run([cell for _, cell in cells])
-    return folder
+        return finished_sweep(folder, seeds)
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def runs(fake: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A run, and a rerun of it."""
     return run(tmp_path_factory.mktemp("run"), 1), run(tmp_path_factory.mktemp("rerun"), 2)
 
@@ -49,9 +37,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.fixture
 def baseline(runs: tuple[Path, Path], tmp_path: Path) -> dict[str, Any]:
     """A baseline with a rerun that differs by 0.1 dB in each metric."""
-    file, (own, again) = tmp_path / "baseline.json", runs
-    assert main(["gate", str(own), "--baseline", str(file), "--update", "--rerun", str(again)]) == 0
-    content = json.loads(file.read_text())
+    content = json.loads(baseline_of_run(runs[0], tmp_path, "--rerun", str(runs[1])).read_text())
     for metrics in content["noise"]["metrics"].values():
         assert metrics["nvs/psnr"] == [0.0, 0.0, 0.0]  # the fake does not round
         metrics["nvs/psnr"] = [0.1, -0.1, 0.1]
@@ -138,9 +124,7 @@ def test_the_power_is_said_by_metric_in_its_unit(baseline: dict[str, Any]) -> No
 def test_the_power_without_a_rerun_is_the_band_and_a_warning(
     runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = str(tmp_path / "baseline.json")
-    assert main(["gate", str(runs[0]), "--baseline", file, "--update"]) == 0
-    assert main(["gate", "--baseline", file, "--power"]) == 0
+    assert main(["gate", "--baseline", str(baseline_of_run(runs[0], tmp_path)), "--power"]) == 0
     said = capsys.readouterr().out
     assert "warning: the baseline has no rerun" in said
     assert f"{OURS}: nvs/psnr: a loss of more than" in said

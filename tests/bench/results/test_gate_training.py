@@ -2,15 +2,12 @@
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import FAKE, finished_sweep
-from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
+from bench.gate_files import baseline_of_run
 from radiogs_bench.results.gate import Change, compare
 from radiogs_bench.results.gate_training import COUNTED, ELSEWHERE, REPEATED
 from radiogs_bench.results.training_steps import largest_difference, log_ratios, work_ratios
@@ -21,23 +18,9 @@ OURS, LOSS = "fake ours", "invert/loss/distance"
 STAGE = "stage invert: "
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _fake_in_the_place_of_radiogs() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(substitutes, FAKE.name, FAKE)
-        yield
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return finished_sweep(tmp_path_factory.mktemp("run"), seeds=3)
-
-
 @pytest.fixture(scope="module")
 def content(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    file = tmp_path_factory.mktemp("baseline") / "baseline.json"
-    assert main(["gate", str(finished), "--baseline", str(file), "--update"]) == 0
-    return json.loads(file.read_text())  # type: ignore[no-any-return]
+    return json.loads(baseline_of_run(finished, tmp_path_factory.mktemp("baseline")).read_text())  # type: ignore[no-any-return]
 
 
 def elsewhere(content: dict[str, Any], noise: dict[str, dict[str, list[float]]]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pytest
 import radiogs_bench as rb
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.results.longer_run import recorded
+from radiogs_bench.results.records import recorded
 from radiogs_bench.results.summary import summarise
 from radiogs_bench.runs.sweep import CellRef, read_sweep
 from radiogs_bench.store.folder import Store

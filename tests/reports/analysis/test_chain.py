@@ -1,17 +1,13 @@
 """Chains of rows: which runs are one, what a step is worth, and what is drawn."""
 
-import copy
-import io
 from itertools import pairwise
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from made_up_run import run, summary
-from radiogs_reports.analysis.chain import chain_of, chain_report
+from made_up_run import cell, in_every_form, run, summary
+from radiogs_reports.analysis.chain import chain_of, chain_report, worth_of
 from radiogs_reports.figures.chain import chain_figures
-from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 
 STEPS = ("printed", "start", "light", "rays")
@@ -37,9 +33,7 @@ def made_up() -> Summary:
             each["seconds"] = {"initialise": 4.0, "invert": 10.0 + STEPS.index(row), "evaluate": 77.0}
             each["made_from"] = {"method": "radiogs", "variant": variant, "budget": {"steps": 3}}
             made["runs"].append(each)
-    made["cells"] = {
-        row: {"nvs/psnr": {"mean": 30.0, "count": 3, "difference": None, "reason": None}} for row in STEPS
-    }  # fmt: skip
+    made["cells"] = {row: {"nvs/psnr": cell(30.0)} for row in STEPS}
     return made
 
 
@@ -47,7 +41,7 @@ def test_a_step_is_the_paired_difference_to_the_row_before_and_all_add_up() -> N
     made = made_up()
     report = chain_report(made)
     assert report is not None
-    psnr, seconds = report.worth
+    psnr, seconds = worth_of(made, [*STEPS])
     by_row = {
         row: np.array([each["metrics"]["nvs/psnr"] for each in made["runs"] if each["row"] == row]) for row in STEPS
     }
@@ -67,9 +61,7 @@ def test_a_step_is_the_paired_difference_to_the_row_before_and_all_add_up() -> N
 
 
 def resolved_in(made: Summary) -> set[str]:
-    report = chain_report(made)
-    assert report is not None
-    return set(report.worth[0].resolved)
+    return set(worth_of(made, [*STEPS])[0].resolved)
 
 
 def test_a_step_is_resolved_by_holms_correction_and_where_no_footnote_concerns_it() -> None:
@@ -91,7 +83,7 @@ def test_a_step_is_resolved_by_holms_correction_and_where_no_footnote_concerns_i
 
 def test_the_table_and_the_figure_hold_every_step() -> None:
     made = made_up()
-    records = pd.read_csv(io.StringIO(texts(made)["tables/chain.csv"]))
+    records = in_every_form(made, "chain")
     steps = records[records["metric"] == "nvs/psnr"].set_index("row")
     assert list(steps["after"]) == list(STEPS[:-1])
     (sketch,) = chain_figures(made)
@@ -116,8 +108,7 @@ def test_rows_that_change_a_field_twice_or_a_budget_are_no_chain() -> None:
         if each["row"] == "rays":
             each["made_from"]["variant"] = {**each["made_from"]["variant"], "light": "constant"}
     assert chain_of(twice) is None
-    longer = copy.deepcopy(made_up())
-    longer["runs"][-1]["made_from"]["budget"] = {"steps": 6}
+    longer = made_up()
     for each in longer["runs"]:
         if each["row"] == "rays":
             each["made_from"]["budget"] = {"steps": 6}

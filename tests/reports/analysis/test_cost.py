@@ -1,7 +1,6 @@
 """The cost report: its sentences and tables against values computed from the runs by other means."""
 
 import copy
-import io
 import re
 from typing import Any
 
@@ -10,18 +9,20 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from made_up_run import run, summary
-from radiogs_reports.analysis.cost import CostReport, cost_report
-from radiogs_reports.analysis.cost_progress import Point, seconds_to, to_equal_quality, value_at
-from radiogs_reports.analysis.grid import Item
+from made_up_run import cell, in_every_form, run, summary, t_interval
+from radiogs_reports.analysis.cost import cost_report
+from radiogs_reports.analysis.cost_knobs import knobs
+from radiogs_reports.analysis.cost_progress import equal_quality, seconds_to, value_at
 from radiogs_reports.analysis.pareto import points
+from radiogs_reports.analysis.report import Item, Report
 from radiogs_reports.analysis.samples import values_of
+from radiogs_reports.analysis.settling import ScoredPoint
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.cost import knob_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import signed
-from radiogs_reports.write.analyses import cost_csv, cost_latex, cost_markdown
+from radiogs_reports.write.analyses import findings_latex
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
 ROWS: dict[str, dict[str, int]] = {
@@ -52,16 +53,15 @@ def made_up(seeds: tuple[int, ...] = SEEDS) -> Summary:
                 made["runs"].append(each)
     made["seeds"] = list(seeds)
     made["cells"] = {
-        row: {
-            column["key"]: {
-                "mean": float(np.mean(list(values_of(made, row, column["key"]).values()))),
-                "count": len(seeds), "difference": None, "reason": None,
-            }
-            for column in made["columns"]
-        }
+        row: {key: cell(float(np.mean(list(values_of(made, row, key).values())))) for key in ("nvs/psnr", "normal/mae")}
         for row in ROWS
-    }  # fmt: skip
+    }
     return made
+
+
+def half_width(values: Any) -> float:
+    low, high = t_interval(values)
+    return (high - low) / 2
 
 
 def frame(made: Summary) -> pd.DataFrame:
@@ -76,15 +76,10 @@ def frame(made: Summary) -> pd.DataFrame:
     ).set_index(["row", "seed"])  # fmt: skip
 
 
-def report_of(made: Summary) -> CostReport:
+def report_of(made: Summary) -> Report:
     report = cost_report(made)
     assert report is not None
     return report
-
-
-def spread(values: Any) -> float:
-    low, high = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=stats.sem(values))
-    return float(high - low) / 2
 
 
 @pytest.mark.parametrize(
@@ -101,7 +96,7 @@ def test_each_sentence_agrees_with_the_runs(low: str, high: str, begins: str) ->
     table = frame(made)
     change, before, after = table.loc[high] - table.loc[low], table.loc[low], table.loc[high]
     numbers = [float(each) for each in re.findall(r"[-+]?\d+\.\d+", sentence.removeprefix(begins))]
-    expected = [change.psnr.mean(), spread(change.psnr), change.mae.mean(), spread(change.mae)]
+    expected = [change.psnr.mean(), half_width(change.psnr), change.mae.mean(), half_width(change.mae)]
     expected += [stats.gmean(after.seconds / before.seconds), stats.gmean(after.rays / before.rays)]
     assert numbers == pytest.approx(expected, abs=0.00501)
     assert "NVS PSNR" in sentence
@@ -116,7 +111,7 @@ def test_a_doubling_is_the_slope_of_a_line_through_each_seed() -> None:
     slopes = [np.polyfit([4, 5, 6], table.xs(seed, level="seed").psnr, 1)[0] for seed in SEEDS]
     times = [np.polyfit([4, 5, 6], np.log2(table.xs(seed, level="seed").seconds), 1)[0] for seed in SEEDS]
     numbers = [float(each) for each in re.findall(r"[-+]?\d+\.\d+", sentence)]
-    assert numbers[:2] == pytest.approx([np.mean(slopes), spread(slopes)], abs=0.00501)
+    assert numbers[:2] == pytest.approx([np.mean(slopes), half_width(slopes)], abs=0.00501)
     assert numbers[-1] == pytest.approx(2 ** np.mean(times), abs=0.00501)
 
 
@@ -133,9 +128,10 @@ def test_the_gain_of_the_second_half_is_that_of_the_trails() -> None:
     assert f"for {100 * 1.0 / 6.0:.0f} % of the training time" in sentence
 
 
-def test_efficiency_is_one_over_error_times_seconds() -> None:
+def test_every_form_has_the_values_and_efficiency_is_one_over_error_times_seconds() -> None:
     made = made_up()
-    stored = pd.read_csv(io.StringIO(cost_csv(made, report_of(made)))).set_index(["what", "row"])
+    made["rows"][0]["text"] = "100 % & more_"
+    stored = in_every_form(made, "cost").set_index(["what", "row"])
     table = frame(made)
     for row in ROWS:
         mine, base = table.loc[row], table.loc["reference"]
@@ -146,7 +142,7 @@ def test_efficiency_is_one_over_error_times_seconds() -> None:
 
 def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
     column = made_up()["columns"][0]
-    curve = [Point(2.0, 20.0), Point(3.0, 24.0), Point(5.0, 25.0)]
+    curve = [ScoredPoint(2.0, 20.0), ScoredPoint(3.0, 24.0), ScoredPoint(5.0, 25.0)]
     seconds = np.linspace(2, 5, 13)
     expected = np.interp(seconds, [2, 3, 5], [20, 24, 25])
     assert [value_at(curve, each) for each in seconds] == pytest.approx(expected)
@@ -154,7 +150,7 @@ def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
     assert value_at(curve, 1.9) is None
     assert value_at(curve, 99.0) == 25.0
     assert seconds_to(curve, 25.1, column) is None
-    assert seconds_to([Point(1, 9.0), Point(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
+    assert seconds_to([ScoredPoint(1, 9.0), ScoredPoint(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
 
 
 def test_every_scene_has_its_own_targets_and_the_reference_reaches_them() -> None:
@@ -170,13 +166,13 @@ def test_every_scene_has_its_own_targets_and_the_reference_reaches_them() -> Non
     for each in made["runs"]:
         for point in each["trail"]["invert"]:
             point["metrics"]["nvs/psnr"] -= 0.6 if each["row"] == "draft" else 0.0
-    found = [each for each in to_equal_quality(made) if each.column["key"] == "nvs/psnr"]
+    found = [line for line in equal_quality(made).rows if line[0].text == "NVS PSNR"]
     # 26, 27, 28, 29 dB after 1, 2, 4, 8 quarters of a second; stage 1 takes 4 s.
     for each, share in zip(found, (0.5, 0.75, 0.9, 1.0), strict=True):
-        assert each.target == pytest.approx(31 + 3 * share)
+        assert each[2].value == pytest.approx(31 + 3 * share)
         quarters = np.interp(3 * share, [0, 1, 2, 3], [1, 2, 4, 8])
-        assert each.reference == pytest.approx(4 + 0.25 * quarters * (1 + 3) / 2)
-    assert [each.reached for each in found] == [5, 5, 4, 4]  # 26 - 0.6 + 3 dB are 80 % of the way
+        assert each[5].value == pytest.approx(4 + 0.25 * quarters * (1 + 3) / 2)
+    assert [each[6].value for each in found] == [5, 5, 4, 4]  # 26 - 0.6 + 3 dB are 80 % of the way
 
 
 def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
@@ -204,7 +200,7 @@ def test_the_pareto_front_of_the_tables_holds_the_rows_that_are_better_than_chea
 @pytest.mark.parametrize("part", ["variant", "settings"])
 def test_rows_that_differ_in_two_knobs_or_in_something_else_belong_to_none(part: str) -> None:
     made = made_up()
-    assert {setting.row for knob in report_of(made).knobs for setting in knob.settings} == set(ROWS) - {"draft"}
+    assert {setting.row for knob in knobs(made) for setting in knob.settings} == set(ROWS) - {"draft"}
     for each in made["runs"]:
         if each["row"] != "reference":
             each["made_from"][part] = {"detach": each["row"]}
@@ -221,21 +217,9 @@ def test_fields_that_belong_together_are_one_knob_where_one_factor_multiplies_bo
         more = {"inverse_iterations": 400} if each["row"] == "iterations-half" else {}  # with all three: no knob
         budget |= {"relight_hemisphere_samples": 32, "relight_light_samples": 16} if more else {}
         each["made_from"]["budget"] = BUDGET | budget | more
-    (knob,) = report_of(made).knobs
+    (knob,) = knobs(made)
     assert knob.text == "rays of a relit surfel, of each kind"
     assert knob.settings == ((32, "ns-half"), (64, "reference"), (128, "ns-double"))
-
-
-def test_every_form_of_the_report_has_every_sentence() -> None:
-    made = made_up()
-    made["rows"][0]["text"] = "100 % & more_"
-    report, written = report_of(made), texts(made)
-    assert written["tables/cost.md"] == cost_markdown(made, report)
-    for sentence in report.sentences:
-        assert f"- {sentence}" in written["tables/cost.md"]
-    assert written["tables/cost.tex"].count(r"\item") == len(report.sentences)
-    assert r"100 \% \& more\_" in written["tables/cost.tex"]
-    assert r"\input{tables/cost.tex}" in written["report.tex"]
 
 
 def test_a_long_grid_goes_on_over_the_page_and_loses_no_row() -> None:
@@ -243,7 +227,7 @@ def test_a_long_grid_goes_on_over_the_page_and_loses_no_row() -> None:
     report = report_of(made)
     (fronts,) = [grid for grid in report.grids if grid.name == "fronts"]
     long = fronts._replace(rows=[[Item(f"line {place}", place), *fronts.rows[0][1:]] for place in range(70)])
-    written = cost_latex(made, report._replace(grids=[long]))
+    written = findings_latex(made, "The cost", report._replace(grids=[long]))
     tables = written.split(r"\begin{table}")[1:]
     assert [re.findall(r"line (\d+) ", table) for table in tables] == [
         [str(place) for place in places] for places in (range(32), range(32, 64), range(64, 70))
@@ -277,7 +261,7 @@ def test_rows_that_share_a_training_are_one_line_and_others_are_not() -> None:
 
 def test_bias_and_variance_are_shares_of_the_error() -> None:
     made = made_up()
-    assert "Bias and variance" not in cost_markdown(made, report_of(made))
+    assert "Bias and variance" not in [grid.title for grid in report_of(made).grids]
     made["error_parts"] = {"reference": {"relit": {"error": 1e-3, "variance": 2.5e-4, "scenes": 2}}}
     report = report_of(made)
     (grid,) = [each for each in report.grids if each.name == "error-parts"]

@@ -1,15 +1,12 @@
 """Pairs of rows that differ in one setting: which are found, what they are worth, and where that is written."""
 
 import copy
-import io
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from made_up_run import run, summary
+from made_up_run import cell, in_every_form, run, summary, t_interval
 from radiogs_reports.analysis.crossed import crossed_of, crossed_report
-from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 
 SCENES = ("one", "two", "three")
@@ -34,7 +31,7 @@ def made_up() -> Summary:
             each = run(row, scene, 0, f"{row}{scene}", {"nvs/psnr": WORTH[row] + 0.2 * noise})
             each["made_from"] = {"method": "radiogs", "variant": variant, "budget": {"steps": 3}}
             made["runs"].append(each)
-    made["cells"] = {row: {"nvs/psnr": {"mean": 30.0, "count": 3, "difference": None, "reason": None}} for row in ROWS}
+    made["cells"] = {row: {"nvs/psnr": cell(30.0)} for row in ROWS}
     return made
 
 
@@ -54,9 +51,11 @@ def test_a_pairs_difference_is_the_paired_one_and_only_what_is_certain_is_resolv
         row: np.array([each["metrics"]["nvs/psnr"] for each in made["runs"] if each["row"] == row]) for row in ROWS
     }
     for one, other in (("held", "held-without"), ("learnt", "learnt-without")):
-        found = report.differences[one, other, "nvs/psnr"]
-        assert found.mean == pytest.approx(float((values[one] - values[other]).mean()))
-        assert found.units == 3
+        (found,) = [each for each in report.records if (each["row"], each["instead_of"]) == (one, other)]
+        assert found["difference"] == pytest.approx(float((values[one] - values[other]).mean()))
+        assert (found["difference_low"], found["difference_high"]) == pytest.approx(
+            t_interval(values[one] - values[other])
+        )
     (sentence,) = [each for each in report.sentences if each.startswith("weight = 0.2 instead of 0.0")]
     assert sentence.endswith("in 2 pairs of rows, resolved in 1.")
     made["doubts"] = [{"column": "nvs/psnr", "rows": ["learnt"], "text": "not determined"}]
@@ -65,14 +64,11 @@ def test_a_pairs_difference_is_the_paired_one_and_only_what_is_certain_is_resolv
     assert sum("resolved in 0" in each for each in report.sentences if each.startswith("weight")) == 1
 
 
-def test_the_tables_hold_every_pair() -> None:
-    made = made_up()
-    written = texts(made)
-    records = pd.read_csv(io.StringIO(written["tables/crossed.csv"]))
+def test_every_form_holds_every_pair() -> None:
+    records = in_every_form(made_up(), "crossed")
     assert set(zip(records["row"], records["instead_of"], strict=True)) == {
         ("held", "held-without"), ("learnt", "learnt-without"), ("held", "learnt"), ("held-without", "learnt-without"),
     }  # fmt: skip
-    assert "| weight = 0.2 instead of 0.0 | row learnt |" in written["tables/crossed.md"]
 
 
 def test_rows_of_other_budgets_and_single_pairs_are_left_out() -> None:

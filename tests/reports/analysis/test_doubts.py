@@ -44,39 +44,28 @@ def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
     assert [each.split()[0] for each in footnotes(made)] == ["†", "‡", "§", "¶", "††", "‡‡"]
 
 
-def test_the_terminal_marks_values() -> None:
-    (table,) = parts_of(suite_table(doubted()), "", 160)
+def test_every_form_marks_values_and_gives_the_reason_below() -> None:
+    made = doubted()
+    (table,) = parts_of(suite_table(made), "", 160)
     assert [str(cell).splitlines()[0] for cell in table.columns[2].cells] == ["7.50†", "7.00†‡"]
-
-
-def test_markdown_marks_values_and_says_why_below() -> None:
-    text = suite_markdown(suite_table(doubted()), "")
+    text = suite_markdown(suite_table(made), "")
     assert "| 7.50† |" in text
     assert "| 7.00†‡ (-0.50, -1.00 to 0.00) |" in text
     assert text.endswith(f"\n\n† {LEVEL}\n\n‡ {CONSTANT}\n\n{REMARK}\n")
-
-
-def test_latex_marks_values_and_says_why_below() -> None:
-    text = suite_latex(suite_table(doubted()))
+    text = suite_latex(suite_table(made))
     assert r"7.50 & $^\dagger$ &" in text
     assert r"7.00 & $^\dagger$$^\ddagger$ &" in text
     assert rf"\par $^\dagger$ {LEVEL}" in text
     assert r"\par $^\ddagger$ no better than a constant \& more" in text
     assert text.index(r"\end{tabular}") < text.index(r"\end{table}") < text.index(LEVEL)
-
-
-def test_csv_gives_the_footnotes_of_each_value() -> None:
-    table = pd.read_csv(io.StringIO(suite_csv(doubted()))).set_index(["row", "column"])["doubt"]
-    assert table["no-rad", "normal/mae"] == f"{LEVEL} {CONSTANT}"
-    assert pd.isna(table["ours", "nvs/psnr"])
-
-
-def test_the_page_marks_values_and_still_sorts_them_by_number() -> None:
-    cells = [row.cells[1] for row in suite_table(doubted()).rows]
-    assert [(cell.text, cell.marks, cell.value) for cell in cells] == [("7.50", "†", 7.5), ("7.00", "†‡", 7.0)]
-    text = page(doubted(), Album())
+    records = pd.read_csv(io.StringIO(suite_csv(made))).set_index(["row", "column"])["doubt"]
+    assert records["no-rad", "normal/mae"] == f"{LEVEL} {CONSTANT}"
+    assert pd.isna(records["ours", "nvs/psnr"])
+    text = page(made, Album())
     assert f'<p class="hint">† {LEVEL}</p>' in text
     assert f'<p class="hint">‡ {CONSTANT.replace("&", "&amp;")}</p>' in text
+    cells = [row.cells[1] for row in suite_table(made).rows]
+    assert [(cell.text, cell.marks, cell.value) for cell in cells] == [("7.50", "†", 7.5), ("7.00", "†‡", 7.0)]
 
 
 def test_a_summary_without_doubts_has_no_marks() -> None:

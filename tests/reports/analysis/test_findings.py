@@ -12,7 +12,14 @@ from made_up_run import paper_table as stored_table
 from radiogs_bench.cli.showing import below
 from radiogs_bench.results.paper_tables import interval
 from radiogs_reports.analysis.comparisons import Direction, to_reference
-from radiogs_reports.analysis.findings import Outcome, findings, paper_sentences, sentences
+from radiogs_reports.analysis.findings import (
+    MeasuredDifference,
+    Outcome,
+    compared_paper,
+    compared_suite,
+    differences_of,
+    sentences_of,
+)
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album
 from radiogs_reports.statistics import Origin, Sample
@@ -29,6 +36,14 @@ def difference(made: Summary, row: str, column: str) -> Interval:
     found = made["cells"][row][column]["difference"]
     assert found is not None
     return found
+
+
+def findings(made: Summary) -> list[MeasuredDifference]:
+    return differences_of(compared_suite(made))
+
+
+def sentences(made: Summary) -> list[str]:
+    return [each.plain for each in sentences_of(compared_suite(made))]
 
 
 def three_rows() -> Summary:
@@ -182,7 +197,7 @@ def test_a_table_of_the_paper_has_findings_with_its_own_decimals_and_without_set
     stored = stored_table()
     samples = stored["cells"]["detach"]["relight/samples"]
     samples["difference"] = stored["cells"]["detach"]["nvs/lpips"]["difference"]
-    counts, _, paper, resolved, open_ = (each.plain for each in paper_sentences(stored, summary()))
+    counts, _, paper, resolved, open_ = (each.plain for each in sentences_of(compared_paper(stored, summary())))
     assert counts.startswith("1 of 2 differences is resolved; the paper's sign holds in 1, does not hold in 0, and is")
     assert "TensoIR_Ind" in paper
     assert resolved == "Detach L_G^PBR, resolved: NVS PSNR -1.500 dB [-2.000, -1.000] (paper -0.606, sign holds)."

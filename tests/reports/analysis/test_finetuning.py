@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from made_up_run import arrays, cell, run, summary, write_run
-from radiogs_reports.figures.finetuning import Times, finetuning_figures, times_of, tunings
+from radiogs_reports.figures.finetuning import RelightTimes, finetuning_figures, times_of, tunings
 from radiogs_reports.summary import ModesSummary, Summary
 
 ROWS = {"split-sum": ("pbr", 1.0), "rays-2": ("finetuned", 0.1), "rays-8": ("finetuned", 0.4),
@@ -91,14 +91,14 @@ def test_a_run_without_fine_tuning_has_no_such_figure(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mine", "other", "said"),
     [
-        (Times(5.0, 0.01), Times(1.0, 0.05), "ahead after 100 frames"),
-        (Times(1.0, 0.05), Times(5.0, 0.01), "ahead for 100 frames"),
-        (Times(1.0, 0.01), Times(5.0, 0.05), "always ahead"),
-        (Times(5.0, 0.05), Times(1.0, 0.01), "never ahead"),
-        (Times(1.0, 0.01), Times(0.999, 0.05), "always ahead"),
+        (RelightTimes(5.0, 0.01), RelightTimes(1.0, 0.05), "ahead after 100 frames"),
+        (RelightTimes(1.0, 0.05), RelightTimes(5.0, 0.01), "ahead for 100 frames"),
+        (RelightTimes(1.0, 0.01), RelightTimes(5.0, 0.05), "always ahead"),
+        (RelightTimes(5.0, 0.05), RelightTimes(1.0, 0.01), "never ahead"),
+        (RelightTimes(1.0, 0.01), RelightTimes(0.999, 0.05), "always ahead"),
     ],
 )
-def test_when_a_row_is_ahead_is_where_the_lines_meet(mine: Times, other: Times, said: str) -> None:
+def test_when_a_row_is_ahead_is_where_the_lines_meet(mine: RelightTimes, other: RelightTimes, said: str) -> None:
     """Judged by a root of the difference of both lines between the first and a very late frame."""
 
     def lead(frames: float) -> float:

@@ -1,23 +1,18 @@
 """The oracle ladder's table and figure against values worked out by hand from a made-up run."""
 
 import copy
-import io
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
-from scipy import stats
 
-from made_up_run import cell, run, summary, write_run
-from radiogs_reports.analysis.grid import Item
-from radiogs_reports.analysis.ladder import ALL_SCENES, WHAT_THEY_MEAN, LadderReport, Rung, ladder_report
+from made_up_run import cell, in_every_form, run, summary, t_interval
+from radiogs_reports.analysis.ladder import ALL_SCENES, WHAT_THEY_MEAN, Rung, ladder_report, ladder_rungs
+from radiogs_reports.analysis.report import Item, Report
 from radiogs_reports.figures.ladder import ladder_figures
-from radiogs_reports.run_folder import texts, write_reports
+from radiogs_reports.run_folder import texts
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.analyses import findings_latex, findings_markdown, ladder_csv
 
 SEEDS = (0, 1, 2)
 GIVEN: dict[str, list[str]] = {
@@ -63,25 +58,20 @@ def one(scene: str, place: int, row: str, seed: int) -> Any:
     return run(row, scene, seed, f"{scene}-{row}-{seed}", values)
 
 
-def report_of(made: Summary) -> LadderReport:
+def report_of(made: Summary) -> Report:
     report = ladder_report(made)
     assert report is not None
     return report
 
 
 def rung(made: Summary, column: str, scene: str = "ball") -> Rung:
-    (found,) = [each for each in report_of(made).rungs if (each.scene, each.column["key"]) == (scene, column)]
+    (found,) = [each for each in ladder_rungs(made) if (each.scene, each.column["key"]) == (scene, column)]
     return found
 
 
 def item(made: Summary, place: int, head: str) -> Item:
-    grid = report_of(made).grid
+    grid = report_of(made).grids[0]
     return grid.rows[place][grid.heads.index(head)]
-
-
-def ends(values: Any) -> tuple[float, float]:
-    low, high = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=stats.sem(values))
-    return float(low), float(high)
 
 
 EXPECTED: dict[str, tuple[float, dict[str, tuple[list[float], list[float]]]]] = {
@@ -112,12 +102,12 @@ def test_gains_are_paired_over_seeds_and_positive_where_the_part_helps(column: s
             assert found is not None
             assert found.mean == pytest.approx(factor * np.mean(values))
             if len(set(values)) > 1:
-                assert (found.low, found.high) == pytest.approx(ends(factor * np.array(values)))
+                assert (found.low, found.high) == pytest.approx(t_interval(factor * np.array(values)))
 
 
 def test_over_several_scenes_there_is_a_rung_for_each_and_one_for_all() -> None:
     made = made_up(("ball", "room"))
-    assert {each.scene for each in report_of(made).rungs} == {"ball", "room", ALL_SCENES}
+    assert {each.scene for each in ladder_rungs(made)} == {"ball", "room", ALL_SCENES}
     whole = rung(made, "albedo/psnr", ALL_SCENES)
     first = whole.parts["geometry"].first_in
     assert first is not None
@@ -131,7 +121,7 @@ def test_over_several_scenes_there_is_a_rung_for_each_and_one_for_all() -> None:
 
 def test_the_table_has_the_values_computed_by_hand() -> None:
     made = made_up()
-    said = {head: item(made, 1, head).text for head in report_of(made).grid.heads}
+    said = {head: item(made, 1, head).text for head in report_of(made).grids[0].heads}
     # Half-widths: 4.3027 s / sqrt 3, with s = 5 of the levels and 0.2 of geometry.
     assert said == {
         "scene": "ball", "metric": "Albedo PSNR ↑ (dB)", "nothing given": "25.00 ± 12.42",
@@ -197,12 +187,16 @@ def test_each_method_has_rungs_of_its_own() -> None:
     made["rows"] += other["rows"]
     made["runs"] += other["runs"]
     made["cells"] |= {f"b-{key}": cells for key, cells in made["cells"].items()}
-    rungs = [each for each in report_of(made).rungs if each.column["key"] == "nvs/psnr"]
+    rungs = [each for each in ladder_rungs(made) if each.column["key"] == "nvs/psnr"]
     found = {each.method: each.parts["geometry"].first_in for each in rungs}
     means = {name: each.mean for name, each in found.items() if each is not None}
     assert means == {"RadioGS": pytest.approx(1.2), "Other": pytest.approx(2.4)}
-    assert "ball, Other" in {row[0].text for row in report_of(made).grid.rows}
+    assert "ball, Other" in {row[0].text for row in report_of(made).grids[0].rows}
     assert [sketch.name for sketch in ladder_figures(made)] == ["ladder-RadioGS-ball", "ladder-Other-ball"]
+    several = ladder_figures(made_up(("ball", "room")))
+    assert {sketch.name: sketch.on_page for sketch in several} == {
+        "ladder-ball": False, "ladder-room": False, "ladder-all-scenes": True,
+    }  # fmt: skip
 
 
 def test_a_run_without_given_parts_has_no_ladder() -> None:
@@ -234,29 +228,11 @@ def test_noise_beside_the_bar_of_the_part_itself_is_not_made_large() -> None:
     assert sketch.figure.axes[2].get_xlim()[1] == pytest.approx(1.25 * 0.1 * 40.0, rel=0.01)
 
 
-def test_markdown_latex_and_csv_hold_the_same_values(tmp_path: Path) -> None:
-    made = made_up()
-    report = report_of(made)
-    assert "| ball | NVS PSNR ↑ (dB) | 25.00 ± 12.42 | +1.20 ± 0.50 | +5.00 ± 0.00 |" in findings_markdown(
-        made, "the oracle ladder", report
-    )
-    assert r"+1.20 $\pm$ 0.50 & +5.00 $\pm$ 0.00" in findings_latex(made, "the oracle ladder", report)
-    records = pd.read_csv(io.StringIO(ladder_csv(report))).set_index(["metric", "part"])
+def test_every_form_has_the_values_and_the_csv_a_line_for_each_part() -> None:
+    records = in_every_form(made_up(), "ladder").set_index(["metric", "part"])
     record = records.loc[("nvs/psnr", "light")]
     assert (record["method"], record["scene"]) == ("RadioGS", "ball")
     assert record[["first_in", "last_out", "nothing_given", "everything_given"]].tolist() == pytest.approx(
         [-0.5, 3.0, 25.0, 35.0]
     )
-    assert record[["last_out_low", "last_out_high"]].tolist() == pytest.approx(list(ends([4.0, 3.0, 2.0])))
-
-
-def test_a_folder_gets_the_tables_the_figure_and_a_section_of_the_page(tmp_path: Path) -> None:
-    made = made_up(("ball", "room"))
-    written = {path.relative_to(tmp_path).as_posix() for path in write_reports(write_run(tmp_path, made))}
-    figures = {f"figures/ladder-{name}.{kind}" for name in ("ball", "room", "all-scenes") for kind in ("png", "pdf")}
-    assert figures | {f"tables/ladder.{kind}" for kind in ("tex", "md", "csv")} <= written
-    page = (tmp_path / "report.html").read_text()
-    assert 'id="ladder"' in page
-    assert "What each part is responsible for" in page
-    assert page.count("what each part of the truth is worth when it alone is given") == 2  # alternative text, caption
-    assert "tables/ladder.tex" in (tmp_path / "report.tex").read_text()
+    assert record[["last_out_low", "last_out_high"]].tolist() == pytest.approx(list(t_interval([4.0, 3.0, 2.0])))

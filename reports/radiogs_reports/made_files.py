@@ -8,11 +8,9 @@ because their name says which run they belong to.
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
-from importlib import resources
 from importlib.metadata import version
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from radiogs_core.own_files import fresh
@@ -147,17 +145,8 @@ def digest_of(path: Path) -> str:
 @cache
 def own_code() -> str:
     """Digest of every file of this package."""
-    found = hashlib.sha256()
-    for name, file in _files(resources.files(__package__), ""):
-        found.update(f"{name}\n".encode() + file.read_bytes())
+    found, folder = hashlib.sha256(), Path(__file__).parent
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path.parent.name != "__pycache__":
+            found.update(f"{path.relative_to(folder).as_posix()}\n".encode() + path.read_bytes())
     return found.hexdigest()
-
-
-def _files(folder: Traversable, within: str) -> Iterator[tuple[str, Traversable]]:
-    for each in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        name = f"{within}/{each.name}"
-        if each.is_dir():
-            if each.name != "__pycache__":
-                yield from _files(each, name)
-        else:
-            yield name, each

@@ -1,4 +1,4 @@
-"""Tables of derived values: texts with the values that they sort by. ``write`` and ``page`` show them."""
+"""Findings of an analysis: sentences, tables of derived values, and records. ``write`` and ``page`` show them."""
 
 from typing import NamedTuple
 
@@ -29,15 +29,33 @@ class Grid(NamedTuple):
     rows: list[list[Item]]
 
 
+Record = dict[str, object]
+"""A line of a CSV file: values with all of their digits, by the names of their columns."""
+
+
+class Report(NamedTuple):
+    """The findings of an analysis of a run."""
+
+    sentences: list[str]
+    grids: list[Grid]
+    """The tables of the values that the sentences are about."""
+    records: list[Record]
+
+
 def name_item(text: str) -> Item:
     """An item that sorts by its text."""
     return Item(text, text)
 
 
-def plain_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
+def number_item(value: float | None, decimals: int = 0, reason: str = UNKNOWN) -> Item:
+    """A number without a sign and without an interval, or n/a."""
+    return Item("n/a", None, reason) if value is None else Item(f"{value:.{decimals}f}", value)
+
+
+def plain_item(estimate: Estimate | None, decimals: int) -> Item:
     """Mean without a sign and half-width of the interval, or n/a."""
     if estimate is None:
-        return Item("n/a", None, reason)
+        return Item("n/a")
     return Item(plus_minus(f"{estimate.mean:.{decimals}f}", estimate.half_width, decimals), estimate.mean)
 
 
@@ -52,14 +70,22 @@ def factor_item(estimate: Estimate | None, reason: str = UNKNOWN) -> Item:
     """A ratio and the ends of its interval, or n/a."""
     if estimate is None:
         return Item("n/a", None, reason)
-    if estimate.low is None or estimate.high is None:
-        return Item(f"{estimate.mean:.2f}", estimate.mean)
-    return Item(f"{estimate.mean:.2f} ({estimate.low:.2f} to {estimate.high:.2f})", estimate.mean)
+    ends = "" if estimate.low is None else f" ({estimate.low:.2f} to {estimate.high:.2f})"
+    return Item(f"{estimate.mean:.2f}{ends}", estimate.mean)
 
 
-def share_item(estimate: Estimate | None, reason: str = UNKNOWN) -> Item:
+def share_item(estimate: Estimate | None, reason: str) -> Item:
     """A share in percent and the half-width of its interval, or n/a."""
     if estimate is None:
         return Item("n/a", None, reason)
     percent = None if estimate.half_width is None else 100 * estimate.half_width
     return Item(f"{plus_minus(f'{100 * estimate.mean:.1f}', percent, 1)} %", estimate.mean)
+
+
+def estimate_fields(**estimates: Estimate | None) -> Record:
+    """The mean of each estimate under its name, and the ends of its interval under ``name_low`` and ``name_high``."""
+    fields: Record = {}
+    for name, estimate in estimates.items():
+        mean, low, high = (estimate.mean, estimate.low, estimate.high) if estimate else (None, None, None)
+        fields |= {name: mean, f"{name}_low": low, f"{name}_high": high}
+    return fields

@@ -1,4 +1,4 @@
-"""Records of longer runs: made of finished runs, sealed, refused once changed, and shown beside a run of the suite."""
+"""Records: made of finished runs, sealed, refused once changed, and shown beside a run of the suite."""
 
 import json
 import logging
@@ -13,18 +13,19 @@ import pytest
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.cli.plan import show_plan
-from radiogs_bench.results import longer_run
-from radiogs_bench.results.longer_run import RECORDS, read_record, records_of, write_record
+from radiogs_bench.results import records
+from radiogs_bench.results.records import RECORDS, read_record, record_of, records_of, write_record
 from radiogs_bench.runs.sweep import read_sweep, recipe_of_rows
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.consistency import RIVALS
 from radiogs_bench.suites.paper import ABLATIONS, NS
 from radiogs_core.errors import DataError
-from radiogs_reports.tables.longer_run import HEADING
-from radiogs_reports.write.longer_run import record_document
+from radiogs_reports.tables.record import HEADING
+from radiogs_reports.write.record import record_document, record_page
 
 ROOT = Path(__file__).parents[3]
-DOCUMENTS = ROOT / "docs" / "records"
+PAGES = ROOT / "docs" / "records"
+MOST_WORDS = 600
 
 
 @pytest.fixture(scope="module")
@@ -47,16 +48,16 @@ def made(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the record of the run and its document."""
     folder = tmp_path_factory.mktemp("records")
     record, document = folder / "ablations.json", folder / "ablations.md"
-    assert main(["record", str(run), "--to", str(record), "--markdown", str(document)]) == 0
+    assert main(["record", str(run), "--to", str(record), "--document", str(document)]) == 0
     return folder
 
 
 @pytest.fixture
 def record(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The record of the run, as if it came with the package."""
-    records = shutil.copytree(made, tmp_path / "records")
-    monkeypatch.setattr(longer_run, "RECORDS", records)
-    return records / "ablations.json"
+    folder = shutil.copytree(made, tmp_path / "records")
+    monkeypatch.setattr(records, "RECORDS", folder)
+    return folder / "ablations.json"
 
 
 def test_a_record_holds_the_table_of_its_run_and_the_differences_of_each_scene(run: Path, record: Path) -> None:
@@ -136,7 +137,7 @@ def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
     write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
     record, document = tmp_path / "rivals.json", tmp_path / "rivals.md"
-    assert main(["record", str(tmp_path / "run"), "--to", str(record), "--markdown", str(document)]) == 0
+    assert main(["record", str(tmp_path / "run"), "--to", str(record), "--document", str(document)]) == 0
     (kept,) = read_record(record)
     (found,) = kept["analyses"]
     assert [line[0] for line in found["lines"]] == [
@@ -151,7 +152,7 @@ def test_a_record_keeps_what_turning_a_knob_gains_and_costs(tmp_path: Path) -> N
     cells = request.cells
     write_sweep(sweep.store, request.manifest())
     sweep.run([cell for _, cell in cells])
-    found = longer_run.longer_run(sweep.store, read_sweep(tmp_path))["analyses"]
+    found = record_of(sweep.store, read_sweep(tmp_path))["analyses"]
     assert len(found) > 1
     assert found[0]["sentences"]
     assert not any(each["sentences"] for each in found[1:])
@@ -176,26 +177,30 @@ def test_a_run_with_a_missing_cell_makes_no_record(tmp_path: Path, capsys: pytes
     assert not (tmp_path / "record.json").exists()
 
 
-def test_the_document_of_a_record_is_written_again_from_the_record_alone(record: Path) -> None:
-    document = record.with_suffix(".md")
+def test_the_document_and_the_page_of_a_record_are_written_again_from_the_record_alone(record: Path) -> None:
+    document, page = record.with_suffix(".md"), record.with_name("page.md")
     first = document.read_text()
     assert "| λ_rad = 0 | NVS PSNR ↑ (dB) |" in first
     document.unlink()
-    assert main(["record", "--to", str(record), "--markdown", str(document)]) == 0
+    assert main(["record", "--to", str(record), "--markdown", str(page), "--document", str(document)]) == 0
     assert document.read_text() == first
+    assert page.read_text() == record_page(read_record(record))
     assert main(["record", "--to", str(record)]) == 2
 
 
-def test_the_committed_documents_are_those_of_the_committed_records() -> None:
+def test_the_committed_pages_are_those_of_the_committed_records_one_short_table_each() -> None:
     found = sorted(RECORDS.glob("*.json"))
-    assert (
-        {path.stem for path in found} == {path.stem for path in DOCUMENTS.glob("*.md")} >= {"ablations", "departures"}
-    )
+    assert {path.stem for path in found} == {path.stem for path in PAGES.glob("*.md")} >= {"ablations", "departures"}
     for path in found:
-        assert (DOCUMENTS / f"{path.stem}.md").read_text(encoding="utf-8") == record_document(read_record(path)), path
+        text = (PAGES / f"{path.stem}.md").read_text(encoding="utf-8")
+        assert text == record_page(read_record(path)), path
+        assert len(text.split()) <= MOST_WORDS
+        assert len(re.findall(r"\n\n\|", text)) == 1
+        for run in read_record(path):
+            assert all(run["origin"][name] in text for name in ("Date", "Commit", "Command"))
 
 
-MARKED = re.compile(r"<!-- from (records/[\w-]+\.md) -->\n(.*?)<!-- end of record -->", re.DOTALL)
+MARKED = re.compile(r"<!-- from records/([\w-]+)\.md -->\n(.*?)<!-- end of record -->", re.DOTALL)
 """A part of a document whose values are those of a record."""
 
 
@@ -209,10 +214,10 @@ def cells_of(line: str) -> set[str]:
     return set(line.strip("| ").split(" | "))
 
 
-@pytest.mark.parametrize(("document", "record", "block"), marked(), ids=lambda value: getattr(value, "stem", None))
-def test_a_document_has_the_values_of_the_record_that_it_names(document: Path, record: str, block: str) -> None:
-    """Every line of a table is part of a line of the record, and every number of a sentence is in the record."""
-    text = (ROOT / "docs" / record).read_text(encoding="utf-8")
+@pytest.mark.parametrize(("document", "name", "block"), marked(), ids=lambda value: getattr(value, "stem", None))
+def test_a_document_has_the_values_of_the_record_that_it_names(document: Path, name: str, block: str) -> None:
+    """Every line of a table is part of a line of the whole record, and every number of a sentence is in the record."""
+    text = record_document(read_record(RECORDS / f"{name}.json"))
     lines = [cells_of(line) for line in text.splitlines() if line.startswith("|")]
     tables = [line for line in block.splitlines() if line.startswith("|")]
     for line in tables[2:]:

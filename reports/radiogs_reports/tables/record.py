@@ -1,0 +1,194 @@
+"""Records, which are committed with the project, and whether a run agrees with the record of its suite."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+from ..analysis.findings import MeasuredDifference, compared_record, differences_of, measured
+from ..analysis.report import Grid, Item, name_item
+from ..summary import ColumnSummary, RecordedRun, Summary
+from ..wording import heading, mean_over, number, signed
+from .caption import ORIGIN
+from .doubts import shown_verdict
+from .model import Difference, PrintedCell, Table, difference_of, rank_in_words, stored_ranks
+from .suite import run_table, value_cell
+
+HEADING = "Record of a longer run, committed with the project (not measured here)"
+
+OUTCOMES = SAME, OPPOSITE, OPEN, HERE_ALONE, NEITHER = (
+    "the same sign here as in the record, both resolved",
+    "the opposite sign here, both resolved",
+    "not resolved here, but in the record",
+    "resolved here, but not in the record",
+    "resolved neither here nor in the record",
+)
+
+
+class Agreement(NamedTuple):
+    """Whether the difference of a row in a column to the reference row agrees with the recorded one."""
+
+    row: str
+    """Its label."""
+    column: str
+    """Its label."""
+    outcome: str
+    """One of OUTCOMES."""
+    sentence: str
+
+
+class RecordReport(NamedTuple):
+    """A recorded run as the reports show it."""
+
+    title: str
+    facts: Mapping[str, str]
+    """Its origin and its conditions, by heading; without those that are not known."""
+    table: Table
+    agreements: Sequence[Agreement]
+    """Row by row; empty where no run stands beside it."""
+    by_scene: Grid
+    """Its differences to the reference row, scene by scene."""
+
+    @property
+    def rows_in_words(self) -> list[str]:
+        """The agreements in one sentence for each row: the columns of every outcome."""
+        found: dict[str, dict[str, list[str]]] = {}
+        for each in self.agreements:
+            found.setdefault(each.row, {}).setdefault(each.outcome, []).append(each.column)
+        told = {
+            row: [f"{outcome}: {', '.join(columns[outcome])}" for outcome in OUTCOMES if outcome in columns]
+            for row, columns in found.items()
+        }
+        return [f"{row}: {'; '.join(outcomes)}." for row, outcomes in told.items()]
+
+
+def record_reports(summary: Summary) -> list[RecordReport]:
+    """The record of a run's suite, each of its runs compared with this run; empty where the project has none."""
+    return [
+        record_report(run, f"record-{number}", list(agreements(summary, run)))
+        for number, run in enumerate(summary.get("longer_runs", []))
+    ]
+
+
+def record_report(run: RecordedRun, name: str, compared: Sequence[Agreement] = ()) -> RecordReport:
+    """A recorded run as it is shown. ``name``: of its table. ``compared``: its agreements with another run."""
+    facts = {
+        **{name: run["origin"].get(name, "") for name in ORIGIN},
+        "Machine": run["machine"],
+        "Recipe": run["recipe"],
+        "Preset": run["preset"],
+        "Metric protocol": run["protocol"],
+        "Scenes": ", ".join(run["scenes"]),
+        "Seeds": ", ".join(map(str, run["seeds"])),
+        "Mean over": mean_over(run, named=False),
+    }
+    known = {name: text for name, text in facts.items() if text}
+    return RecordReport(run["title"], known, recorded_table(run, name), compared, by_scene(run, f"{name}-scenes"))
+
+
+def recorded_table(run: RecordedRun, name: str) -> Table:
+    """Means and differences of a recorded run."""
+    caption = f"{HEADING}: {run['title']}. Mean over {mean_over(run, named=False)}; preset {run['preset']}."
+    return run_table(run, name, partial(_cell, run), caption, compared_record(run))
+
+
+def _cell(run: RecordedRun, row: str, column: ColumnSummary) -> PrintedCell:
+    stored = run["cells"][row][column["key"]]
+    return replace(
+        value_cell(stored["mean"], column, stored["reason"]),
+        rank=rank_in_words(stored_ranks(run["cells"], column["key"], column["direction"]).get(row)),
+        difference=_recorded(run, row, column),
+    )
+
+
+def _recorded(run: RecordedRun, row: str, column: ColumnSummary) -> Difference | None:
+    interval = run["cells"][row][column["key"]]["difference"]
+    return difference_of(interval, column["decimals"], None if interval is None else interval["verdict"])
+
+
+def claims(runs: Sequence[RecordedRun]) -> Grid | None:
+    """The paper's differences, each beside what the recorded runs of its suite measured by every recipe; None where
+    the paper reports none of their differences."""
+    recipes = list(dict.fromkeys(run["recipe"] for run in runs))
+    lines: dict[tuple[str, str, str], list[Item]] = {}
+    for run in runs:
+        texts = {row["key"]: row["text"] for row in run["rows"]}
+        columns = {column["key"]: column for column in run["columns"]}
+        for found in differences_of(compared_record(run)):
+            if found.published is not None:
+                column = columns[found.column]
+                paper = Item(signed(found.published, column["decimals"]), found.published)
+                names = [name_item(each) for each in (run["suite"], texts[found.row], heading(column))]
+                absent = [Item("n/a", None, "no recorded run by this recipe")] * len(recipes)
+                line = lines.setdefault((run["suite"], found.row, found.column), [*names, paper, *absent])
+                line[4 + recipes.index(run["recipe"])] = _claimed(found, column)
+    if not lines:
+        return None
+    note = (
+        "Differences to the reference row: the paper's, and those measured by each recipe with 95 % intervals. Its sign"
+        " holds, or does not, where a difference is resolved. *Could show* is the smallest true difference that four of"
+        " five such runs resolve; the paper's size is excluded where it lies outside the interval and is not too small."
+    )
+    heads = ["suite", "row", "metric", "paper", *(recipe or "default" for recipe in recipes)]
+    return Grid("claims", "The paper's claims", note, heads, list(lines.values()))
+
+
+def _claimed(found: MeasuredDifference, column: ColumnSummary) -> Item:
+    if found.doubted:
+        remarks = ["in doubt"]
+    elif found.resolved:
+        remarks = [f"sign {found.verdict}" if found.verdict is not None else "resolved"]
+    else:
+        size = "" if found.smallest is None else f", could show {number(found.smallest, column['decimals'])}"
+        remarks = [f"not resolved{size}"]
+    if found.excluded:
+        remarks.append("the paper's size excluded")
+    return Item(f"{measured(column, found.difference).strip()}: {'; '.join(remarks)}", found.difference["mean"])
+
+
+def by_scene(run: RecordedRun, name: str) -> Grid:
+    """The differences of a recorded run to its reference row: a line for each row and metric, a column a scene."""
+    rows = []
+    for row in run["rows"]:
+        for column in run["columns"]:
+            values = run["cells"][row["key"]][column["key"]]["by_scene"]
+            items = [
+                Item("n/a", None, "no seed has both")
+                if value is None
+                else Item(signed(value, column["decimals"]), value)
+                for value in values
+            ]
+            if items:
+                rows.append([name_item(row["text"]), name_item(heading(column)), *items])
+    note = "Difference to the reference row on each scene, the mean over its seeds."
+    return Grid(name, "Differences scene by scene", note, ["row", "metric", *run["scenes"]], rows)
+
+
+def agreements(summary: Summary, run: RecordedRun) -> Iterator[Agreement]:
+    """Whether each difference of this run agrees with that of the record, where both have one."""
+    texts = {row["key"]: row["text"] for row in run["rows"]}
+    columns = {column["key"]: column for column in run["columns"]}
+    for row in (each["key"] for each in summary["rows"] if each["key"] in texts):
+        for column in (each for each in summary["columns"] if each["key"] in columns):
+            interval = summary["cells"][row][column["key"]]["difference"]
+            verdict = shown_verdict(summary, row, column["key"], interval)
+            here = difference_of(interval, column["decimals"], verdict)
+            there = _recorded(run, row, columns[column["key"]])
+            if here is not None and there is not None:
+                outcome, name = _outcome(here, there), f"{texts[row]}, {column['label']}"
+                both = [_in_words(each, column["unit"]) for each in (here, there)]
+                sentence = f"{name}: {outcome}. Here {both[0]}, in the record {both[1]}."
+                yield Agreement(texts[row], column["label"], outcome, sentence)
+
+
+def _outcome(here: Difference, there: Difference) -> str:
+    if here.verdict and there.verdict:
+        return SAME if here.verdict == there.verdict else OPPOSITE
+    if there.verdict:
+        return OPEN
+    return HERE_ALONE if here.verdict else NEITHER
+
+
+def _in_words(difference: Difference, unit: str) -> str:
+    verdict = f" ({difference.verdict})" if difference.verdict else ""
+    return f"{difference.plus_minus} {unit}".rstrip() + verdict
