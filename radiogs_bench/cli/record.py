@@ -1,38 +1,19 @@
 """``radiogs-bench record``: keep what finished runs measured, to be committed and shown beside shorter runs."""
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from radiogs_core.errors import UsageError
 
-from .options import add_verbose, declare
 
-if TYPE_CHECKING:
-    from .options import Commands
+def record(*out: Path, to: Path, markdown: Path | None = None) -> None:
+    """Keep the tables of finished runs in a sealed file, which is shown beside shorter runs.
 
+    Example:  radiogs-bench record out/ablations --to radiogs_bench/records/ablations.json
 
-def add_to(commands: "Commands") -> None:
-    """Declare the command."""
-    parser = declare(
-        commands, "record", "Keep the tables of finished runs in a sealed file, which is shown beside shorter runs.",
-        "record out/ablations --to radiogs_bench/records/ablations.json --markdown docs/records/ablations.md",
-    )  # fmt: skip
-    parser.set_defaults(command=record)
-    parser.add_argument(
-        "out", nargs="*", type=Path, metavar="OUT",
-        help="Record the runs in these folders (default: none; the record in the file of --to stays as it is).",
-    )  # fmt: skip
-    parser.add_argument(
-        "--to", type=Path, required=True, metavar="FILE",
-        help="Write the record to this file; radiogs_bench/records/SUITE.json is shown beside every run of SUITE.",
-    )  # fmt: skip
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="Write the record as a document to this file.")
-    add_verbose(parser)
-
-
-def record(options: argparse.Namespace) -> int:
-    """Write the record, and its document; prints the files."""
+    :param out: Record the runs in these folders (default: none; the record in the file of --to stays as it is).
+    :param to: Write the record to this file; radiogs_bench/records/SUITE.json is shown beside every run of SUITE.
+    :param markdown: Write the record as a document to this file.
+    """
     from radiogs_reports.write.longer_run import record_document
 
     from ..results.longer_run import longer_run, read_record, write_record
@@ -41,14 +22,13 @@ def record(options: argparse.Namespace) -> int:
     from ..store.folder import Store
     from .reporter import say
 
-    if not options.out and options.markdown is None:
+    if not out and markdown is None:
         raise UsageError(
             "neither a run nor a document was named", "", "Name the folders of finished runs, or --markdown FILE."
         )
-    if options.out:
-        write_record(options.to, [longer_run(Store(folder), read_sweep(folder)) for folder in options.out])
-        say(f"{options.to}: record of {len(options.out)} run{'' if len(options.out) == 1 else 's'}")
-    if options.markdown is not None:
-        write_atomically(options.markdown, record_document(read_record(options.to)).encode())
-        say(f"{options.markdown}: the record in {options.to}")
-    return 0
+    if out:
+        write_record(to, [longer_run(Store(folder), read_sweep(folder)) for folder in out])
+        say(f"{to}: record of {len(out)} run{'' if len(out) == 1 else 's'}")
+    if markdown is not None:
+        write_atomically(markdown, record_document(read_record(to)).encode())
+        say(f"{markdown}: the record in {to}")
