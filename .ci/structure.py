@@ -57,14 +57,13 @@ LIMITS: Mapping[str, int] = {
 unless readers look for it by its own name."""
 
 TABLES = (
-    "radiogs_bench.cli.main",
     "radiogs_bench.scoring.metrics.measures",
     "radiogs_bench.suites.registry",
     "radiogs_datasets.deep_check",
     "radiogs_datasets.registry",
     "radiogs_reports.run_folder",
 )
-"""Files that list what there is: commands, measures, suites, deep checks, layouts, reports. An entry is a file of its
+"""Files that list what there is: measures, suites, deep checks, layouts, reports. An entry is a file of its
 own, and a new one is a file and a line: these are not counted as files with one user."""
 
 METHOD = "radiogs"

@@ -19,21 +19,27 @@ training and metrics, because they show what does not belong to the scene."""
 class SceneOptions:
     """How a scene is opened; the defaults take it as it is stored.
 
-    ``layout`` names its layout where the files do not tell it. ``hold_out`` N: every Nth view, in the order of names,
-    is scored (layouts ``colmap``, ``blender`` and ``llff``, where there is no test split). ``mask_folder`` holds a mask
-    for every photo, and ``masks`` says what black means in it (the same layouts). ``reduce`` N divides the sides of
-    images by N, ``long_side`` brings the longer side down to that many pixels; one of both. Raises UsageError for
-    numbers that mean nothing.
+    ``hold_out``, ``mask_folder`` and ``masks`` are for layouts ``colmap``, ``blender`` and ``llff`` without a test
+    split. Raises UsageError for numbers that mean nothing, and for both ``reduce`` and ``long_side``.
     """
 
     layout: str | None = None
+    """Read the scene in this layout (default: recognised from its files)."""
     hold_out: int | None = None
+    """Keep every Nth view of photos, in the order of names, for testing (default: every 8th)."""
     mask_folder: str | None = None
+    """Read a mask for every photo, by the photo's name, from this folder."""
     reduce: int | None = None
+    """Divide both sides of every image by this number."""
     long_side: int | None = None
+    """Downscale images to at most this many pixels on their longer side."""
     masks: Meaning | None = None
+    """Take black in masks for places where nothing is (object, the default), or leave such pixels out of training and
+    metrics (ignore)."""
 
     def __post_init__(self) -> None:
+        if self.mask_folder is not None:  # valid in another working folder
+            object.__setattr__(self, "mask_folder", str(Path(self.mask_folder).resolve()))
         if self.masks not in (None, *get_args(Meaning)):
             raise UsageError(
                 f"masks cannot mean '{self.masks}'",
@@ -63,8 +69,3 @@ def options_of(plain: Mapping[str, Any]) -> SceneOptions:
         if name not in kinds or not isinstance(value, kinds[name]) or isinstance(value, bool):
             raise UsageError(f"a scene cannot be opened with {name} = {value!r}", f"It takes: {', '.join(kinds)}.")
     return SceneOptions(**plain)
-
-
-def absolute(mask_folder: Path | None) -> str | None:
-    """A folder of masks as it is kept: valid in another working folder."""
-    return None if mask_folder is None else str(mask_folder.resolve())

@@ -3,16 +3,19 @@
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import ExplainedError
 
 from ..errors import exit_code
-from ..runs.sweep import CellRef, label
-from ..store.folder import Store
-from ..suites.suite import Suite
+
+if TYPE_CHECKING:
+    from ..runs.sweep import CellRef
+    from ..store.folder import Store
+    from ..suites.suite import Suite
 
 EVERY_SECONDS = 1.0
 """Shortest interval between two reports of a task; its first and last steps are always reported."""
@@ -24,12 +27,18 @@ def emit(event: str, **details: Any) -> None:
     sys.stdout.flush()
 
 
-def emit_error(error: ExplainedError) -> None:
-    """Write the error that ended the run; stderr explains it in words."""
-    emit("error", what=error.what, why=error.why, remedy=error.remedy, exit_code=exit_code(error))
+@contextmanager
+def errors_told(as_events: bool) -> Iterator[None]:
+    """Write the error that ends the block as an event, too, if it is wanted; stderr explains it in words."""
+    try:
+        yield
+    except ExplainedError as error:
+        if as_events:
+            emit("error", what=error.what, why=error.why, remedy=error.remedy, exit_code=exit_code(error))
+        raise
 
 
-def emit_suite(suite: Suite) -> None:
+def emit_suite(suite: "Suite") -> None:
     """Write one event that describes a suite."""
     emit(
         "suite",
@@ -46,7 +55,7 @@ def emit_suite(suite: Suite) -> None:
 class EventProgress:
     """Writes lines, steps and ended cells as events; cells that other processes ran are found in the store."""
 
-    def __init__(self, store: Store, refs: Sequence[CellRef], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, store: "Store", refs: "Sequence[CellRef]", clock: Callable[[], float] = time.monotonic) -> None:
         self.store, self.clock = store, clock
         self.reported: dict[str, float] = {}
         self.open = {ref["key"]: ref for ref in refs}
@@ -96,5 +105,7 @@ class EventProgress:
             emit("cell", state="finished", new=new, **_of(ref), metrics=metrics, seconds=result["seconds"])
 
 
-def _of(ref: CellRef) -> Mapping[str, Any]:
+def _of(ref: "CellRef") -> Mapping[str, Any]:
+    from ..runs.sweep import label
+
     return {"cell": label(ref), **{name: ref[name] for name in ("scene", "row", "seed", "key")}}

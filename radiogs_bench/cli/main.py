@@ -1,62 +1,162 @@
 """The command line ``radiogs-bench``: parses, runs the command, and turns failures into messages and exit codes.
 
-Each command declares its options beside what it does, in a module that imports nothing heavy at the top: ``--help``
-answers at once. Only ``completion`` is here, because it reads the options of all commands.
+Each command is a function: its parameters are its arguments and options, its docstring is their help. A module of
+commands is imported when one of them is called, and imports nothing heavy at the top: ``--help`` answers at once.
 """
 
-import argparse
 import logging
 import os
+import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import ChainMap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import is_dataclass
 from importlib.metadata import version
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from inspect import BoundArguments
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from radiogs_core.errors import ExplainedError
+from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 
-from ..errors import UNEXPECTED, Interrupted, exit_code, explain
-from . import (
-    bench,
-    datasets,
-    export,
-    methods,
-    model,
-    probe,
-    record,
-    rehearse,
-    relight,
-    run,
-    score,
-    status,
-    stored,
-    view,
-)  # fmt: skip
-from .options import ExplainingParser, add_verbose
+from radiogs_core.errors import ExplainedError, UsageError
+
+from ..errors import UNEXPECTED, Interrupted, exit_code, explain, visible
+from ..trusted_methods import trusting
+from .options import OPTIONS
 from .reporter import VisibleFormatter, complain, complain_with_trace
-from .trusting import trusting_named
+from .values import read
 
 if TYPE_CHECKING:
-    from .options import Commands
+    from radiogs_baselines.commands.file import MethodFile
 
-EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
-3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 6 something else
-ended it: a folder that cannot be read or written, killed processes, an unexpected error; 130 stopped by Ctrl-C"""
+PURPOSE = """Benchmark harness for Gaussian-surfel inverse rendering, with RadioGS.
+
+Exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong; 3 data is missing or
+malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 6 something else ended it: a folder that
+cannot be read or written, killed processes, an unexpected error; 130 stopped by Ctrl-C."""
+
+COMMANDS = {
+    "run": "run:run",
+    "status": "status:status",
+    "rehearse": "rehearse:rehearse",
+    "verify": "stored:verify",
+    "report": "stored:report",
+    "export": "export:export",
+    "gate": "stored:gate",
+    "record": "record:record",
+    "methods": "methods:methods",
+    "train": "model:train",
+    "render": "model:render",
+    "relight": "relight:relight",
+    "probe": "probe:probe",
+    "view": "view:view",
+    "score": "score:score",
+    "datasets": "datasets:datasets",
+    "bench": "bench:bench",
+    "completion": "main:completion",
+}
+"""The module of each command, and its function or the group of its actions, in the order of the help."""
+
+
+def shown_default(value: Any) -> str | None:
+    """The default value of an option in its help; None where there is none, and for a flag."""
+    if value is None or value is False or value in ("", ()):
+        return None
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+app = App(
+    name="radiogs-bench",
+    help=PURPOSE,
+    version=version("radiogs-bench"),
+    group_parameters=OPTIONS,
+    default_parameter=Parameter(converter=read, negative=(), allow_repeating=True, show_default=shown_default),
+)
+for place, (name, path) in enumerate(COMMANDS.items()):
+    app.command(f"{__package__}.{path}", name=name, sort_key=place)
+
+
+@app.meta.default
+def launch(
+    *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+    verbose: Annotated[bool, Parameter(group=Group("Everywhere", sort_key=2))] = False,
+) -> int:
+    """Run the command with the methods' files that it names trusted, and ``--data`` as the root of data if given.
+
+    :param verbose: Print a log, and the tracebacks of errors.
+    """
+    command, given = parsed(app, words)
+    if "words" in given.signature.parameters:
+        given.arguments["words"] = words
+    values = values_of(given)
+    with trusting_named(values), _using_data(values):
+        return int(command(*given.args, **given.kwargs) or 0)
+
+
+def values_of(given: BoundArguments) -> dict[str, Any]:
+    """The values of a command's arguments and options that were given, by name; those of a group of options are all."""
+    groups = [vars(value) for value in given.arguments.values() if is_dataclass(value)]
+    return dict(ChainMap({**given.arguments}, *groups))
+
+
+@contextmanager
+def trusting_named(given: Mapping[str, Any]) -> Iterator[None]:
+    """Trust the methods' files that a command's arguments name; prints the commands of those that ``trust`` names.
+
+    Raises DataError for a file that cannot be read, UsageError for a wrong one.
+    """
+    named = given.get("method") or ()
+    chosen = (named,) if isinstance(named, str) else named
+    with trusting(chosen), trusting(given.get("trust", ())) as added:
+        for path, found in added.items():
+            complain(f"{visible(str(path))} is trusted and may run:")
+            for line in commands_of(found.file):
+                complain(f"  {line}")
+        yield
+
+
+def commands_of(file: "MethodFile") -> list[str]:
+    """The commands of a method's file, its environment and settings: a line each, of visible characters alone."""
+    lists = {f"train, {each.name}": (*each.arguments, *each.resume) for each in file.train}
+    lists |= {name: each.arguments for name in ("render", "relight") if (each := getattr(file, name)) is not None}
+    lists |= {"in the folder": (file.working_folder,)}
+    lists |= {f"with {name}": (value,) for name, value in file.environment.items()}
+    lists |= {f"{{{name}}}": values for name, values in file.settings.items()}
+    lists |= {f"{{{name}}} for {scene}": of for scene, own in file.scenes.items() for name, of in own.items()}
+    return [visible(f"{name}: {shlex.join(words)}").replace("\n", r"\n") for name, words in lists.items()]
+
+
+def parsed(by: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArguments]:
+    """The function that a line calls, and its arguments. Raises UsageError for a line that is none."""
+    try:
+        command, given, _ = by.parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        raise usage_error(error) from error
+    return command, given
+
+
+def usage_error(error: CycloptsError) -> UsageError:
+    """The error for a wrong line, explained as other errors are."""
+    error.verbose = False
+    what = str(error).replace('"', "'")
+    if isinstance(error, UnusedCliTokensError):
+        what = f"there is no place for {' '.join(error.unused_tokens or ())}"
+    command = " ".join([*app.name, *(error.command_chain or ())])
+    return UsageError(what, "", f"All options:  {command} --help")
+
+
+def _using_data(given: Mapping[str, Any]) -> AbstractContextManager[None]:
+    if given.get("data") is None:
+        return nullcontext()
+    from radiogs_datasets.data_root import using_data_root
+
+    return using_data_root(given["data"], planned=given.get("dry_run", False))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process's exit code (see ``errors``)."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    return answered(lambda: _command(given), "--verbose" in given)
-
-
-def _command(given: list[str]) -> int:
-    if not given:
-        build_parser().print_help()
-        return 0
-    options = build_parser().parse_args(given)
-    options.arguments = given
-    return execute(options)
+    return answered(lambda: execute(given), "--verbose" in given)
 
 
 def answered(command: Callable[[], int], verbose: bool) -> int:
@@ -89,132 +189,28 @@ def answered(command: Callable[[], int], verbose: bool) -> int:
     return exit_code(error)
 
 
-def execute(options: argparse.Namespace) -> int:
-    """Run the command with the methods' files that it names trusted, and ``--data`` as the root of data if given."""
-    with trusting_named(options):
-        return _execute(options)
+def execute(words: Sequence[str]) -> int:
+    """Run the command of a line; returns its exit code. Raises UsageError for a wrong one, and what ends a command."""
+    if not words or words[0] in app.help_flags:
+        app.resolved_commands()  # the list of commands has a sentence of each
+    command, given = parsed(app.meta, words)
+    return int(command(*given.args, **given.kwargs) or 0)
 
 
-def _execute(options: argparse.Namespace) -> int:
-    if getattr(options, "data", None) is None:
-        return int(options.command(options))
-    from radiogs_datasets.data_root import using_data_root
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
+    """Print a script with which a shell completes commands, options and names.
 
-    with using_data_root(options.data, planned=getattr(options, "dry_run", False)):
-        return int(options.command(options))
+    Write the script where the shell looks for such scripts. It asks the program for the names of suites, scenes and
+    methods.
 
+        radiogs-bench completion bash > ~/.local/share/bash-completion/completions/radiogs-bench
+        radiogs-bench completion zsh > DIR/_radiogs-bench   (DIR: one of $fpath)
+        radiogs-bench completion fish > ~/.config/fish/completions/radiogs-bench.fish
 
-def build_parser() -> ExplainingParser:
-    """Every command's options; ``command`` of the parsed options is the function to call with them."""
-    parser = ExplainingParser(
-        prog="radiogs-bench",
-        description="Benchmark harness for Gaussian-surfel inverse rendering, with RadioGS.",
-        epilog=EXIT_CODES_HELP,
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action="version", version=f"radiogs-bench {version('radiogs-bench')}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for declare in (
-        run.add_to, status.add_to, rehearse.add_to, stored.add_to, export.add_to, stored.add_gate, record.add_to,
-        methods.add_to, model.add_to, relight.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to,
-        bench.add_to, _add_completion,
-    ):  # fmt: skip
-        declare(commands)
-    return parser
+    Example:  radiogs-bench completion bash
 
-
-SHELLS = ("bash", "zsh", "fish")
-
-COMPLETION_HELP = """Example:  write it where the shell looks for such scripts.
-  bash  radiogs-bench completion bash > ~/.local/share/bash-completion/completions/radiogs-bench
-  zsh   radiogs-bench completion zsh > DIR/_radiogs-bench   (DIR: one of $fpath)
-  fish  radiogs-bench completion fish > ~/.config/fish/completions/radiogs-bench.fish
-It has the names of suites, scenes and methods that are installed now: write it again when they change."""
-
-
-def _add_completion(commands: "Commands") -> None:
-    """Declare ``completion``."""
-    purpose = "Print a script with which a shell completes commands, options and names."
-    parser = commands.add_parser(
-        "completion",
-        help=purpose,
-        description=purpose,
-        epilog=COMPLETION_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.set_defaults(command=completion)
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help="Complete in this shell: bash, zsh or fish.")
-    add_verbose(parser)
-
-
-def completion(options: argparse.Namespace) -> int:
-    """Print the script with which a shell completes commands, options, names and paths."""
-    import shtab
-
-    parser = build_parser()
-    words, or_paths = _words(), _words_or_paths()
-    for command, action in _every_action(parser):
-        name = f"{command} {action.dest}"
-        if action.choices is None and (found := words.get(name, words.get(action.dest))):
-            action.choices = found
-        elif action.dest in or_paths or name in or_paths:
-            complete = _function(name if name in or_paths else action.dest)
-            action.complete = dict.fromkeys(SHELLS, complete) | {"fish": shtab.FILE["fish"]}
-        elif action.type is Path:
-            action.complete = shtab.FILE
-    functions = "\n".join(_DEFINED[options.shell](_function(name), found) for name, found in or_paths.items())
-    sys.stdout.write(shtab.complete(parser, options.shell, preamble=functions))
-    return 0
-
-
-def _words() -> dict[str, list[str]]:
-    """The values of options that take one of some names, by option, or by command and option."""
-    from radiogs_baselines.outputs.codes import CODES
-
-    from ..fetching.catalogue import DATA_SETS
-    from ..scoring.metrics.protocols import PROTOCOLS
-
-    return {
-        "protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"], "score code": list(CODES),
-        "datasets fetch names": list(DATA_SETS),
-    }  # fmt: skip
-
-
-def _words_or_paths() -> dict[str, list[str]]:
-    """The known names for options that also take a path or a list, by option, or by command and option."""
-    from radiogs_datasets import known_names
-
-    from ..installed_methods import method_names
-    from ..suites.registry import SUITES
-
-    scenes, methods = list(known_names()), list(method_names())
-    return {"suite": list(SUITES), "scene": scenes, "scenes": scenes, "method": methods, "methods name": methods}
-
-
-def _function(name: str) -> str:
-    """The shell function that completes a name or a path."""
-    return f"_radiogs_bench_{name.replace(' ', '_')}"
-
-
-_DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
-    "bash": lambda name, words: (
-        f'{name}() {{ local before=""; [[ $1 == *,* ]] && before="${{1%,*}},";'
-        f' compgen -P "$before" -W \'{" ".join(words)}\' -- "${{1##*,}}"; compgen -f -- "$1"; }}'
-    ),
-    "zsh": lambda name, words: (
-        f"{name}() {{ _alternative 'names:name:_sequence compadd - {' '.join(words)}' 'files:file:_files' }}"
-    ),
-    "fish": lambda name, words: "",
-}
-"""Definition of such a function, by shell. A name may follow others and a comma."""
-
-
-def _every_action(parser: ExplainingParser) -> Iterator[tuple[str, Any]]:
-    """All arguments of the parser and of the commands below it, each with its command."""
-    for action in parser.arguments:
-        if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield from _every_action(below)
-        else:
-            yield parser.prog.partition(" ")[2], action
+    :param shell: Complete in this shell.
+    """
+    script = app.generate_completion(shell=shell)
+    # Bash gets quoted words; a comma stays as it is, for the next name of a list to follow it.
+    sys.stdout.write(script.replace('"$_x"; COMPREPLY', '"$_x"; _q="${_q//\\\\,/,}"; COMPREPLY'))

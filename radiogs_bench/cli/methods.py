@@ -1,77 +1,50 @@
 """``radiogs-bench methods``: installed methods, with their presets and the fields of their variants."""
 
-import argparse
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from cyclopts import App
 
 from radiogs_core.errors import ExplainedError, UsageError
 
-from .device import chosen_device
-from .options import add_device, add_verbose, declare
+from .options import ON_CPU, OPTIONS, Computing, Json, MethodName, PresetName, SceneName
 
-if TYPE_CHECKING:
-    from .options import Commands
+methods = App(name="methods", group_parameters=OPTIONS)
 
 
-CHECK = "check"
-"""The word before the name of a method that is to be checked."""
+@methods.default
+def describe_methods(method: MethodName | None = None, /, *, recipes: bool = False, as_json: Json = False) -> int:
+    """List the installed methods, or the presets and fields of one, or check that one keeps its contract.
 
-SCENE = "convex"
-"""The scene that it is checked on by default: the smallest one."""
+    Example:  radiogs-bench methods radiogs
 
-
-def add_to(commands: "Commands") -> None:
-    """Declare the command."""
-    parser = declare(
-        commands, "methods",
-        "List the installed methods, or the presets and fields of one, or check that one keeps its contract.",
-        "methods check my-method --scene corner",
-    )  # fmt: skip
-    parser.set_defaults(command=methods)
-    parser.add_argument(
-        "name", nargs="*", metavar="[check] NAME",
-        help="Show every preset and field of this method, or TOML file; after `check`, train it and say whether it does"
-        " all that a method has to (exit code 1 if not).",
-    )  # fmt: skip
-    parser.add_argument(
-        "--recipes", action="store_true",
-        help="With a name, print every value of the method's recipes with its source, as Markdown.",
-    )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="Print one JSON object a line.")
-    group = parser.add_argument_group("check")
-    group.add_argument("--scene", metavar="PATH", help=f"Train on this scene, by name or folder (default: {SCENE}).")
-    group.add_argument("--preset", help="Train at this preset (default: smoke).")
-    add_device(group)
-    add_verbose(parser)
-
-
-def methods(options: argparse.Namespace) -> int:
-    """List the names of all methods, or print everything about one, or about all of them as JSON; or check one."""
-    checks, name = named(options)
-    if checks:
-        return check(name, options)
-    if options.recipes:
-        return _show_recipes(name)
-    if not (name or options.json):
+    :param method: Show every preset and field of this method, or TOML file.
+    :param recipes: With a name, print every value of the method's recipes with its source, as Markdown.
+    :param as_json: Print one JSON object a line.
+    """
+    if recipes:
+        return _show_recipes(method)
+    if method is None and not as_json:
         return _list_all()
     from ..errors import explain, worst_exit_code
     from ..installed_methods import method_names
-    from ..methods import describe, method
+    from ..methods import describe
+    from ..methods import method as installed
     from .reporter import complain, say_whole
 
     described: list[dict[str, Any]] = []
     broken: list[ExplainedError] = []
-    for each in [name] if name else method_names():
+    for each in method_names() if method is None else [method]:
         try:
-            described.append(describe(method(each)))
+            described.append(describe(installed(each)))
         except ExplainedError as error:  # one broken package must not hide the others
-            if name:
+            if method is not None:
                 raise
             broken.append(error)
-    if options.json:
+    if as_json:
         for about in described:
             say_whole(json.dumps(about, allow_nan=False))
     else:
@@ -81,58 +54,56 @@ def methods(options: argparse.Namespace) -> int:
     return worst_exit_code(broken)
 
 
-def named(options: argparse.Namespace) -> tuple[bool, str]:
-    """Whether to check a method, and its name, empty for all. Raises UsageError for what does not go together."""
-    checks, names = options.name[:1] == [CHECK], [*options.name]
-    if checks:
-        names = names[1:]
-        if not names:
-            raise UsageError("check which method?", "", f"Name one:  radiogs-bench methods {CHECK} radiogs")
-        if options.recipes:
-            raise UsageError("--recipes does not go with check", "", "Leave one of them out.")
-    elif options.scene or options.preset:
-        raise UsageError(
-            "--scene and --preset go with check alone", "", f"radiogs-bench methods {CHECK} NAME --scene PATH"
-        )
-    if len(names) > 1:
-        raise UsageError(f"{len(names)} methods are named: {', '.join(names)}", "", "Name one, or none for a list.")
-    return checks, "".join(names)
+@methods.command
+def check(
+    method: MethodName,
+    /,
+    *,
+    scene: SceneName = "convex",
+    preset: PresetName = "smoke",
+    as_json: Json = False,
+    on: Computing = ON_CPU,
+) -> int:
+    """Train a method, and say whether it does all that a method has to; the exit code is 1 if not.
 
+    Example:  radiogs-bench methods check my-method --scene corner
 
-def check(name: str, options: argparse.Namespace) -> int:
-    """Check that a method keeps its contract; prints a line for each rule. Returns 1 if one is broken."""
+    :param method: Check this method, or the one in a TOML file.
+    :param scene: Train on this scene, by name or folder.
+    :param preset: Train at this preset.
+    :param as_json: Print one JSON object a line.
+    """
     from tempfile import TemporaryDirectory
 
     from radiogs_core.errors import unknown
     from radiogs_datasets import load_scene
 
-    from ..methods import method
+    from ..methods import method as installed
     from ..runs.contract_check import check_method
     from .reporter import complain, say
 
-    used, device, preset = method(name), chosen_device(options), options.preset or "smoke"
+    used, place = installed(method), on.use()
     if preset not in used.presets:
         raise unknown("preset", preset, used.presets, of=used.name)
-    scene = load_scene(options.scene or SCENE)
-    broken = 0
+    opened, broken = load_scene(scene), 0
     with TemporaryDirectory() as folder:
-        for found in check_method(used, scene, preset, device, Path(folder), complain):
-            say(json.dumps(asdict(found)) if options.json else f"{found.verdict:5}  {found.what}")
-            if found.remedy and not options.json:
+        for found in check_method(used, opened, preset, place, Path(folder), complain):
+            say(json.dumps(asdict(found)) if as_json else f"{found.verdict:5}  {found.what}")
+            if found.remedy and not as_json:
                 say(f"{'':5}  {found.remedy}")
             broken += found.verdict == "fails"
-    if not options.json:
+    if not as_json:
         say(f"{used.name}: {'nothing is broken' if not broken else f'{broken} of its rules are broken'}")
     return int(broken > 0)
 
 
-def _show_recipes(name: str) -> int:
+def _show_recipes(name: str | None) -> int:
     from radiogs_core.capabilities import OffersRecipes
 
     from ..methods import method
     from .reporter import say_whole
 
-    if not name:
+    if name is None:
         raise UsageError("recipes of which method?", "", "Name one:  radiogs-bench methods radiogs --recipes")
     used = method(name)
     if not isinstance(used, OffersRecipes):

@@ -1,24 +1,26 @@
 """``radiogs-bench probe``: which light-transport effects a scene or a trained model needs, with evidence."""
 
-import argparse
 import json
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from .lights import add_light_options, placed
-from .options import METHOD, add_scene_options, add_verbose, declare, positive, scene_options
-from .trusting import add_trust
+from cyclopts import Parameter
+
+from radiogs_core.errors import UsageError
+from radiogs_datasets.options import AS_STORED, SceneOptions
+
+from .lights import AS_IT_LIES, Placing, placed
+from .options import METHOD, Count, Data, Json, MethodName, Opened, PresetName, SceneName, Trust
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import torch
-
     from radiogs_core.capabilities import Probe, Probing
     from radiogs_core.scene.light import EnvironmentMap
-
-    from .options import Commands
+    from radiogs_core.scene.scene import Scene
 
 TRAINED = 38
 """PSNR, dB, beside which effects of a scene are judged unless ``--psnr`` says otherwise: the mean of new views of
@@ -28,116 +30,106 @@ MATTERS = 0.1
 """Changes of a pixel's display colour from this on are drawn white."""
 
 
-def add_to(commands: "Commands") -> None:
-    """Declare the command."""
-    parser = declare(
-        commands, "probe", "Measure which light-transport effects a scene or a trained model needs.",
-        "probe corner --preset tiny",
-    )  # fmt: skip
-    parser.set_defaults(command=probe)
-    parser.add_argument(
-        "subject", metavar="SCENE|DIR",
-        help="Probe a generated scene, with its true surfaces and light, or the model that `train` left in DIR.",
-    )  # fmt: skip
-    parser.add_argument(
-        "--preset", default="tiny", help="Weigh rays by the steps of this preset (default: tiny; for DIR its own)."
-    )
-    parser.add_argument("--method", default=METHOD, help=f"Probe a scene for this method (default: {METHOD}).")
-    add_trust(parser)
-    parser.add_argument("--seed", type=int, help="Seed the samples with this (default: 0; for DIR its own).")
-    parser.add_argument(
-        "--envmap", type=Path, metavar="FILE",
-        help="Probe relighting by this .hdr or .exr file, which `relight` would take.",
-    )  # fmt: skip
-    add_light_options(parser)
-    parser.add_argument(
-        "--picture", type=Path, metavar="PNG", help="Draw where effects matter here (default: probe-NAME.png)."
-    )
-    parser.add_argument(
-        "--psnr", type=positive, metavar="DB",
-        help="Judge effects beside the error of a model of this PSNR"
-        f" (default: {TRAINED} for a scene; the model's own for DIR).",
-    )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="Print the records instead of a table.")
-    parser.add_argument(
-        "--threads", type=positive, metavar="N", help="Use N CPU threads (default: as many as there are cores)."
-    )
-    add_scene_options(parser)
-    parser.set_defaults(device="cpu")
-    add_verbose(parser)
+@dataclass(frozen=True)
+class Asked:
+    """Options of a probe."""
+
+    preset: PresetName = "tiny"
+    """Weigh rays by the steps of this preset; a trained model has its own."""
+    method: MethodName = METHOD
+    """Probe a scene for this method."""
+    trust: Trust = ()
+    seed: int | None = None
+    """Seed the samples with this (default: 0; for a trained model its own)."""
+    envmap: Path | None = None
+    """Probe relighting by this .hdr or .exr file, which `relight` would take."""
+    picture: Path | None = None
+    """Draw where effects matter here (default: probe-NAME.png)."""
+    psnr: Count | None = None
+    """Judge effects beside the error of a model of this PSNR, in dB (default: 38; a trained model's own)."""
+    as_json: Json = False
+    """Print the records instead of a table."""
+    threads: Count | None = None
+    """Use N CPU threads (default: as many as there are cores)."""
 
 
-def probe(options: argparse.Namespace) -> int:
-    """Probe, print the table, and draw where each effect matters."""
-    from radiogs_core.errors import UsageError
+def probe(
+    subject: SceneName,
+    /,
+    *,
+    asked: Annotated[Asked, Parameter(name="*")] = Asked(),
+    placing: Placing = AS_IT_LIES,
+    data: Data = None,
+    opened: Opened = AS_STORED,
+) -> None:
+    """Measure which light-transport effects a scene or a trained model needs.
+
+    Example:  radiogs-bench probe corner --preset tiny
+
+    :param subject: Probe a generated scene, with its true surfaces and light, or the model that `train` left in a
+        folder.
+    """
     from radiogs_datasets.lights import read_light
 
     from ..runs.progress import working
-    from .device import chosen_device
     from .reporter import say, say_whole
 
-    if options.picture is not None and not options.picture.absolute().parent.is_dir():
+    picture, envmap = asked.picture, asked.envmap
+    if picture is not None and not picture.absolute().parent.is_dir():
         raise UsageError(
-            f"there is no folder {options.picture.parent}", "The picture could not be written there.", "Make it first."
+            f"there is no folder {picture.parent}", "The picture could not be written there.", "Make it first."
         )
-    device = chosen_device(options)
-    light, repairs = read_light(options.envmap) if options.envmap else (None, [])
-    if not options.json:
-        for repair in repairs:
-            say(repair)
-    with working(f"probing {options.subject}"):
-        name, found = _probed(options, device, light)
-    if light is not None:
-        name += f"-{options.envmap.stem}"
-    if options.json:
+    light, repairs = read_light(envmap) if envmap else (None, [])
+    for repair in [] if asked.as_json else repairs:
+        say(repair)
+    with working(f"probing {subject}"):
+        name, found = _probed(
+            subject, asked, opened, lambda scene: None if light is None else placed(placing, scene, light)[0]
+        )
+    if envmap is not None:
+        name += f"-{envmap.stem}"
+    if asked.as_json:
         say_whole(json.dumps(found.plain(), allow_nan=False))
     else:
-        known = (Path(options.subject) / "trained.json").exists()
-        _show(name, found, options.psnr or (None if known else TRAINED))
-    picture = options.picture or Path(f"probe-{name}.png")
+        known = (Path(subject) / "trained.json").exists()
+        _show(name, found, asked.psnr or (None if known else TRAINED))
+    drawn = picture or Path(f"probe-{name}.png")
     with working("drawing where effects matter"):
-        _draw(found, picture)
-    if not options.json:
-        say(f"wrote {picture}: changes of {MATTERS:g} of the display's range and above are white")
-    return 0
+        _draw(found, drawn)
+    if not asked.as_json:
+        say(f"wrote {drawn}: changes of {MATTERS:g} of the display's range and above are white")
 
 
-def _probed(options: argparse.Namespace, device: "torch.device", light: "EnvironmentMap | None") -> "tuple[str, Probe]":
-    """The name of the scene or model, and its probe."""
-    from dataclasses import replace
-
+def _probed(
+    subject: str, asked: Asked, opened: SceneOptions, lit: "Callable[[Scene], EnvironmentMap | None]"
+) -> "tuple[str, Probe]":
+    """The name of the scene or model, and its probe; ``lit``: the light that relights a scene, or None."""
     from radiogs_core.contract import Run
-    from radiogs_core.errors import UsageError
-    from radiogs_datasets.options import AS_STORED
-
-    from ..methods import budget_of, method, variant_of
-
-    folder = Path(options.subject)
-    if folder.is_dir() and (folder / "trained.json").exists():
-        if scene_options(options) != AS_STORED:
-            raise UsageError(
-                "options of the scene do not go with a trained model",
-                "Its scene is opened as it was for training.",
-                "Leave them out, or name the scene.",
-            )
-        from ..runs.trained_folder import read_about, read_trained
-
-        run, model = read_trained(folder, device)
-        run = run if options.seed is None else replace(run, seed=options.seed)
-        stood = None if light is None else placed(options, run.scene, light)[0]
-        return folder.name, _probing(read_about(folder)["method"]).probe(run, model, stood)
     from radiogs_datasets import load_scene
 
-    scene, used = load_scene(options.subject, options=scene_options(options)), method(options.method)
-    run = Run(scene, variant_of(used, {}), budget_of(used, options.preset), options.seed or 0, device)
-    stood = None if light is None else placed(options, scene, light)[0]
-    return scene.name, _probing(options.method).probe(run, None, stood)
+    from ..device import use
+    from ..methods import budget_of, method, variant_of
+    from ..runs.trained_folder import read_about, read_trained
+
+    folder, device = Path(subject), use("cpu", asked.threads)
+    if not (folder / "trained.json").exists():
+        scene, used = load_scene(subject, options=opened), method(asked.method)
+        run = Run(scene, variant_of(used, {}), budget_of(used, asked.preset), asked.seed or 0, device)
+        return scene.name, _probing(asked.method).probe(run, None, lit(scene))
+    if opened != AS_STORED:
+        raise UsageError(
+            "options of the scene do not go with a trained model",
+            "Its scene is opened as it was for training.",
+            "Leave them out, or name the scene.",
+        )
+    run, model = read_trained(folder, device)
+    run = run if asked.seed is None else replace(run, seed=asked.seed)
+    return folder.name, _probing(read_about(folder)["method"]).probe(run, model, lit(run.scene))
 
 
 def _probing(name: str) -> "Probing":
     """The method of this name. Raises UsageError if it cannot be probed."""
     from radiogs_core.capabilities import Probing
-    from radiogs_core.errors import UsageError
 
     from ..methods import method
 

@@ -1,9 +1,10 @@
-"""Shows a run that has results on the terminal: its reports and their table.
+"""Shows a run that has results on the terminal: its reports and their table; and the table of a score.
 
 A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 from rich.cells import cell_len
 from rich.markup import escape
@@ -19,8 +20,12 @@ from radiogs_reports.wording import count_of, mean_over
 
 from ..results.reports import EVERYTHING, Shown, write
 from ..runs.sweep import Sweep
+from ..scoring.metrics.protocol import Protocol
+from ..scoring.metrics.weights import complaint
+from ..scoring.score_record import NOTES
 from ..store.folder import Store
-from .reporter import console, say, say_aside, show
+from ..store.schema import MetricValue
+from .reporter import complain, console, say, say_aside, show
 
 PAGE = "report.html"
 
@@ -176,3 +181,39 @@ def entry(cell: PrintedCell) -> str:
     if cell.published is not None:
         lines.append(f"paper {cell.published.text}")
     return "\n".join(lines)
+
+
+def say_without_weights(protocols: Sequence[Protocol]) -> None:
+    """Warn of each network whose weights are missing: its metrics are n/a."""
+    for net in dict.fromkeys(each.net for rules in protocols for each in rules.lpips):
+        if complaint(net):
+            complain(complaint(net))
+
+
+def show_record(record: dict[str, Any]) -> None:
+    """Print a record's table and its notes."""
+    show(table_of(record))
+    for heading in NOTES:
+        for line in record[heading]:
+            say(f"{heading.removesuffix('s')}: {line}")
+
+
+def table_of(record: dict[str, Any]) -> RichTable:
+    """A score's record as a table of metrics by protocol; with a single protocol, missing values give their reason."""
+    table = RichTable("metric", title=f"{record['predictions']} ({record['from']})")
+    for each in record["protocols"].values():
+        table.add_column(each["conventions"]["title"], justify="right")
+    if len(record["protocols"]) == 1:
+        table.add_column("why not")
+    metrics = sorted({metric for each in record["protocols"].values() for metric in each["metrics"]})
+    for metric in metrics:
+        values = [each["metrics"].get(metric) for each in record["protocols"].values()]
+        reasons = [(values[0] or {}).get("reason") or ""] if len(values) == 1 else []
+        table.add_row(metric, *map(_shown, values), *reasons)
+    return table
+
+
+def _shown(metric: MetricValue | None) -> str:
+    if metric is None:
+        return ""
+    return "n/a" if metric["value"] is None else f"{metric['value']:.4f}"

@@ -3,7 +3,6 @@
 Where no run has left its manifest, it says how far the training is that fills the folder.
 """
 
-import argparse
 import json
 import sys
 import time
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..durations import time_left
-from .options import add_verbose, declare, positive
+from .options import Json, MaybeCount
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from ..runs.sweep import Sweep
     from ..store.folder import Store
     from ..store.pace import Pace
-    from .options import Commands
 
 EVERY_SECONDS = 2
 """Seconds between two looks of ``--watch``."""
@@ -30,42 +28,39 @@ WIDE = 100
 """Width in characters from which a terminal has room for the cells' keys."""
 
 
-def add_to(commands: "Commands") -> None:
-    """Declare the command."""
-    parser = declare(
-        commands, "status", "Say how far a run is: its cells, their steps, and the time left.",
-        "status out/ablations --watch",
-    )  # fmt: skip
-    parser.set_defaults(command=status)
-    parser.add_argument("out", type=Path, metavar="OUT", help="Look at the run or the training in OUT.")
-    parser.add_argument("--json", action="store_true", help="Print one JSON object.")
-    parser.add_argument(
-        "--watch", type=positive, nargs="?", const=EVERY_SECONDS, metavar="SECONDS",
-        help=f"Look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do.",
-    )  # fmt: skip
-    add_verbose(parser)
+def status(
+    out: Path,
+    /,
+    *,
+    as_json: Json = False,
+    watch: MaybeCount = None,
+) -> None:
+    """Say how far a run is: its cells, their steps, and the time left.
 
+    Example:  radiogs-bench status out/ablations --watch
 
-def status(options: argparse.Namespace) -> int:
-    """Print the state of every cell of the folder's last run, or how far a training is."""
+    :param out: Look at the run or the training in this folder.
+    :param as_json: Print one JSON object.
+    :param watch: Look again every N seconds (default: 2) until no cell is left to do.
+    """
     from ..results.standing import standing_of
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
     from .reporter import say_aside
 
-    if not has_sweep(options.out) and is_training(options.out):
-        show_training(options.out, options.json, options.watch)
-        return 0
-    store, sweep = Store(options.out), read_sweep(options.out)
-    if options.json:
-        _as_json(store, sweep, options.watch)
-        return 0
-    if options.watch:
-        _watch(store, sweep, options.watch)
+    every = None if watch is None else (*watch, EVERY_SECONDS)[0]
+    if not has_sweep(out) and is_training(out):
+        show_training(out, as_json, every)
+        return
+    store, sweep = Store(out), read_sweep(out)
+    if as_json:
+        _as_json(store, sweep, every)
+        return
+    if every:
+        _watch(store, sweep, every)
     else:
         _show(standing_of(store, sweep), store, sweep)
     say_aside(store)
-    return 0
 
 
 def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:

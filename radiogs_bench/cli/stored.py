@@ -1,81 +1,41 @@
 """``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, and comparison with a baseline."""
 
-import argparse
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from radiogs_core.errors import DataError, UsageError, unknown
 
 from ..errors import exit_code
-from .options import add_verbose, declare, names
-
-if TYPE_CHECKING:
-    from .options import Commands
+from .options import Names
+from .values import from_every_text
 
 REGRESSION = 1
 
 
-def add_to(commands: "Commands") -> None:
-    """Declare ``verify`` and ``report``."""
-    _declare(commands, "verify", "Check every stored file of a folder, and change none.", verify)
-    reporting = _declare(commands, "report", "Rebuild tables, figures and the page from stored results.", report)
-    reporting.add_argument(
-        "--self-contained",
-        action="store_true",
-        help="Write report.html as a single file. It has fewer views, then smaller ones, where pictures take more than"
-        " 20 MiB.",
-    )
-    reporting.add_argument(
-        "--scenes",
-        type=names,
-        default=[],
-        metavar="A,B",
-        help="Report on these of its scenes alone (default: all).",
-    )
-    reporting.add_argument(
-        "--no-pictures", dest="pictures", action="store_false",
-        help="Leave out figures, images and surfels: tables and page are there within seconds.",
-    )  # fmt: skip
-    reporting.add_argument(
-        "--beside", type=Path, metavar="OTHER",
-        help="Compare the run with the one in this folder, cell by cell: on the page, in tables/beside.* and here.",
-    )  # fmt: skip
-    reporting.add_argument(
-        "--style", choices=["paper"],
-        help="Write OUT/paper.tex alone: the table as a paper prints it, without differences and remarks.",
-    )  # fmt: skip
-    reporting.add_argument(
-        "--columns", type=names, default=[], metavar="A,B",
-        help="With --style, print these metrics, such as nvs/psnr, in this order (default: all that have a value).",
-    )  # fmt: skip
+def verify(out: Path, /) -> int:
+    """Check every stored file of a folder, and change none.
 
+    Example:  radiogs-bench verify out/ablations
 
-def _declare(
-    commands: "Commands", name: str, purpose: str, command: Callable[[argparse.Namespace], int]
-) -> argparse.ArgumentParser:
-    parser = declare(commands, name, purpose, f"{name} out/ablations")
-    parser.set_defaults(command=command)
-    parser.add_argument("out", type=Path, metavar="OUT", help="Read the results in this folder.")
-    add_verbose(parser)
-    return parser
-
-
-def verify(options: argparse.Namespace) -> int:
-    """Print every damaged file, and what a rerun would take; returns 3 if there is any."""
+    :param out: Check the results in this folder.
+    """
     from ..results.verify import verify as look
     from ..runs.progress import working
     from ..store.folder import Store
     from .reporter import say, say_aside
 
-    with working(f"reading {options.out}"):
-        found = look(options.out)
+    with working(f"reading {out}"):
+        found = look(out)
     for each in found.findings:
         say(f"{each.path}: {each.what}")
     say(f"{found.whole} files are as they were stored, {len(found.findings)} are not")
     if found.others:
         say(f"{found.others} files of other versions were left alone")
-    say_aside(Store(options.out))
+    say_aside(Store(out))
     rerun = found.rerun
     if rerun is not None and rerun.cells:
         time = (
@@ -87,84 +47,95 @@ def verify(options: argparse.Namespace) -> int:
     return exit_code(DataError("")) if found.findings else 0
 
 
-def report(options: argparse.Namespace) -> int:
-    """Rebuild tables and figures from the stored results."""
+def report(
+    out: Path,
+    /,
+    *,
+    self_contained: bool = False,
+    scenes: Names = (),
+    no_pictures: bool = False,
+    beside: Path | None = None,
+    style: Literal["paper"] | None = None,
+    columns: Names = (),
+) -> None:
+    """Rebuild tables, figures and the page from stored results.
+
+    Example:  radiogs-bench report out/ablations
+
+    :param out: Read the results in this folder.
+    :param self_contained: Write report.html as a single file. It has fewer views, then smaller ones, where pictures
+        take more than 20 MiB.
+    :param scenes: Report on these of its scenes alone (default: all).
+    :param no_pictures: Leave out figures, images and surfels: tables and page are there within seconds.
+    :param beside: Compare the run with the one in this folder, cell by cell: on the page, in tables/beside.* and here.
+    :param style: Write OUT/paper.tex alone: the table as a paper prints it, without differences and remarks.
+    :param columns: With --style, print these metrics, such as nvs/psnr, in this order (default: all that have a value).
+    """
+    from ..results.reports import Shown
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from .showing import Shown, write_and_show
+    from .showing import write_and_show
 
-    if options.style is not None:
-        return report_for_paper(options)
-    if options.columns:
+    if style is not None and scenes:
+        raise UsageError("--scenes does not go with --style", "", f"First:  radiogs-bench report {out} --scenes A,B")
+    if style is None and columns:
         raise UsageError("--columns goes with --style paper", "", "Leave it out; tables of a run have all columns.")
-    shown = Shown(options.self_contained, options.scenes, options.pictures, options.beside)
-    write_and_show(Store(options.out), read_sweep(options.out), shown)
-    return 0
+    sweep = read_sweep(out)
+    if style is not None:
+        _report_for_paper(out, columns)
+    else:
+        write_and_show(Store(out), sweep, Shown(self_contained, scenes, not no_pictures, beside))
 
 
-def report_for_paper(options: argparse.Namespace) -> int:
+def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
     """Write the suite's table as a paper prints it, from the summary of the last report."""
     from radiogs_reports.summary import read_summary
     from radiogs_reports.tables.suite import suite_table
     from radiogs_reports.write.camera_ready import camera_ready_document
 
     from ..results.reports import damage_explained
-    from ..runs.sweep import read_sweep
     from ..store.atomic import explained, write_atomically
     from .reporter import say
 
-    if options.scenes:
-        raise UsageError(
-            "--scenes does not go with --style", "", f"First:  radiogs-bench report {options.out} --scenes A,B"
-        )
-    read_sweep(options.out)  # says what to do where there is no run
     with damage_explained():
-        summary = read_summary(options.out)
+        summary = read_summary(out)
     known = [column.key for column in suite_table(summary).columns]
-    for key in options.columns:
+    for key in columns:
         if key not in known:
             raise unknown("column", key, known, of=f"suite '{summary['suite']}'")
-    path: Path = options.out / "paper.tex"
-    with explained(options.out):
-        write_atomically(path, camera_ready_document(summary, options.columns).encode())
+    path = out / "paper.tex"
+    with explained(out):
+        write_atomically(path, camera_ready_document(summary, columns).encode())
     say(f"{path}: its table environment needs booktabs and graphicx; pdflatex compiles the whole")
-    return 0
 
 
-def add_gate(commands: "Commands") -> None:
-    """Declare ``gate``, which stands behind ``export`` in ``--help``."""
-    parser = declare(
-        commands, "gate", "Compare a run with a stored baseline; the exit code is 1 for a regression.",
-        "gate out/gate --baseline baselines/gate.json",
-    )  # fmt: skip
-    parser.set_defaults(command=gate)
-    parser.add_argument("out", type=Path, nargs="?", metavar="OUT", help="Compare the run in OUT.")
-    parser.add_argument(
-        "--baseline", type=Path, required=True, metavar="FILE", help="Compare with the baseline in FILE."
-    )
-    parser.add_argument("--update", action="store_true", help="Make the run the new baseline.")
-    parser.add_argument(
-        "--rerun", type=Path, action="append", default=[], metavar="OTHER",
-        help="With --update, measure how far a rerun differs: OTHER has the same run with another --threads. This"
-        " option may be repeated.",
-    )  # fmt: skip
-    parser.add_argument(
-        "--power", action="store_true",
-        help="Say which loss of each metric a gate with this baseline finds with 80 %% probability; compare nothing.",
-    )  # fmt: skip
-    parser.add_argument(
-        "--accept-changes", action="store_true",
-        help="Let a run pass whose training computes something else, as long as nothing is worse.",
-    )  # fmt: skip
-    parser.add_argument(
-        "--slow-fails", action="store_true",
-        help="Let a training fail that takes 1.3 times the baseline's time on its machine.",
-    )  # fmt: skip
-    add_verbose(parser)
+@dataclass(frozen=True)
+class Gating:
+    """Options of a gate: other work than comparing, and changes that pass."""
+
+    update: bool = False
+    """Make the run the new baseline."""
+    rerun: Annotated[tuple[Path, ...], from_every_text(Path)] = ()
+    """With --update, measure how far a rerun differs: this folder has the same run with another --threads. This option
+    may be repeated."""
+    power: bool = False
+    """Say which loss of each metric a gate with this baseline finds with 80 % probability; compare nothing."""
+    accept_changes: bool = False
+    """Let a run pass whose training computes something else, as long as nothing is worse."""
+    slow_fails: bool = False
+    """Let a training fail that takes 1.3 times the baseline's time on its machine."""
 
 
-def gate(options: argparse.Namespace) -> int:
-    """Print every change from the baseline; the exit code is 1 if any is a regression."""
+def gate(
+    out: Path | None = None, /, *, baseline: Path, gating: Annotated[Gating, Parameter(name="*")] = Gating()
+) -> int:
+    """Compare a run with a stored baseline; the exit code is 1 for a regression.
+
+    Example:  radiogs-bench gate out/gate --baseline baselines/gate.json
+
+    :param out: Compare the run in this folder.
+    :param baseline: Compare with the baseline in this file.
+    """
     from ..results.baseline import baseline_of, read_baseline
     from ..results.gate import compare, power_lines
     from ..runs.sweep import read_sweep
@@ -172,37 +143,32 @@ def gate(options: argparse.Namespace) -> int:
     from ..store.seal import write_sealed
     from .reporter import say, say_aside
 
-    _require_gate_options(options)
-    if options.power:
-        for line in power_lines(read_baseline(options.baseline)):
-            say(line)
-        return 0
-    store, sweep = Store(options.out), read_sweep(options.out)
-    if options.update:
-        reruns = [(Store(folder), read_sweep(folder)) for folder in options.rerun]
-        made = baseline_of(store, sweep, reruns)
-        write_sealed(options.baseline, made)
-        known = "" if reruns else "; without --rerun it does not know how far a rerun differs"
-        say(f"{options.baseline}: {len(made['cells'])} cells{known}")
-        return 0
-    changes = compare(store, sweep, read_baseline(options.baseline), options.slow_fails)
-    for each in changes:
-        say(f"{each.severity}: {each.cell}: {each.what}")
-    say_aside(store)
-    regressions, changed = (sum(each.severity == kind for each in changes) for kind in ("regression", "changed"))
-    say(f"{len(sweep['cells'])} cells: {_ended(regressions, changed, options.accept_changes)}")
-    return REGRESSION if regressions or (changed and not options.accept_changes) else 0
-
-
-def _require_gate_options(options: argparse.Namespace) -> None:
-    if options.out is None and not options.power:
-        raise UsageError("no run was named", "", "Name its folder:  radiogs-bench gate OUT --baseline FILE")
-    if options.rerun and not options.update:
+    if gating.rerun and not gating.update:
         raise UsageError(
             "--rerun is for making a baseline",
             "A baseline keeps how far a rerun differs; a comparison reads it from there.",
             "Add --update, or leave --rerun out.",
         )
+    if gating.power:
+        for line in power_lines(read_baseline(baseline)):
+            say(line)
+        return 0
+    if out is None:
+        raise UsageError("no run was named", "", "Name its folder:  radiogs-bench gate OUT --baseline FILE")
+    store, sweep = Store(out), read_sweep(out)
+    if gating.update:
+        made = baseline_of(store, sweep, [(Store(folder), read_sweep(folder)) for folder in gating.rerun])
+        write_sealed(baseline, made)
+        known = "" if gating.rerun else "; without --rerun it does not know how far a rerun differs"
+        say(f"{baseline}: {len(made['cells'])} cells{known}")
+        return 0
+    changes = compare(store, sweep, read_baseline(baseline), gating.slow_fails)
+    for each in changes:
+        say(f"{each.severity}: {each.cell}: {each.what}")
+    say_aside(store)
+    regressions, changed = (sum(each.severity == kind for each in changes) for kind in ("regression", "changed"))
+    say(f"{len(sweep['cells'])} cells: {_ended(regressions, changed, gating.accept_changes)}")
+    return REGRESSION if regressions or (changed and not gating.accept_changes) else 0
 
 
 def _ended(regressions: int, changed: int, accepted: bool) -> str:

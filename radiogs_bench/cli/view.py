@@ -1,14 +1,17 @@
 """``radiogs-bench view``: the surfels of a trained model in three dimensions."""
 
-import argparse
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from radiogs_core.errors import DataError, UsageError
 
-from .options import add_verbose, declare, pixels, positive
+from .options import Count
+from .values import from_text, pixels
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -17,41 +20,29 @@ if TYPE_CHECKING:
     from radiogs_core.surfels.surfels import Surfels
     from radiogs_reports.figures.surfel_view import Disks
 
-    from .options import Commands
 
-COLOURS = ("radiance", "albedo", "normal", "roughness")
+@dataclass(frozen=True)
+class Drawing:
+    """Options of a drawing."""
 
-
-def add_to(commands: "Commands") -> None:
-    """Declare the command."""
-    parser = declare(
-        commands, "view", "Draw a trained model's surfels as a page that turns them, a picture and a turntable.",
-        "view out/corner --colour albedo", help="Draw a trained model's surfels in three dimensions.",
-    )  # fmt: skip
-    parser.set_defaults(command=view)
-    parser.add_argument("folder", type=Path, metavar="DIR", help="Open the model that `train` or `run` left in DIR.")
-    parser.add_argument(
-        "--colour", choices=COLOURS, default="radiance", help="Colour surfels by this (default: radiance)."
-    )
-    parser.add_argument("--row", metavar="ROW", help="Show the model of this row of a run (default: the first).")
-    parser.add_argument(
-        "--frames", type=positive, default=36, metavar="N", help="Draw N pictures of the turntable (default: 36)."
-    )
-    parser.add_argument(
-        "--size",
-        type=pixels,
-        default=640,
-        metavar="PIXELS",
-        help="Make pictures this large on each side (default: 640).",
-    )
-    parser.add_argument("--window", action="store_true", help="Also open a window, with surfels as opaque discs.")
-    add_verbose(parser)
+    colour: Literal["radiance", "albedo", "normal", "roughness"] = "radiance"
+    """Colour surfels by this."""
+    row: str | None = None
+    """Show the model of this row of a run (default: the first)."""
+    frames: Count = 36
+    """Draw N pictures of the turntable."""
+    size: Annotated[int, from_text(pixels)] = 640
+    """Make pictures of so many pixels on each side."""
+    window: bool = False
+    """Also open a window, with surfels as opaque discs."""
 
 
-def view(options: argparse.Namespace) -> int:
-    """Write surfels.html (turns in a browser), surfels.png and surfels.gif into the folder's ``figures``.
+def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = Drawing()) -> None:
+    """Draw a trained model's surfels as a page that turns them, a picture and a turntable.
 
-    Raises UsageError where no window can be opened or ``figures`` is a link, DataError where there are no surfels.
+    Example:  radiogs-bench view out/corner --colour albedo
+
+    :param folder: Open the model that `train` or `run` left in this folder.
     """
     from radiogs_core.own_files import fresh, own_folder
     from radiogs_reports.page.surfels import write_viewer
@@ -63,31 +54,30 @@ def view(options: argparse.Namespace) -> int:
     from ..scoring.report_arrays import arrays_of
     from .reporter import say
 
-    if options.window:
+    if drawing.window:
         require_screen()
         pyvista()
-    surfels = surfels_in(options.folder, options.row)
+    surfels = surfels_in(folder, drawing.row)
     if not len(surfels):
-        raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
-    folder = own_folder(options.folder / "figures", options.folder)
-    seen_from = initial_viewpoint_in(options.folder, options.row) or from_outside(surfels)
-    cameras = cameras_around(surfels, options.frames, options.size, seen_from)
-    title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
-    page = write_viewer(arrays_of(surfels, seen_from), title, folder / "surfels.html")
+        raise DataError(f"the model in '{folder}' has no surfels left", "There is nothing to draw.")
+    place = own_folder(folder / "figures", folder)
+    seen_from = initial_viewpoint_in(folder, drawing.row) or from_outside(surfels)
+    cameras = cameras_around(surfels, drawing.frames, drawing.size, seen_from)
+    title = folder.resolve().name + (f", {drawing.row}" if drawing.row else "")
+    page = write_viewer(arrays_of(surfels, seen_from), title, place / "surfels.html")
+    drawn = []
     with progress_for_stderr() as bar:
-        frames = []
-        for done, picture in enumerate(pictures(surfels, cameras, options.colour), 1):
-            frames.append(as_image(picture))
+        for done, picture in enumerate(pictures(surfels, cameras, drawing.colour), 1):
+            drawn.append(as_image(picture))
             bar.advance("turntable", done, len(cameras))
-    frames[0].save(fresh(folder / "surfels.png", folder))
-    film = fresh(folder / "surfels.gif", folder)
-    frames[0].save(film, save_all=True, append_images=frames[1:], duration=3600 // len(frames), loop=0)
-    say(f"{folder}: surfels.png, surfels.gif; open {page}")
-    if options.window:
+    drawn[0].save(fresh(place / "surfels.png", place))
+    film = fresh(place / "surfels.gif", place)
+    drawn[0].save(film, save_all=True, append_images=drawn[1:], duration=3600 // len(drawn), loop=0)
+    say(f"{place}: surfels.png, surfels.gif; open {page}")
+    if drawing.window:
         from radiogs_reports.figures.surfel_view import show
 
-        show(disks_of(surfels, options.colour), lit=options.colour == "albedo")
-    return 0
+        show(disks_of(surfels, drawing.colour), lit=drawing.colour == "albedo")
 
 
 def require_screen() -> None:

@@ -1,4 +1,4 @@
-"""A mesh of a trained model, from the depth and coverage that it renders: for any method that renders both.
+"""A mesh of a trained model, from the depth and coverage that it renders, and its record: for any method that has both.
 
 Depth maps are fused into a field (``fusion``). Its zero level becomes triangles by scikit-image's marching cubes
 (Lewiner et al. 2003). The field is cut into cubes of 64 cells a side that share their outer lattice points, so memory
@@ -10,6 +10,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,11 +19,13 @@ from plyfile import PlyData, PlyElement
 from skimage.measure import marching_cubes
 
 from radiogs_core.contract import NotOffered, Prepared
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
+from ..scoring.metrics.surface_distance import chamfer, surface_distance
 from ..scoring.rendering import on_black
+from ..scoring.true_shape import true_shape
 from .fusion import SIDE, Fusion, Lattice, VoxelBlocks
 
 FINEST = 1 / 512
@@ -39,6 +42,9 @@ MOST_BYTES = 2 << 30
 """Memory that voxels may take unless said otherwise."""
 
 NEEDED = ("depth", "alpha")
+
+SCHEMA = "radiogs-bench/mesh/1"
+"""The schema of mesh.json."""
 
 
 @dataclass(frozen=True)
@@ -212,3 +218,58 @@ def _whole_cells(seen: Bool[np.ndarray, "n n n"]) -> Bool[np.ndarray, "m m m"]:
     for x, y, z in itertools.product((0, 1), repeat=3):
         whole &= seen[x : x + CELLS, y : y + CELLS, z : z + CELLS]
     return whole
+
+
+def record_of(mesh: Mesh, scene: Scene, lattice: Lattice, views: str) -> dict[str, Any]:
+    """Record of a mesh: settings in world units, and distances from the true shape as shares of the extent."""
+    return {
+        "schema": SCHEMA,
+        "scene": scene.name,
+        "checksum": scene.checksum,
+        "extent": scene.extent,
+        "views": views,
+        "voxel": lattice.voxel,
+        "truncation": lattice.truncation,
+        "farthest": lattice.farthest,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "shape": shape_of(mesh, scene),
+    }
+
+
+def shape_of(mesh: Mesh, scene: Scene) -> dict[str, Any]:
+    """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
+    try:
+        truth = true_shape(scene)
+        found = surface_distance(mesh.vertices, mesh.faces, truth.points, truth.distance, scene.extent)
+    except DataError as unknown:
+        return {"reason": f"{unknown.what}: {unknown.why}"}
+    except UsageError as lacking:
+        return {"reason": f"{lacking.what}: {lacking.remedy}"}
+    shape = {
+        "truth": truth.source,
+        "accuracy": found.accuracy,
+        "completeness": found.completeness,
+        "chamfer": found.chamfer,
+        "samples": list(found.samples),
+        "seed": found.seed,
+    }
+    if truth.vertices is not None:
+        shape["stanford_orb_chamfer"] = chamfer(mesh.vertices, mesh.faces, truth.vertices)
+    return shape
+
+
+def sentences_of(shape: dict[str, Any]) -> list[str]:
+    """A shape's record in sentences."""
+    if "reason" in shape:
+        return [f"Chamfer distance: n/a, {shape['reason']}"]
+    ours, theirs = shape["samples"]
+    lines = [
+        f"Chamfer distance {100 * shape['chamfer']:.3f} % of the scene's extent: accuracy"
+        f" {100 * shape['accuracy']:.3f} % ({ours} points on the mesh), completeness"
+        f" {100 * shape['completeness']:.3f} % ({theirs} true points); seed {shape['seed']}",
+        f"truth: {shape['truth']}",
+    ]
+    if "stanford_orb_chamfer" in shape:
+        lines.append(f"by Stanford-ORB's definition, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
+    return lines

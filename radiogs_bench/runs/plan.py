@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from radiogs_core.capabilities import RelitInModes, require_truth
@@ -27,7 +26,6 @@ from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.protocols import protocol
 from ..suites.data_sets import as_published
 from ..suites.experiment import EXPERIMENTS
-from ..suites.registry import read_suite
 from ..suites.registry import suite as suite_of_name
 from ..suites.scenes import load_scenes, own_scenes, place_of
 from ..suites.suite import Row, Suite, with_numbers
@@ -139,7 +137,7 @@ def resolve(spec: RunSpec) -> RunPlan:
 
 def suite_asked(spec: RunSpec) -> tuple[Suite, str, list[str]]:
     """The suite with the rows that a spec asks for, the preset, and remarks. Raises UsageError or DataError."""
-    named = read_suite(Path(spec.suite)) if spec.suite.endswith(".toml") else suite_of_name(spec.suite)
+    named = suite_of_name(spec.suite)
     preset = spec.preset or ("paper" if spec.as_published else "tiny")
     suite, remarks = asked_of(as_published(named) if spec.as_published else named, spec, preset)
     return suite, preset, remarks

@@ -53,7 +53,12 @@ SUITES: Mapping[str, Suite] = {
 
 
 def suite(name: str) -> Suite:
-    """The suite of that name. Raises UsageError for an unknown one, with the nearest name."""
+    """The suite of that name, or in the TOML file of that path (``read_suite``).
+
+    Raises UsageError for an unknown name, with the nearest.
+    """
+    if name.endswith(".toml"):
+        return read_suite(Path(name))
     if name not in SUITES:
         tables = [each for each in SUITES if each.startswith(f"{name}-")]
         error = unknown("suite", name, SUITES, "See them all:  radiogs-bench run --list")

@@ -1,63 +1,60 @@
 """``--help`` of every command: sentences that stand alone, and an example that the command takes."""
 
-import argparse
+import re
 import shlex
 from collections.abc import Iterator
 
 import pytest
+from cyclopts import App
 
-from radiogs_bench.cli.main import build_parser
-from radiogs_bench.cli.options import ExplainingParser
+from radiogs_bench.cli import main
+from radiogs_bench.cli.main import COMMANDS, app, parsed
 
-
-def commands(parser: ExplainingParser) -> Iterator[ExplainingParser]:
-    """Every command and every subject or action below it."""
-    for action in parser.arguments:
-        if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield below
-                yield from commands(below)
+EXAMPLE = re.compile(r"^Example:  radiogs-bench (.+)$", re.MULTILINE)
 
 
-COMMANDS = {parser.prog.partition(" ")[2]: parser for parser in commands(build_parser())}
+def commands(of: App, name: str = "") -> Iterator[tuple[str, App]]:
+    """Every command, and every action below it, by its name."""
+    for each, below in of.resolved_commands().items():
+        if not each.startswith("-"):
+            yield f"{name}{each}", below
+            yield from commands(below, f"{name}{each} ")
+
+
+ALL = dict(commands(app))
 
 
 def is_sentence(text: str | None) -> bool:
     return text is not None and text[0].isupper() and text.endswith(".")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_of_the_table_is_there_in_its_order() -> None:
+    assert [name for name in ALL if " " not in name] == list(COMMANDS)
+    assert len(ALL) > 28
+
+
+@pytest.mark.parametrize("name", ALL)
 def test_every_command_and_option_is_explained_by_sentences(name: str) -> None:
-    parser = COMMANDS[name]
-    assert is_sentence(parser.description)
-    for action in parser.arguments:
-        grouping = isinstance(action, argparse._SubParsersAction | argparse._HelpAction)
-        if action.help != argparse.SUPPRESS and not grouping:
-            assert is_sentence(action.help), f"{name} {action.dest}: {action.help}"
+    purpose, *_ = ALL[name].help.split("\n\n")
+    assert is_sentence(purpose.strip())
+    for argument in ALL[name].assemble_argument_collection(parse_docstring=True) if ALL[name].default_command else ():
+        if argument.show and not argument.children:
+            assert is_sentence(argument.parameter.help), f"{name} {argument.name}: {argument.parameter.help}"
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "completion"])
+@pytest.mark.parametrize("name", ALL)
 def test_the_example_of_a_command_is_one_that_it_takes(name: str) -> None:
-    """The example of a command with subjects names one of these."""
-    epilog = COMMANDS[name].epilog
-    assert epilog is not None
-    start, _, words = epilog.partition("radiogs-bench ")
-    assert start == "Example:  "
+    """The example of a command with actions names one of these."""
+    (words,) = EXAMPLE.findall("\n".join(line.strip() for line in ALL[name].help.splitlines()))
     assert words.startswith(name)
-    options = build_parser().parse_args(shlex.split(words))
-    declared = COMMANDS[name].get_default("command")
-    assert declared in (None, options.command), "a command of this name runs"
+    command, _ = parsed(app, shlex.split(words))
+    assert ALL[name].default_command in (None, command), "a command of this name runs"
 
 
-def test_the_help_of_every_command_can_be_printed() -> None:
-    """A per cent sign in a text would end it."""
-    for parser in COMMANDS.values():
-        assert "Example:" in parser.format_help()
-
-
-def test_the_list_of_commands_has_a_sentence_for_each() -> None:
-    for parser in (build_parser(), *COMMANDS.values()):
-        for action in parser.arguments:
-            if isinstance(action, argparse._SubParsersAction):
-                assert len(action._choices_actions) == len(action.choices)
-                assert all(is_sentence(each.help) for each in action._choices_actions)
+@pytest.mark.parametrize("name", ["", *ALL])
+def test_the_help_of_every_command_can_be_printed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*name.split(), "--help"]) == 0
+    said = capsys.readouterr().out
+    assert f"Usage: radiogs-bench {name}".strip() in said
+    assert "--verbose" in said
+    assert ("Example:" in said) == bool(name)

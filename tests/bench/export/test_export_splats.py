@@ -6,7 +6,7 @@ import shutil
 import struct
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -36,7 +36,7 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("form", export.FORMS)
+@pytest.mark.parametrize("form", viewer_files.FORMS)
 def test_the_surfels_of_a_row_are_written(form: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(run), "--to", form, "--row", "no-rad"]) == 0
     file = run / f"{form.removesuffix('-ply')}.ply"
@@ -58,7 +58,7 @@ def test_a_row_without_a_model_an_unknown_row_and_an_unknown_form_are_refused(
 
 
 def test_the_command_line_knows_every_form() -> None:
-    assert export.FORMS == viewer_files.FORMS
+    assert get_args(export.Form)[-3:] == viewer_files.FORMS
 
 
 @needs_converter

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from radiogs_bench.cli.main import build_parser
+from radiogs_bench.cli.main import app, parsed, values_of
 from radiogs_bench.results.baseline import read_baseline
 
 ROOT = Path(__file__).parents[3]
@@ -28,7 +28,7 @@ def test_the_recipe_has_six_lines_that_the_program_understands() -> None:
     for line in recipe()[1:]:
         program, *arguments = shlex.split(line)
         assert program == "radiogs-bench"
-        assert callable(build_parser().parse_args(arguments).command)
+        assert callable(parsed(app, arguments)[0])
 
 
 def test_the_workflow_runs_the_recipe_without_the_update() -> None:
@@ -55,11 +55,12 @@ def test_the_runs_of_make_gate_are_those_of_the_committed_baselines() -> None:
     made = subprocess.run(["make", "-n", "gate"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     commands = [shlex.split(line) for line in made.splitlines() if "radiogs-bench " in line]
     compared = {each[2]: each[4] for each in commands if each[1] == "gate"}
-    ran = {each[-1]: build_parser().parse_args(each[1:]) for each in commands if each[1] == "run"}
+    ran = {each[-1]: values_of(parsed(app, each[1:])[1]) for each in commands if each[1] == "run"}
     assert ran.keys() == compared.keys()
     for out, file in compared.items():
         baseline = read_baseline(ROOT / file)
-        assert (ran[out].suite, ran[out].preset) == (baseline["suite"], baseline["preset"])
-        cells = {f"{scene} {row} seed {seed}" for scene in ran[out].scenes for row in ran[out].rows
-                 for seed in range(ran[out].seeds)}  # fmt: skip
+        run = ran[out]
+        assert (run["suite"], run["preset"]) == (baseline["suite"], baseline["preset"])
+        cells = {f"{scene} {row} seed {seed}" for scene in run["scenes"] for row in run["rows"]
+                 for seed in range(run["seeds"])}  # fmt: skip
         assert cells == baseline["cells"].keys()

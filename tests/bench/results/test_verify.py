@@ -9,10 +9,9 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.cli.score import write_record
 from radiogs_bench.results.verify import verify
 from radiogs_bench.store.folder import Store
-from radiogs_bench.store.seal import sealed, strict_json
+from radiogs_bench.store.seal import sealed, strict_json, write_sealed
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +110,7 @@ RECORD = {"schema": "radiogs-bench/score/1", "scene": "corner", "protocols": {"d
 def test_records_beside_a_run_are_looked_at(name: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 29: one digit changed in ``score.json`` or ``mesh.json`` was seen by nobody."""
     (run / "notes.json").write_text("{not ours")
-    write_record(RECORD, run / name)
+    write_sealed(run / name, RECORD)
     whole = (run / name).read_bytes()
     assert main(["verify", str(run)]) == 0
     for damage in (whole.replace(b"15.44", b"95.44"), whole.replace(b'"seal": "', b'"seal": "0'), whole[:-20],
@@ -123,7 +122,7 @@ def test_records_beside_a_run_are_looked_at(name: str, run: Path, capsys: pytest
 
 
 def test_a_folder_of_one_record_can_be_verified(tmp_path: Path) -> None:
-    write_record(RECORD, tmp_path / "score.json")
+    write_sealed(tmp_path / "score.json", RECORD)
     assert main(["verify", str(tmp_path)]) == 0
     (tmp_path / "score.json").write_bytes(b"")
     assert main(["verify", str(tmp_path)]) == 3

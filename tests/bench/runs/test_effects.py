@@ -12,8 +12,8 @@ import torch
 from radiogs.method import RADIOGS
 from radiogs.settings import Variant
 from radiogs_bench.cli.main import main
-from radiogs_bench.cli.options import effects as effects_option
 from radiogs_bench.cli.probe import loss_beside
+from radiogs_bench.cli.values import effects as effects_option
 from radiogs_bench.methods import variant_of
 from radiogs_bench.runs.rows import with_effects
 from radiogs_bench.runs.trained_folder import read_about, read_trained

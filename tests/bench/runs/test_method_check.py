@@ -230,12 +230,12 @@ def test_the_command_prints_a_line_for_each_rule(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["check"], "check which method?"),
+        (["check"], "METHOD requires an argument"),
         (["check", "nobody"], "unknown method 'nobody'"),
         (["check", "chain", "--preset", "huge"], "unknown preset 'huge'"),
-        (["chain", "--scene", "convex"], "go with check alone"),
-        (["chain", "radiogs"], "2 methods are named"),
-        (["check", "chain", "--recipes"], "--recipes does not go with check"),
+        (["chain", "--scene", "convex"], "Unknown option: --scene"),
+        (["chain", "radiogs"], "there is no place for radiogs"),
+        (["check", "chain", "--recipes"], "Unknown option: --recipes"),
     ],
 )
 def test_wrong_calls_are_explained(

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiogs_bench.cli.export import shape_of
-from radiogs_bench.export.mesh import Mesh
+from radiogs_bench.export.mesh import Mesh, shape_of
 from radiogs_bench.scoring import score_orb
 from radiogs_bench.scoring.metrics.surface_distance import pyvista, read_mesh
 from radiogs_core.errors import UsageError
