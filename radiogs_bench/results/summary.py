@@ -355,7 +355,7 @@ def sheet_row(store: Store, ref: CellRef, result: Result, view: str) -> SheetSum
 
 def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None) -> RunSummary:
     """One cell with its metrics and provenance."""
-    place = {name: ref[name] for name in ("row", "scene", "seed", "key")}  # type: ignore[literal-required]
+    place = {name: ref[name] for name in ("row", "scene", "seed", "key")}
     run: dict[str, Any] = {**place, "state": state_of(store, ref), "stages": [], **dict.fromkeys(ALONE)}
     if result is None:
         return cast(RunSummary, {name: {} for name in (*COPIED, "metrics", "made_from")} | run)
@@ -394,7 +394,7 @@ def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -
 
 def plan_summary(result: Result) -> PlanSummary | None:
     """Which effects were simulated, the predicted bound, and what probing cost; None without a plan."""
-    effects = result["facts"].get("effects")
+    effects: Any = result["facts"].get("effects")
     try:
         plan, tolerances = effects["plan"], [float(each["tolerance"]) for each in effects["evidence"]]
     except (KeyError, TypeError, ValueError):  # a fact of that name of a method without plans

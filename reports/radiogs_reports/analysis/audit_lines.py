@@ -73,6 +73,10 @@ def chosen_effects(run: RunSummary) -> str | list[str] | None:
     return chosen
 
 
+def _metric(run: RunSummary, key: str) -> float | None:
+    return run["metrics"].get(key)
+
+
 def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary]) -> AuditLine:
     plans = {origin: run["effects"] for origin, run in mine.items() if run["effects"] is not None}
     bounds = [plan["bound"] for plan in plans.values() if plan["bound"] is not None]
@@ -80,7 +84,7 @@ def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping
     probed = any(chosen_effects(run) == "auto" for run in mine.values())
     bound = max(bounds, default=None) if probed else None
     losses = {
-        name: paired_difference(*(_known(runs, lambda run, key=key: run["metrics"].get(key)) for runs in (full, mine)))
+        name: paired_difference(*(_known(runs, partial(_metric, key=key)) for runs in (full, mine)))
         for name, key in LOSSES.items()
     }
     rays, full_rays = (_known(runs, lambda run: cost_of(run, "rays") or 0.0) for runs in (mine, full))
