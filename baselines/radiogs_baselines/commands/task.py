@@ -11,14 +11,7 @@ from pathlib import Path
 from radiogs_core.errors import ExplainedError
 
 from .process import Command, CommandFailed, ExitStatus, Running
-from .records import (
-    Listing,
-    Record,
-    digest_of,
-    read_json,
-    read_record,
-    write_json,
-)
+from .records import Listing, Record, digest_of, read_json, read_record, write_json
 from .workspace import Workspace
 
 LAST_LINES = 12

@@ -17,7 +17,7 @@ from baselines.methods.svg_ir.world import model_of as svg_ir_model
 from baselines.methods.tensoir.world import looking_down, run_of
 from baselines.methods.trained_models import FLOOR, LOW_ROOF, MODELS, gs_ir_model
 from known_ball import SCENE
-from radiogs_baselines.methods.metallic import MetallicSurfels
+from radiogs_baselines.methods.gs_ir.metallic import MetallicSurfels
 from radiogs_baselines.methods.r3dg.model import Model as R3DGModel
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.model import Model as TensoIRModel

@@ -14,10 +14,10 @@ from baselines.methods.stage_two import UNSEEN as HIGH_ROOF
 from baselines.methods.svg_ir.world import model_of as svg_ir_model
 from baselines.methods.tensoir import world as tensoir_world
 from known_ball import BALL
+from radiogs_baselines.methods.gs_ir.metallic import MetallicSurfels
 from radiogs_baselines.methods.gs_ir.model import Model as GSIRModel
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.gs_ir.volumes import Lattice
-from radiogs_baselines.methods.metallic import MetallicSurfels
 from radiogs_baselines.methods.r3dg.model import Model as R3DGModel
 from radiogs_bench.methods import method
 from radiogs_core.on_surfels.model import LitSurfels as IRGSModel

@@ -9,7 +9,7 @@ from torch import Tensor
 from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import SOLID_ALPHA, Splat, splat
 
-from ..metallic import MetallicSurfels
+from ..gs_ir.metallic import MetallicSurfels
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from radiogs_core.on_surfels.method import SurfelMethod
 
-from ..metallic import MetallicSurfels
+from ..gs_ir.metallic import MetallicSurfels
 from .settings import PRESETS, Variant
 from .showing import TrainedGIGS
 from .training import InverseRendering

@@ -8,18 +8,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import (
-    MaterialLearning,
-    NotNegative,
-    SurfelBudget,
-    SurfelVariant,
-    presets,
-)
+from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
 from radiogs_core.on_surfels.split_sum import Frame
 from radiogs_core.plain_values import require
 from radiogs_core.transport.splitsum import Masking
 
-from ..metallic import MetallicStart
+from ..gs_ir.metallic import MetallicStart
 
 
 @dataclass(frozen=True, kw_only=True)

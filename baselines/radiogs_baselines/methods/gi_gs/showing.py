@@ -8,19 +8,12 @@ from torch import Tensor
 
 from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
 from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.on_surfels.trained import (
-    INCIDENT,
-    Shown,
-    TrainedOnSurfels,
-    blended_maps,
-    light_start,
-    reduced,
-)
+from radiogs_core.on_surfels.trained import INCIDENT, Shown, TrainedOnSurfels, blended_maps, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from ..metallic import MetallicSurfels
+from ..gs_ir.metallic import MetallicSurfels
 from .gbuffer import gbuffer, seen_materials
 from .marching import Grid, March
 from .settings import PRESETS, Budget, Variant

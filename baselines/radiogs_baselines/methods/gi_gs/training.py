@@ -18,7 +18,7 @@ from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from ..metallic import MetallicSurfels
+from ..gs_ir.metallic import MetallicSurfels
 from .gbuffer import GBuffer, gbuffer, seen_materials
 from .marching import Grid, March
 from .settings import Budget, Variant

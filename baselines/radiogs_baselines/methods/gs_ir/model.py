@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..metallic import MetallicSurfels
+from .metallic import MetallicSurfels
 from .volumes import IrradianceVolume, OcclusionVolume
 
 

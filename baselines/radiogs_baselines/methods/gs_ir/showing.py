@@ -15,7 +15,6 @@ from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, blended_map
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 
-from ..labels import length
 from .model import Model
 from .prefilter import filtered_light
 from .settings import PRESETS, Budget, Variant
@@ -115,7 +114,9 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     }
     if variant.occlusion:
         labels |= {
-            "tau": length(variant.tau, extent, "0.25", "none: occluders at any distance"),
+            "tau": "none: occluders at any distance (published: 0.25)"
+            if variant.tau is None
+            else f"{variant.tau * extent:.3g} world units (published: 0.25)",
             "nearest": _nearest(variant, extent),
             "probes": "where a surfel is within one standard deviation (published: in the cells of Gaussians' centres)",
             "box": "the cube around the surfels (published: [-1.5, 1.5]^3)",

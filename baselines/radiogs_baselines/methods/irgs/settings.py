@@ -8,13 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
-from radiogs_core.on_surfels.settings import (
-    MaterialLearning,
-    NotNegative,
-    SurfelBudget,
-    SurfelVariant,
-    presets,
-)
+from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import require
 

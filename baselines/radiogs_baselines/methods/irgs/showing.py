@@ -32,7 +32,6 @@ from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from ..labels import length
 from .rays import RaySettings, shade_points
 from .settings import PRESETS, Budget, Variant
 
@@ -139,9 +138,9 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "geometry": "surfels of this project, traced and rasterised by its kernels",
         "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",
         "light_start": light_start(variant.materials.start.light, "a constant 1.5"),
-        "ray_start": length(
-            variant.ray_start, extent, "0.05", "one standard deviation of the surfels that a pixel sees"
-        ),
+        "ray_start": "one standard deviation of the surfels that a pixel sees (published: 0.05)"
+        if variant.ray_start is None
+        else f"{variant.ray_start * extent:.3g} world units (published: 0.05)",
         "fresnel": "F0 0.04 also at the hits of relit rays (published: 0.02)",
         "masking": "Schlick's in the split sum at the hits of relit rays (published table: height-correlated)",
     }

@@ -9,21 +9,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
-from radiogs_core.on_surfels.trained import (
-    ARRIVING,
-    SHOWN_WITH_INCIDENT,
-    Shown,
-    TrainedOnSurfels,
-    light_start,
-    reduced,
-)
+from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_maps, shaded_maps
 
-from ..labels import length
 from .incident import RaySettings, VisibilityTable, arriving
 from .model import Model
 from .settings import PRESETS, Budget, LocalLight, Variant
@@ -98,7 +90,9 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "geometry": "surfels of this project in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": light_start(variant.materials.start.light, "random between 0.69 and 0.97"),
-        "ray_start": length(variant.ray_start, extent, "0.06", "one standard deviation of the surfel"),
+        "ray_start": "one standard deviation of the surfel (published: 0.06)"
+        if variant.ray_start is None
+        else f"{variant.ray_start * extent:.3g} world units (published: 0.06)",
         "directions": "none below 10 degrees, as published"
         if variant.floor
         else "down to the horizon (published: to 10 degrees)",

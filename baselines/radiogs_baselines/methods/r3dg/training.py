@@ -17,11 +17,7 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.learning.losses import (
-    environment_smoothness,
-    light_prior,
-    reconstruction,
-)
+from radiogs_core.learning.losses import environment_smoothness, light_prior, reconstruction
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import starting_light_and_albedo

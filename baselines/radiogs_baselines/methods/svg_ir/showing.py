@@ -24,7 +24,6 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import mean_incident
 from radiogs_core.transport.splatting import splat, towards
 
-from ..labels import length
 from .model import Model
 from .settings import PRESETS, Budget, Variant
 from .shading import Materials, bounced, downsampled, materials_of, shade_vertices
@@ -142,12 +141,12 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "light_start": "shared: the light of least albedo variation (published: constant)"
         if variant.materials.start.light == "least-variation"
         else "constant, by the images' exposure",
-        "hop": length(
-            variant.hop, extent, "0.2 from hit to hit" if variant.hop is None else "0.2", "rays of full length"
-        ),
-        "ray_start": length(
-            variant.ray_start, extent, "0.042", "one standard deviation of the surfel that a ray leaves"
-        ),
+        "hop": "rays of full length (published: 0.2 from hit to hit)"
+        if variant.hop is None
+        else f"{variant.hop * extent:.3g} world units (published: 0.2)",
+        "ray_start": "one standard deviation of the surfel that a ray leaves (published: 0.042)"
+        if variant.ray_start is None
+        else f"{variant.ray_start * extent:.3g} world units (published: 0.042)",
         "attributes": f"vertices {variant.vertex_distance:g} standard deviations from the axes (published: by the size "
         "of the splat in the image)",
     }

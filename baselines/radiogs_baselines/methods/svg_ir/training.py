@@ -13,12 +13,7 @@ from torch import Tensor
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_aware_smoothness
-from radiogs_core.learning.losses import (
-    edge_weights,
-    environment_smoothness,
-    normal_consistency,
-    reconstruction,
-)
+from radiogs_core.learning.losses import edge_weights, environment_smoothness, normal_consistency, reconstruction
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import starting_light_and_albedo

@@ -1,4 +1,4 @@
-"""What is particular to a trained GI-GS model; ``test_trained`` tests what all methods share."""
+"""A trained GI-GS model, beside the properties of all methods that ``test_trained`` tests."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from baselines.methods.stage_two import GI_GS, STANDING
 from baselines.methods.trained_models import gi_gs as trained
 from known_ball import SCENE
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
-from radiogs_baselines.methods.metallic import MetallicSurfels
+from radiogs_baselines.methods.gs_ir.metallic import MetallicSurfels
 from radiogs_core.scene.colour import srgb_encode
 
 CAMERA = SCENE.test[0].camera

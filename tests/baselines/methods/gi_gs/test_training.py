@@ -1,4 +1,4 @@
-"""What is particular to stage 2 of GI-GS; ``test_stage_two`` tests what all methods share."""
+"""Stage 2 of GI-GS, beside the properties of all methods that ``test_stage_two`` tests."""
 
 import pytest
 

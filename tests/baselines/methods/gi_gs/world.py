@@ -13,7 +13,7 @@ from radiogs_baselines.methods.gi_gs.marching import Grid, March
 from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
 from radiogs_baselines.methods.gi_gs.showing import Renderer
-from radiogs_baselines.methods.metallic import MetallicSurfels
+from radiogs_baselines.methods.gs_ir.metallic import MetallicSurfels
 from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels

@@ -3,16 +3,7 @@
 import pytest
 import torch
 
-from baselines.methods.gs_ir.world import (
-    TAU,
-    baked,
-    closed_form,
-    lit,
-    model_of,
-    openness,
-    roof,
-    trained,
-)
+from baselines.methods.gs_ir.world import TAU, baked, closed_form, lit, model_of, openness, roof, trained
 from baselines.methods.irgs.world import grey, middle, sheet, together
 from radiogs_baselines.methods.gs_ir.model import Model
 from radiogs_baselines.methods.gs_ir.training import Reach

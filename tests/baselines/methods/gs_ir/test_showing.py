@@ -1,4 +1,4 @@
-"""What is particular to a trained GS-IR model; ``test_trained`` tests what all methods share."""
+"""A trained GS-IR model, beside the properties of all methods that ``test_trained`` tests."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is particular to a trained IRGS model; ``test_trained`` tests what all methods share."""
+"""A trained IRGS model, beside the properties of all methods that ``test_trained`` tests."""
 
 import pytest
 import torch

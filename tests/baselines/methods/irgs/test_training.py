@@ -1,4 +1,4 @@
-"""What is particular to stage 2 of IRGS; ``test_stage_two`` tests what all methods share."""
+"""Stage 2 of IRGS, beside the properties of all methods that ``test_stage_two`` tests."""
 
 from baselines.methods.irgs.world import DOWN, sheet, together
 from baselines.methods.stage_two import IRGS, UNSEEN, stepped, tensors_of

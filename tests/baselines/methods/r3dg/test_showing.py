@@ -1,4 +1,4 @@
-"""What is particular to a trained R3DG model; ``test_trained`` tests what all methods share."""
+"""A trained R3DG model, beside the properties of all methods that ``test_trained`` tests."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is particular to a trained SVG-IR model; ``test_trained`` tests what all methods share."""
+"""A trained SVG-IR model, beside the properties of all methods that ``test_trained`` tests."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is particular to a trained TensoIR model; ``test_trained`` tests what all methods share."""
+"""A trained TensoIR model, beside the properties of all methods that ``test_trained`` tests."""
 
 from dataclasses import replace
 from pathlib import Path

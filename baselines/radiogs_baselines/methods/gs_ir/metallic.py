@@ -1,4 +1,4 @@
-"""Surfels whose metalness may be learnt, for the methods that shade by the split sum: GS-IR and GI-GS."""
+"""Surfels whose metalness may be learnt; GI-GS, which builds on GS-IR, has them too."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
