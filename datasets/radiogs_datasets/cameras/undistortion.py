@@ -177,8 +177,8 @@ def _unfolded(
     )
     own = whole & (parts == parts[middle])
     taken = np.where(own, area, 0).astype(np.float32)
-    unfolded, pixels = (coarse.repeat(step, 0).repeat(step, 1)[:height, :width] for coarse in (own, taken))
-    return unfolded, pixels
+    unfolded = own.repeat(step, 0).repeat(step, 1)[:height, :width]
+    return unfolded, taken.repeat(step, 0).repeat(step, 1)[:height, :width]
 
 
 def _whole_rectangle(good: NDArray[np.bool_]) -> tuple[int, int, int, int]:

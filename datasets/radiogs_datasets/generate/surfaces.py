@@ -72,16 +72,17 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
 
     Parts of a face on which another solid stands are left out.
     """
-    parts = []
+    patches, materials = [], []
     for place, solid in enumerate(solids):
         others = [other for number, other in enumerate(solids) if number != place]
         for patch in _patches(solid, others, spacing):
             covered = torch.zeros(len(patch.centre), dtype=torch.bool)
             for other in others:
                 covered |= _inside(other, patch.centre, TOUCHING)
-            parts.append((solid.material, patch.where(~covered)))
-    patches = [patch for _, patch in parts]
-    values = torch.cat([torch.stack(finish.at(*patch.centre.unbind(-1), torch), -1) for finish, patch in parts])
+            patches.append(patch.where(~covered))
+            x, y, z = patches[-1].centre.unbind(-1)
+            materials.append(torch.stack(solid.material.at(x, y, z, torch), -1))
+    values = torch.cat(materials)
     return SurfaceSamples(
         centre=torch.cat([patch.centre for patch in patches]),
         frame=torch.cat([patch.frame for patch in patches]),
