@@ -8,7 +8,7 @@ scene means that nothing is there.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -176,12 +176,9 @@ def _unfolded(
         int(np.clip(across // step, 0, whole.shape[1] - 1)),
     )
     own = whole & (parts == parts[middle])
-
-    def fine(coarse: NDArray[Any]) -> NDArray[Any]:
-        return coarse.repeat(step, 0).repeat(step, 1)[:height, :width]
-
     taken = np.where(own, area, 0).astype(np.float32)
-    return fine(own), fine(taken)
+    unfolded = own.repeat(step, 0).repeat(step, 1)[:height, :width]
+    return unfolded, taken.repeat(step, 0).repeat(step, 1)[:height, :width]
 
 
 def _whole_rectangle(good: NDArray[np.bool_]) -> tuple[int, int, int, int]:

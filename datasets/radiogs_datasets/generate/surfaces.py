@@ -72,7 +72,7 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
 
     Parts of a face on which another solid stands are left out.
     """
-    patches, finishes = [], []
+    patches, materials = [], []
     for place, solid in enumerate(solids):
         others = [other for number, other in enumerate(solids) if number != place]
         for patch in _patches(solid, others, spacing):
@@ -81,8 +81,8 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
                 covered |= _inside(other, patch.centre, TOUCHING)
             patches.append(patch.where(~covered))
             x, y, z = patches[-1].centre.unbind(-1)
-            finishes.append(torch.stack(solid.material.at(x, y, z, torch), -1))
-    values = torch.cat(finishes)
+            materials.append(torch.stack(solid.material.at(x, y, z, torch), -1))
+    values = torch.cat(materials)
     return SurfaceSamples(
         centre=torch.cat([patch.centre for patch in patches]),
         frame=torch.cat([patch.frame for patch in patches]),
