@@ -71,8 +71,9 @@ def placed(options: argparse.Namespace, scene: "Scene", light: "EnvironmentMap")
     """The light of a file in the scene's world, as the options say, and a sentence on how it stands there."""
     import torch
 
-    from radiogs_core.scene.initial_viewpoint import upwards
     from radiogs_core.scene.placed_light import placed_light
+
+    from ..initial_viewpoint import upwards
 
     up = upwards(scene) if options.up is None else torch.tensor(options.up)
     stood, to_map = placed_light(light, up, options.turn, options.strength)

@@ -17,11 +17,11 @@ from PIL import Image, ImageSequence
 import radiogs_bench as rb
 from captured import TURNS, write_capture
 from radiogs_bench.cli.main import main
+from radiogs_bench.initial_viewpoint import upwards
 from radiogs_bench.runs.trained_folder import product_of, read_about
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
-from radiogs_core.scene.initial_viewpoint import upwards
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.placed_light import placed_light
 from radiogs_core.surfels.restoring import restored_surfels

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs_bench.initial_viewpoint import InitialViewpoint
 from radiogs_bench.scoring import report_arrays
 from radiogs_bench.scoring.report_arrays import surfel_arrays
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 
 COUNT = 5
