@@ -152,6 +152,11 @@ class PlainReader:
         self.fail(where, f"{value!r} is not {' or '.join(WORDS.get(each, str(each)) for each in arguments)}")
 
 
+def from_plain(kind: type, values: Mapping[str, Any], what: str) -> Any:
+    """An instance of the dataclass ``kind`` from plain values. Raises UsageError that names ``what`` and the field."""
+    return PlainReader(what, "See its fields:  radiogs-bench methods").build(kind, values, "")
+
+
 def with_values(instance: Any, values: Mapping[str, Any], what: str = "settings") -> Any:
     """A copy of a dataclass with some fields changed to plain values, by dotted names or by nested tables.
 

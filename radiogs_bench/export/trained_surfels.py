@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.surfels.restoring import restored_surfels
+from radiogs_core.surfels.stored_tensors import restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_reports.maps import read_maps
 

@@ -14,9 +14,9 @@ from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.light_filters import LEVELS, filtered, grid_solid_angles, turned_spectrum
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import relighting_directions, tangent_frame
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT
-from radiogs_core.transport.splitsum import PrefilteredLight
 from reference.quadrature import sphere_quadrature
 
 F64 = torch.float64

@@ -14,8 +14,8 @@ from radiogs.settings import Variant
 from radiogs_core.kernels.shade.shade import shade_total
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.light_sampler import LightSampler
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 
 SUN = (2, 3)
 """Texel of the sun."""
