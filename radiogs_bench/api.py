@@ -30,7 +30,6 @@ from torch import Tensor
 from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
-from radiogs_core.scene.initial_viewpoint import upwards
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.placed_light import placed_light
 from radiogs_core.scene.scene import Scene, View
@@ -42,6 +41,7 @@ from radiogs_datasets.soundness import require_trainable
 
 from .device import device_named
 from .export.records import rows
+from .initial_viewpoint import upwards
 from .installed_methods import method_names
 from .methods import budget_of, variant_by_recipe
 from .methods import method as installed_method

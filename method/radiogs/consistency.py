@@ -32,8 +32,8 @@ from radiogs_core.kernels.shade.consistency import consistency_of
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.shading import lambert_albedo
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .settings import Variant
 

@@ -10,8 +10,8 @@ from radiogs_core.contract import Run
 from radiogs_core.on_surfels.fit_geometry import FitGeometry, Shading
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 
 from .consistency import split_sum_consistency_loss
 from .model import Model, constant_light

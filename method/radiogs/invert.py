@@ -16,8 +16,8 @@ from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import own_radiance, splat, towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 
 from .consistency import RadiometricConsistency
 from .incident_cache import IncidentCache, IncidentPolicy

@@ -18,8 +18,8 @@ from radiogs_core.transport.interreflection import bounced_incident
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.path_tracing import PathTracer
 from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import relighting_directions
-from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
 from .model import Model

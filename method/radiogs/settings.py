@@ -15,7 +15,7 @@ from radiogs_core.learning.solver_rates import SolverRates
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
 from radiogs_core.plain_values import require
 from radiogs_core.transport.plan import Effects, checked_effects
-from radiogs_core.transport.splitsum import Masking
+from radiogs_core.transport.prefiltered_light import Masking
 
 from .learning import MaterialLearning, SplitSumLearning
 
@@ -200,7 +200,7 @@ class Variant(SurfelVariant):
     """Distance from their surfel at which rays start with the deviation ``fixed-offset``, world units (released code:
     0.05, and 0.1 in a few scenes)."""
     masking: Masking = "schlick"
-    """Masking in the pre-integrated BRDF of all split sums (see ``splitsum.Masking``)."""
+    """Masking in the pre-integrated BRDF of all split sums (see ``prefiltered_light.Masking``)."""
     effects: Effects = "all"
     """Effects that stage 2 and relighting simulate: "all", "auto" (the effects that a scene needs, by measured
     evidence; see ``effects``), or the names of the effects that are on."""

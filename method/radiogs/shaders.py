@@ -17,9 +17,9 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.prefiltered_light import Masking, PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.shading import lambert_albedo
 from radiogs_core.transport.splatting import towards
-from radiogs_core.transport.splitsum import Masking, PrefilteredLight, split_sum_radiance
 
 from .consistency import RadiometricConsistency, split_sum_consistency_loss
 from .incident_cache import IncidentCache

@@ -22,8 +22,8 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_maps, shaded_maps, split_sum_maps
 from radiogs_core.transport.plan import plan_of
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import relighting_directions
-from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .constants import as_text

@@ -15,9 +15,9 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, splat, towards
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .effects.image_share import image_share
 from .model import Model

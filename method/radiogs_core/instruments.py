@@ -181,18 +181,13 @@ def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> 
         if len(bad) == 0:
             continue  # finite entries whose sum overflows
         fire(broken_training=1)
+        row = "row" if "environment" in name else "surfel"  # the rows of an environment map are those of the map
+        where = f": {row} {int(bad[0, 0])} ({len(bad)} values in all)" if value.dim() else ""
         raise NumericalFailure(
-            f"{name} is not finite in stage '{stage}' at iteration {iteration}{_where(name, value, bad)}",
+            f"{name} is not finite in stage '{stage}' at iteration {iteration}{where}",
             "The next step would spread it to every surfel.",
             "Look for its cause in the last step, or in the values that the stage began from.",
         )
-
-
-def _where(name: str, value: Tensor, bad: Tensor) -> str:
-    """The first bad row of a tensor, as text: a surfel, or for an environment map a row of the map."""
-    if not value.dim():
-        return ""
-    return f": {'row' if 'environment' in name else 'surfel'} {int(bad[0, 0])} ({len(bad)} values in all)"
 
 
 def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]) -> None:

@@ -64,7 +64,6 @@ def placed(placing: Placing, scene: "Scene", light: "EnvironmentMap") -> "tuple[
     """The light of a file in the scene's world, and a sentence on how it lies there."""
     import torch
 
-    from radiogs_core.scene.initial_viewpoint import upwards
     from radiogs_core.scene.placed_light import placed_light
 
     up = upwards(scene) if placing.up is None else torch.tensor(placing.up)

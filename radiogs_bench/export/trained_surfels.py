@@ -6,11 +6,11 @@ from typing import Any
 import torch
 
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
-from radiogs_core.surfels.restoring import restored_surfels
+from radiogs_core.surfels.stored_tensors import restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_reports.maps import read_maps
 
+from ..initial_viewpoint import InitialViewpoint
 from ..runs.sweep import read_sweep
 from ..runs.trained_folder import product_of, read_about
 from ..store.folder import Store, product_name

@@ -12,9 +12,10 @@ from torch.nn.functional import normalize
 from radiogs_core.order_statistics import quantile
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import own_radiance, splat
+
+from ..initial_viewpoint import InitialViewpoint
 
 Colour = Literal["radiance", "albedo", "normal", "roughness"]
 

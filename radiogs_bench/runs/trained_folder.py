@@ -18,12 +18,12 @@ from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.own_files import fresh, own_folder
 from radiogs_core.plain_values import flat, to_plain, with_values
-from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 from radiogs_datasets.options import options_of
 
+from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling
 from ..methods import budget_of, marks_of, method, variant_of
 from ..store.atomic import explained
@@ -69,7 +69,7 @@ class About(TypedDict):
     facts: dict[str, Any]
     """The method's facts about its model."""
     standpoint: NotRequired[dict[str, list[float]]]
-    """From where it is looked at first (``radiogs_core.scene.initial_viewpoint``)."""
+    """From where it is looked at first (``radiogs_bench.initial_viewpoint``)."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 

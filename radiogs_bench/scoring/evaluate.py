@@ -13,11 +13,11 @@ from torch import Tensor
 
 from radiogs_core.capabilities import RelitByReference
 from radiogs_core.contract import NotOffered, Prepared, Trained
-from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from ..errors import MethodFailed
+from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling, own_camera, own_light, refused, require
 from ..process_state import as_before
 from ..store.provenance import peaks_within

@@ -10,12 +10,12 @@ from torch import Tensor
 
 from radiogs_core.contract import Trained
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 
+from ..initial_viewpoint import InitialViewpoint
 from .score_maps import Maps, truth
 
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")

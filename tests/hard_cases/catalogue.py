@@ -209,7 +209,7 @@ CASES = (
     Case(
         35, "prefiltered light", "shading and light transport", "constant map, and a delta map at every texel",
         "the same constant; equal energy", "1e-4", (LIGHT,),
-        ("method/core/transport/test_splitsum.py::test_a_constant_light_stays_the_same_constant_at_every_roughness",),
+        ("method/core/transport/test_prefiltered_light.py::test_a_constant_light_stays_the_same_constant_at_every_roughness",),
     ),
     Case(
         36, "visibility at the edges", "shading and light transport", "0, 1 and many hits; a wall with a hole",

@@ -26,9 +26,9 @@ from radiogs_core.kernels.shade.brdf import ggx_distribution, specular
 from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP
 from radiogs_core.kernels.surfel.support import support_of
 from radiogs_core.kernels.trace.trace import Hits
+from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
 from radiogs_core.transport.splatting import splat
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.tracer import visibility_of
 
 F64 = torch.float64

@@ -19,6 +19,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.light_filters import LEVELS, filtered, grid_solid_angles, turned_spectrum
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import (
     hemisphere_directions,
     random_hemisphere_direction,
@@ -26,7 +27,6 @@ from radiogs_core.transport.sampling import (
     tangent_frame,
 )
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, shade_surfels, towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident, visibility_of
 from reference.quadrature import sphere_quadrature
 from reference.shade import shade as dense_shade

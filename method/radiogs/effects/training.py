@@ -18,7 +18,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.tracer import incident_along
 
 from ..consistency import RadiometricConsistency

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
+from ..surfels.stored_tensors import finite_tensor, require_for_each, restored_map, restored_surfels
 from ..surfels.surfels import Surfels
 
 

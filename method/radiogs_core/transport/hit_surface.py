@@ -8,7 +8,7 @@ from ..kernels.trace.trace import Hits
 from ..surfels.surfels import Surfels
 from .incident import Incident
 from .plan import EffectPlan
-from .splitsum import PrefilteredLight, split_sum_radiance
+from .prefiltered_light import PrefilteredLight, split_sum_radiance
 from .tracer import RAYS_AT_ONCE, SurfelTracer, gather_incident, visibility_of
 
 

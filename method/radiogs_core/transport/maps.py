@@ -10,6 +10,7 @@ from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
 from ..surfels.surfels import Surfels
 from .incident import Incident
+from .prefiltered_light import PrefilteredLight, split_sum_radiance
 from .splatting import (
     DIFFUSE_DIRECT,
     DIFFUSE_INDIRECT,
@@ -19,7 +20,6 @@ from .splatting import (
     splat,
     towards,
 )
-from .splitsum import PrefilteredLight, split_sum_radiance
 
 
 @torch.no_grad()

@@ -13,7 +13,7 @@ from torch import Tensor
 from ..kernels.shade.brdf import FRESNEL_NORMAL
 from ..kernels.shade.shade import shade
 from .incident import Incident
-from .splitsum import brdf_table
+from .prefiltered_light import brdf_table
 
 
 def shade_materials(

@@ -14,8 +14,8 @@ from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.scene.camera import Camera
+from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .embree import closest_hits, missing_embree
 from .plain import harmonics_plainly, rasterize_densely, shade_plainly, split_sum_plainly

@@ -10,7 +10,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.transport.light_filters import LEVELS
-from radiogs_core.transport.splitsum import Masking, PrefilteredLight, brdf_table
+from radiogs_core.transport.prefiltered_light import Masking, PrefilteredLight, brdf_table
 
 PIXELS_AT_ONCE = 1024
 """Pixels that are processed together, against all surfels."""

@@ -54,11 +54,11 @@ PARTS: dict[str, tuple[str, ...]] = {
     "shading": (
         "radiogs_core.kernels.shade",
         "radiogs_core.transport.shading",
-        "radiogs_core.transport.splitsum",
+        "radiogs_core.transport.prefiltered_light",
         "radiogs_core.transport.light_filters",
         "radiogs_core.scene.light",
         "radiogs_core.on_surfels.model",
-        "radiogs_core.on_surfels.split_sum",
+        "radiogs_core.on_surfels.split_sum_light",
         "radiogs.shaders",
         "radiogs.relighting",
     ),

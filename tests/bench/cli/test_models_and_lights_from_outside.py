@@ -17,14 +17,14 @@ from PIL import Image, ImageSequence
 import radiogs_bench as rb
 from captured import TURNS, write_capture
 from radiogs_bench.cli.main import main
+from radiogs_bench.initial_viewpoint import upwards
 from radiogs_bench.runs.trained_folder import product_of, read_about
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError
-from radiogs_core.scene.initial_viewpoint import upwards
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.placed_light import placed_light
-from radiogs_core.surfels.restoring import restored_surfels
+from radiogs_core.surfels.stored_tensors import restored_surfels
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr
 from radiogs_datasets.lights import read_light

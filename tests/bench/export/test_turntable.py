@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from radiogs_bench.export.turntable import ELEVATION, cameras_around, from_outside, pictures
+from radiogs_bench.initial_viewpoint import InitialViewpoint
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
 

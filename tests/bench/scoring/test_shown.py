@@ -10,13 +10,13 @@ import torch
 
 from bench.fake_method import CPU
 from bench.perfect import EVERYTHING, SCALE, Perfect, scene_of, view_with
+from radiogs_bench.initial_viewpoint import InitialViewpoint
 from radiogs_bench.scoring import report_arrays
 from radiogs_bench.scoring.evaluate import Scope, evaluate
 from radiogs_bench.scoring.metrics.conventions import Environment
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.report_arrays import LARGEST_HEIGHT, light_maps, surfel_arrays, views_to_keep
 from radiogs_bench.scoring.score_maps import coverage, truth
-from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels

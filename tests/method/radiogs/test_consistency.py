@@ -21,10 +21,10 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
 from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.shading import lobe_albedo
 from radiogs_core.transport.splatting import towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 from scenes import look_at, surfels_facing
 
 COUNT = 4000

@@ -15,7 +15,7 @@ from radiogs.showing import Renderer
 from radiogs.varying import VaryingRadioGS
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.splitsum import Masking
+from radiogs_core.transport.prefiltered_light import Masking
 from radiogs_datasets.generate.solids import Sphere
 from scenes import surfels_over
 

@@ -20,8 +20,8 @@ from radiogs.settings import Variant
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.views import Whole
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, roughness_to_logit
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import splat, towards
-from radiogs_core.transport.splitsum import PrefilteredLight
 
 Targets = list[tuple[Tensor, Tensor]]
 """An image and its coverage for each training view."""

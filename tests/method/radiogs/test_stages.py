@@ -19,7 +19,7 @@ from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from short_training import BUDGET, CPU, SCENE, resumed, same_tensors, through_a_file
 
 

@@ -9,9 +9,9 @@ from typing import Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
-from radiogs_core.on_surfels.split_sum import Frame
+from radiogs_core.on_surfels.split_sum_light import Frame
 from radiogs_core.plain_values import require
-from radiogs_core.transport.splitsum import Masking
+from radiogs_core.transport.prefiltered_light import Masking
 
 from ..gs_ir.metallic import MetallicStart
 
@@ -110,7 +110,7 @@ class Variant(SurfelVariant):
     sum: Sum = "display"
     """Colour space in which direct and indirect light are added (see ``Sum``)."""
     masking: Masking = "height-correlated"
-    """Masking in the pre-integrated BRDF (see ``splitsum.Masking``)."""
+    """Masking in the pre-integrated BRDF (see ``prefiltered_light.Masking``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     metallic: bool = False

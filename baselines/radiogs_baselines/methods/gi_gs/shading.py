@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.split_sum import SplitSumLight, normal_reflectance
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight, normal_reflectance
 
 from .gbuffer import GBuffer
 from .marching import GATHERED, LOOKUPS_AT_ONCE, NO_HIT, Grid, March

@@ -12,11 +12,11 @@ from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import starting_model
-from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, inverse_sigmoid
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 from ..gs_ir.metallic import MetallicSurfels
 from .gbuffer import GBuffer, gbuffer, seen_materials

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from radiogs_core.on_surfels.model import LitSurfels, restored_logit
 from radiogs_core.on_surfels.start_values import StartValues
-from radiogs_core.surfels.restoring import restored_map, restored_surfels
+from radiogs_core.surfels.stored_tensors import restored_map, restored_surfels
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from torch.nn.functional import normalize
 
 from radiogs_core.scene.light import bilinear_texels, texel_directions
 from radiogs_core.transport.light_filters import GRID_HEIGHT, GRID_WIDTH
-from radiogs_core.transport.splitsum import Masking, PrefilteredLight
+from radiogs_core.transport.prefiltered_light import Masking, PrefilteredLight
 
 from .settings import TexelAreas
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
-from radiogs_core.on_surfels.split_sum import Frame
+from radiogs_core.on_surfels.split_sum_light import Frame
 from radiogs_core.plain_values import require
-from radiogs_core.transport.splitsum import Masking
+from radiogs_core.transport.prefiltered_light import Masking
 
 from .metallic import MetallicStart
 
@@ -94,7 +94,7 @@ class Variant(SurfelVariant):
     texel_areas: TexelAreas = "exact"
     """Solid angles of texels in the diffuse pre-filter (see ``TexelAreas``)."""
     masking: Masking = "height-correlated"
-    """Masking in the pre-integrated BRDF (see ``splitsum.Masking``)."""
+    """Masking in the pre-integrated BRDF (see ``prefiltered_light.Masking``)."""
     frame: Frame = "oriented"
     """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     lr_scale: float = 1.0

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.seen_points import SeenPoints, Shaded, covered_pixels, seen_points, seen_surfels
-from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import Splat
 

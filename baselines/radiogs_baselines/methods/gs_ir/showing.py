@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
-from radiogs_core.on_surfels.split_sum import Frame, SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import Frame, SplitSumLight
 from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, blended_maps, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap

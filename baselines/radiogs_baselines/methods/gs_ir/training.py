@@ -19,7 +19,7 @@ from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
 from radiogs_core.on_surfels.light_start import starting_model
-from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid

@@ -16,7 +16,7 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from radiogs_core.surfels.harmonics import COEFFICIENTS
-from radiogs_core.surfels.restoring import finite_tensor
+from radiogs_core.surfels.stored_tensors import finite_tensor
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 from radiogs_core.transport.tracer import RAYS_AT_ONCE

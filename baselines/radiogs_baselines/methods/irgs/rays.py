@@ -13,9 +13,9 @@ from radiogs_core.kernels.trace.trace import Hits
 from radiogs_core.on_surfels.seen_points import SeenPoints, Shaded
 from radiogs_core.transport.hit_surface import hit_radiance
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.shading import shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT
-from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
 from .settings import Indirect, Variant

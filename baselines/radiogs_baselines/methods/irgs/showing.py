@@ -27,9 +27,9 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import mean_incident
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import Splat
-from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
 from .rays import RaySettings, shade_points

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from radiogs_core.surfels.harmonics import COEFFICIENTS
-from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
+from radiogs_core.surfels.stored_tensors import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 
 

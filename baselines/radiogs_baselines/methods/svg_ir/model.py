@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
+from radiogs_core.surfels.stored_tensors import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 
 VERTEX = ("vertex_albedo_logit", "vertex_roughness_logit", "vertex_offset")

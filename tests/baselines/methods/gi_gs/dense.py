@@ -12,8 +12,8 @@ from baselines.methods.dense import encode, seen
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.prefiltered_light import PrefilteredLight, brdf_table
 from radiogs_core.transport.sampling import tangent_frame
-from radiogs_core.transport.splitsum import PrefilteredLight, brdf_table
 from reference.shade import environment_radiance
 
 HEIGHTS, AZIMUTHS = 5, 8

@@ -15,8 +15,8 @@ from radiogs_baselines.methods.gi_gs.marching import GATHERED, NO_HIT
 from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, median, openness, summed, weighted
 from radiogs_baselines.methods.gi_gs.training import image_loss, plainness, variation
 from radiogs_core.learning.losses import environment_smoothness
-from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from reference.differences import Values, assert_gradients
 
 SIZE = 7

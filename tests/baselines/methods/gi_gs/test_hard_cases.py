@@ -11,10 +11,10 @@ from baselines.methods.irgs.world import looking_down, sheet, together
 from baselines.methods.stage_two import GI_GS
 from hard_cases.constructions import looking_along_z, two_balls
 from radiogs_core.learning.views import Whole
-from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 Maps = dict[str, Tensor]
 

@@ -6,8 +6,8 @@ from baselines.methods.stage_two import GI_GS
 from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.settings import README_START, Budget, Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 
 def test_metalness_is_learnt_only_if_the_variant_says_so() -> None:

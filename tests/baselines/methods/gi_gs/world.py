@@ -14,10 +14,10 @@ from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
 from radiogs_baselines.methods.gi_gs.showing import Renderer
 from radiogs_baselines.methods.gs_ir.metallic import MetallicSurfels
-from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 SMOKE = PRESETS["smoke"]
 SIZE = 21

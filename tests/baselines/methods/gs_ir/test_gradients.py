@@ -18,8 +18,8 @@ from radiogs_baselines.methods.gs_ir.training import Reach, bake, image_loss, ma
 from radiogs_baselines.methods.gs_ir.volumes import IrradianceVolume, Lattice, OcclusionVolume
 from radiogs_bench.lab.kernels import plain
 from radiogs_core.learning.losses import environment_smoothness
-from radiogs_core.on_surfels.split_sum import SplitSumLight
-from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight
+from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from reference.differences import Values, assert_gradients
 from reference.shade import environment_radiance
 

@@ -15,7 +15,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import (
 from radiogs_baselines.methods.gs_ir.shading import shade_points
 from radiogs_bench.lab.kernels import plain
 from radiogs_core.on_surfels.seen_points import SeenPoints
-from radiogs_core.on_surfels.split_sum import SplitSumLight, metallic_factor
+from radiogs_core.on_surfels.split_sum_light import SplitSumLight, metallic_factor
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.transport.sampling import GOLDEN_ANGLE
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.scene.initial_viewpoint import initial_viewpoint, upwards
+from radiogs_bench.initial_viewpoint import initial_viewpoint, upwards
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from scenes import look_at

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .camera import Camera
-from .scene import Scene
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import Scene
 
 UPRIGHT = 0.7
 """Cosine between Z and the cameras' mean upward direction above which Z is up where lights are stored by view."""

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.shade.brdf import FRESNEL_NORMAL
-from ..transport.splitsum import Masking, PrefilteredLight, brdf_table, split_sum_radiance
+from ..transport.prefiltered_light import Masking, PrefilteredLight, brdf_table, split_sum_radiance
 
 Frame = Literal["oriented", "as_shipped"]
 """Frame in which a light map is looked up: "oriented" is its own frame, Z up; "as_shipped" is a lookup for Y up along
@@ -111,7 +111,7 @@ def metallic_factor(
 def brdf_integrals(
     cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"], masking: Masking = "schlick"
 ) -> Float[Tensor, "points 2"]:
-    """A and B of ``splitsum.brdf_table``, bilinear in ``cosine`` (n.wo) and ``roughness``, with gradient to both."""
+    """A and B of ``brdf_table``, bilinear in ``cosine`` (n.wo) and ``roughness``, with gradient to both."""
     table = brdf_table(masking).to(roughness)
     last = len(table) - 1
     (row, below), (column, beyond) = (_cell(value, last) for value in (cosine, roughness))

@@ -7,10 +7,10 @@ import torch
 
 from radiogs_bench.lab.kernels import plain as dense
 from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, specular
-from radiogs_core.on_surfels.split_sum import brdf_integrals
+from radiogs_core.on_surfels.split_sum_light import brdf_integrals
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.transport.light_filters import LEVELS
-from radiogs_core.transport.splitsum import Masking, PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.prefiltered_light import Masking, PrefilteredLight, split_sum_radiance
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 
 F64 = torch.float64
