@@ -66,6 +66,8 @@ def placed(placing: Placing, scene: "Scene", light: "EnvironmentMap") -> "tuple[
 
     from radiogs_core.scene.placed_light import placed_light
 
+    from ..initial_viewpoint import upwards
+
     up = upwards(scene) if placing.up is None else torch.tensor(placing.up)
     stood, to_map = placed_light(light, up, placing.turn, placing.strength)
     chosen = "" if placing.up is not None else "; another up: --up AXIS"
