@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants lint site gpu packages offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants mutants-drawn lint site gpu packages offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -83,6 +83,9 @@ site: $(READY) ## the documentation as a site, in out/site
 
 mutants: $(READY) ## break copies of the sources in known ways, and say which of them no test notices
 	$(BIN)/python .ci/mutants.py
+
+mutants-drawn: $(READY) ## break a hundred places drawn at random, in at most twenty minutes; COUNT and SEED choose others
+	$(BIN)/python .ci/sample_mutants.py $(COUNT) $(if $(SEED),--seed $(SEED))
 
 gpu: $(READY) ## prove the project on a CUDA card, part by part, into docs/gpu/
 	$(BIN)/python .ci/gpu_check.py

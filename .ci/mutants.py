@@ -1,11 +1,11 @@
 """Breaks copies of the sources in known ways and says which of them the tests let pass.
 
-    python .ci/mutants.py [--only NAME ...] [--list] [--jobs N] [--file LIST]
+    python .ci/mutants.py [--only NAME ...] [--list] [--jobs N]
 
-``mutants.toml`` (or LIST, such as ``sample_mutants.py`` draws) has the mutants: a file, a text that occurs in it
-exactly once, what replaces it, and the tests that should notice. First these tests run on the sources as they are: a
-test that fails anyway kills nothing. Then each mutant is applied to a copy of the tracked files, and its tests run
-there until the first one fails. Exit status 1 if a mutant survives, does not apply, or cannot be run at all.
+``mutants.toml`` has the mutants: a file, a text that occurs in it exactly once, what replaces it, and the tests that
+should notice. First these tests run on the sources as they are: a test that fails anyway kills nothing. Then each
+mutant is applied to a copy of the tracked files, and its tests run there until the first one fails. Exit status 1 if a
+mutant survives, does not apply, or cannot be run at all. ``sample_mutants.py`` draws others at random.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ ROOMS = ("", "method", "datasets", "baselines", "reports")
 LONGEST = 300.0
 """Seconds for each file or test, after which tests that do not end count as failed."""
 
-VERDICTS = {0: "SURVIVED", 1: "killed"}
+VERDICTS = {0: "SURVIVED", 1: "killed", None: "killed"}
 """By pytest's exit status; with any other one that is not negative the tests could not be run."""
 
 
@@ -56,7 +56,7 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a mutant. ``output``: pytest's output if it could not run."""
+    """The outcome of a mutant, and pytest's output."""
 
     mutant: Mutant
     verdict: str
@@ -70,34 +70,38 @@ def listed(path: Path = LIST) -> list[Mutant]:
     return [Mutant(**entry | {"tests": tuple(entry["tests"])}) for entry in entries]
 
 
-def copy_tracked(root: Path, folder: Path) -> None:
-    """The tracked files as they are in the working tree."""
+@contextmanager
+def copies(root: Path, count: int) -> Iterator[list[Path]]:
+    """Folders with the tracked files as they are in the working tree."""
     names = subprocess.run(["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True).stdout
-    for name in filter(None, names.split("\0")):
-        if (root / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(root / name, folder / name)
+    with tempfile.TemporaryDirectory(prefix="mutants-") as temporary:
+        folders = [Path(temporary) / str(number) for number in range(count)]
+        for folder in folders:
+            for name in filter(None, names.split("\0")):
+                if (root / name).is_file():
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(root / name, folder / name)
+        yield folders
 
 
-def run_tests(folder: Path, tests: Sequence[str], *options: str) -> tuple[int, str]:
-    """Pytest's exit status and output on a copy."""
+def run_tests(folder: Path, tests: Sequence[str], *options: str, seconds: float) -> tuple[int | None, str]:
+    """Pytest's exit status and output on a copy; None as status if it is not done in time."""
     path = os.pathsep.join(str(folder / room) for room in ROOMS)
     command = [sys.executable, "-m", "pytest", "-q", *options, *tests]
     # Compiled once, as a copy is used for many mutants: a third of the time that a single test takes.
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    longest = LONGEST * len(tests)
     try:
         done = subprocess.run(
-            command, cwd=folder, env=kept | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=longest
+            command, cwd=folder, env=kept | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=seconds
         )
     except subprocess.TimeoutExpired:
-        return 1, f"not done after {longest:g} s"
+        return None, f"not done after {seconds:g} s"
     return done.returncode, done.stdout + done.stderr
 
 
-def without_parts(tests: set[str]) -> list[str]:
-    """Sorted, and no node id of a file that is there as a whole."""
-    return sorted(test for test in tests if "::" not in test or test.partition("::")[0] not in tests)
+def in_parallel(jobs: int) -> tuple[str, ...]:
+    """Pytest's options for that many processes."""
+    return ("--numprocesses", str(jobs), "--dist", "loadfile") if jobs > 1 else ()
 
 
 @contextmanager
@@ -124,15 +128,17 @@ def tried(mutant: Mutant, folder: Path) -> Outcome:
     begun = time.monotonic()
     try:
         with mutated(mutant, folder):
-            status, output = run_tests(folder, mutant.tests, "-x")
+            status, output = run_tests(folder, mutant.tests, "-x", seconds=LONGEST * len(mutant.tests))
     except (ValueError, OSError) as error:
         return Outcome(mutant, "DOES NOT APPLY", 0.0, str(error))
     # A signal's number, negative: the mutant took Python itself down, which nobody overlooks.
-    verdict = "killed" if status < 0 else VERDICTS.get(status, "CANNOT RUN")
+    verdict = "killed" if status is not None and status < 0 else VERDICTS.get(status, "CANNOT RUN")
     return Outcome(mutant, verdict, time.monotonic() - begun, output if verdict == "CANNOT RUN" else "")
 
 
-def outcomes(mutants: Sequence[Mutant], folders: Sequence[Path]) -> Iterator[Outcome]:
+def outcomes(
+    mutants: Sequence[Mutant], folders: Sequence[Path], outcome: Callable[[Mutant, Path], Outcome] = tried
+) -> Iterator[Outcome]:
     """Each mutant's, in order; as many at a time as there are copies."""
     free: SimpleQueue[Path] = SimpleQueue()
     for folder in folders:
@@ -141,7 +147,7 @@ def outcomes(mutants: Sequence[Mutant], folders: Sequence[Path]) -> Iterator[Out
     def one(mutant: Mutant) -> Outcome:
         folder = free.get()
         try:
-            return tried(mutant, folder)
+            return outcome(mutant, folder)
         finally:
             free.put(folder)
 
@@ -151,24 +157,21 @@ def outcomes(mutants: Sequence[Mutant], folders: Sequence[Path]) -> Iterator[Out
 
 def check(mutants: Sequence[Mutant], root: Path, jobs: int) -> int:
     """Try them all, print what became of each, and return the exit status."""
-    with tempfile.TemporaryDirectory(prefix="mutants-") as temporary:
-        folders = [Path(temporary) / str(job) for job in range(jobs)]
-        for folder in folders:
-            copy_tracked(root, folder)
-        tests = without_parts({test for mutant in mutants for test in mutant.tests})
+    every = {test for mutant in mutants for test in mutant.tests}
+    tests = sorted(test for test in every if "::" not in test or test.partition("::")[0] not in every)
+    with copies(root, jobs) as folders:
         begun = time.monotonic()
-        in_parallel = ("--numprocesses", str(jobs), "--dist", "loadfile") if jobs > 1 else ()
-        status, output = run_tests(folders[0], tests, *in_parallel)
-        if status:
+        status, output = run_tests(folders[0], tests, *in_parallel(jobs), seconds=LONGEST * len(tests))
+        if status != 0:
             say(output, f"the tests do not pass without any mutant (exit status {status}): nothing can be said")
             return 1
         say(f"{'without':9} {time.monotonic() - begun:6.1f} s  {len(tests)} files or tests, all pass")
-        found = []
+        alive = []
         for outcome in outcomes(mutants, folders):
-            found.append(outcome)
             say(f"{outcome.verdict:9} {outcome.seconds:6.1f} s  {outcome.mutant.name}", outcome.output)
-    alive = [outcome.mutant.name for outcome in found if outcome.verdict != "killed"]
-    say(f"{len(found) - len(alive)} of {len(found)} mutants killed", *(f"not killed: {name}" for name in alive))
+            if outcome.verdict != "killed":
+                alive.append(outcome.mutant.name)
+    say(f"{len(mutants) - len(alive)} of {len(mutants)} mutants killed", *(f"not killed: {name}" for name in alive))
     return 1 if alive else 0
 
 
@@ -183,10 +186,9 @@ def main(arguments: Sequence[str] | None = None, root: Path = ROOT, file: Path =
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these mutants alone")
     parser.add_argument("--list", action="store_true", help="print their names and files, and run nothing")
-    parser.add_argument("--file", type=Path, default=file, metavar="LIST", help="of mutants (default: mutants.toml)")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time (default: 2)")
     given = parser.parse_args(arguments)
-    mutants = listed(given.file)
+    mutants = listed(file)
     if unknown := set(given.only or ()) - {mutant.name for mutant in mutants}:
         parser.error(f"no mutant is called {', '.join(sorted(unknown))} (see --list)")
     mutants = [mutant for mutant in mutants if not given.only or mutant.name in given.only]
