@@ -3,16 +3,15 @@
     python .ci/structure.py
 
 A room is a folder of modules; a module counts for the room that it lies in. Neither rooms nor files import each other
-in a circle. A folder holds between FEWEST and MOST files (``__init__.py`` and data apart; kernels' C++ counts), a
-function has a bounded length and number of parameters, and the whole stays within LIMITS. No test module imports
-another one, and no test uses a private name of ours. Prints the counts, and every finding on a line; exit code 1 if
-there is any.
+in a circle. A folder holds between FEWEST and MOST files (``__init__.py`` and data apart; kernels' C++ counts; a folder
+of tests has no least number), a function has a bounded length and number of parameters, and the whole stays within
+LIMITS. No test module imports another one, and no test uses a private name of ours. Prints the counts, and every
+finding on a line; exit code 1 if there is any.
 """
 
 import ast
 import sys
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -20,10 +19,15 @@ from radiogs_bench.sources import OURS, SourceTree, installed
 
 TESTS = Path(__file__).parents[1] / "tests"
 
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+
 BY_NAME = {"setattr", "getattr", "delattr", "object"}
 """Functions that take an attribute's name as text; ``object`` is that of ``unittest.mock.patch``."""
 
 LONGEST_FUNCTION = 60
+LONG_FUNCTION = 26
+"""Lines from which a function counts as long: 5 % of them at most are."""
+
 MOST_PARAMETERS = 7
 KERNELS = ("radiogs_core.kernels", "radiogs_bench.lab.kernels.plain", "radiogs_datasets.generate.disney_bsdf")
 """Kernels, their plain counterparts, and the class that Mitsuba wants made after a variant is chosen: one parameter for
@@ -38,8 +42,19 @@ LIMITS: Mapping[str, int] = {
     "product files": 620,
     "files with one user": 90,
     "arrows between folders of the harness": 60,
-}
-"""A file that one other imports belongs into that one, unless readers look for it by its own name."""
+    "long functions of a thousand": 52,
+    "lines of radiogs_core": 13_741, "functions of radiogs_core": 887,
+    "lines of radiogs": 5_895, "functions of radiogs": 341,
+    "lines of radiogs_datasets": 12_519, "functions of radiogs_datasets": 718,
+    "lines of radiogs_baselines": 9_471, "functions of radiogs_baselines": 575,
+    "lines of radiogs_reports": 9_306, "functions of radiogs_reports": 581,
+    "lines of radiogs_bench": 27_653, "functions of radiogs_bench": 1_600,
+    "lines of kernels' C++": 3_700,
+    "lines of the page's JavaScript": 1_325,
+    "lines of tests": 61_900,
+}  # fmt: skip
+"""What there may be at most; lower a number once there is less. A file that one other imports belongs into that one,
+unless readers look for it by its own name."""
 
 TABLES = (
     "radiogs_bench.cli.main",
@@ -91,6 +106,14 @@ def sizes_of_folders(tree: SourceTree, modules: list[str]) -> Iterator[str]:
             yield f"{folder.parent.name}/{folder.name}: {len(files)} files ({FEWEST} to {MOST})"
 
 
+def sizes_of_test_folders(tests: Path) -> Iterator[str]:
+    """Folders of tests that hold too many files, helpers included."""
+    for folder in sorted({path.parent for path in tests.rglob("*.py")}):
+        files = [each for each in folder.glob("*.py") if each.name != "__init__.py"]
+        if len(files) > MOST:
+            yield f"{folder.relative_to(tests.parent).as_posix()}: {len(files)} files (at most {MOST})"
+
+
 def with_one_user(tree: SourceTree, modules: list[str]) -> dict[str, str]:
     """The files that exactly one other file imports, and that file; without entries of TABLES and ``__init__.py``."""
     users: dict[str, set[str]] = {}
@@ -101,22 +124,52 @@ def with_one_user(tree: SourceTree, modules: list[str]) -> dict[str, str]:
     return {name: next(iter(using)) for name, using in users.items() if len(using) == 1 and not using & {*TABLES}}
 
 
-def counts(tree: SourceTree, modules: list[str]) -> Counter[str]:
-    """How many pieces there are, by the names of LIMITS."""
+def arrows(tree: SourceTree, modules: list[str]) -> int:
+    """How many pairs of the harness's folders have an import from one to the other."""
     ours = [name for name in modules if name.split(".")[0] == HARNESS]
-    arrows = {
+    pairs = {
         (room(tree, name), room(tree, target))
         for name in ours
         for target in tree.imports(name)
         if target.split(".")[0] == HARNESS
     }
-    return Counter(
-        {
-            "product files": len(modules),
-            "files with one user": len(with_one_user(tree, modules)),
-            "arrows between folders of the harness": len([1 for here, there in arrows if here != there]),
-        }
-    )
+    return len([1 for here, there in pairs if here != there])
+
+
+def lines_in(folders: Iterable[Path], suffix: str) -> int:
+    """Lines of the files with a suffix, without what others wrote (``vendor``)."""
+    files = {path for folder in folders for path in folder.rglob(f"*{suffix}") if "vendor" not in path.parts}
+    return sum(len(path.read_bytes().splitlines()) for path in files)
+
+
+def functions_in(folder: Path) -> list[int]:
+    """Lines of each function of a package, those within functions and classes included."""
+    nodes = [node for path in folder.rglob("*.py") for node in ast.walk(ast.parse(path.read_bytes()))]
+    return [length(node) for node in nodes if isinstance(node, FUNCTIONS)]
+
+
+def length(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function, from its ``def`` on."""
+    return (node.end_lineno or node.lineno) - node.lineno + 1
+
+
+def counts(tree: SourceTree, modules: list[str], tests: Path) -> dict[str, int]:
+    """How many pieces there are, by the names of LIMITS."""
+    functions = {name: functions_in(folder) for name, folder in tree.roots.items()}
+    every = [lines for each in functions.values() for lines in each]
+    of_packages = {}
+    for name, folder in tree.roots.items():
+        of_packages |= {f"lines of {name}": lines_in([folder], ".py"), f"functions of {name}": len(functions[name])}
+    return {
+        "product files": len(modules),
+        "files with one user": len(with_one_user(tree, modules)),
+        "arrows between folders of the harness": arrows(tree, modules),
+        "long functions of a thousand": -(-1000 * sum(lines >= LONG_FUNCTION for lines in every) // max(1, len(every))),
+        **of_packages,
+        "lines of kernels' C++": lines_in(tree.roots.values(), ".inl"),
+        "lines of the page's JavaScript": lines_in(tree.roots.values(), ".js"),
+        "lines of tests": lines_in([tests], ".py"),
+    }
 
 
 def crowded(tree: SourceTree, module: str) -> Iterator[str]:
@@ -125,9 +178,9 @@ def crowded(tree: SourceTree, module: str) -> Iterator[str]:
     if path is None or module.startswith(KERNELS):
         return
     for node in ast.walk(ast.parse(path.read_bytes())):
-        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        if not isinstance(node, FUNCTIONS):
             continue
-        lines = (node.end_lineno or node.lineno) - node.lineno + 1
+        lines = length(node)
         given = [each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
         count = len([each for each in given if each not in ("self", "cls")])
         if lines > LONGEST_FUNCTION:
@@ -191,10 +244,10 @@ def findings(tree: SourceTree, *packages: str) -> list[str]:
 def main() -> int:
     """Print the counts and every finding; 1 if there is any."""
     tree = installed()
-    counted = counts(tree, list(tree.closure(*OURS)))
+    counted = counts(tree, list(tree.closure(*OURS)), TESTS)
     private = private_names(tree, list(tree.closure(*OURS)))
     beyond = [f"{name}: more than {LIMITS[name]}" for name, number in counted.items() if number > LIMITS[name]]
-    found = [*findings(tree, *OURS), *beyond, *reaching(TESTS, private)]
+    found = [*findings(tree, *OURS), *sizes_of_test_folders(TESTS), *beyond, *reaching(TESTS, private)]
     shown = [f"{number} {name} (at most {LIMITS[name]})" for name, number in counted.items()]
     sys.stdout.writelines(f"{line}\n" for line in [*shown, *found, f"{len(found)} findings"])
     return 1 if found else 0

@@ -81,25 +81,39 @@ def test_a_folder_with_few_files_is_found_and_kernels_text_counts(structure: Mod
 
 
 def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Files, files with one user (imports within functions count, those of itself do not), arrows between folders."""
+    """Imports within functions make users, those of a file itself do not."""
     texts = {
-        "house/one/a": "from ..two import b, c\nfrom . import d\n",
-        "house/one/d": "from . import d\nfrom ..two.c import x\n",
-        "house/two/b": "def late():\n    from .e import y\n", "house/two/c": "", "house/two/e": "import numpy\n",
+        "house/one/a.py": "from ..two import b, c\nfrom . import d\n",
+        "house/one/d.py": "from . import d\nfrom ..two.c import x\n",
+        "house/two/b.py": "def late():\n    from .e import y\n", "house/two/c.py": "",
+        "house/two/e.py": "import numpy\ndef f():\n    def g():\n" + 24 * "        x = 1\n",
+        "house/two/k.inl": "float x;\n\n", "house/page/p.js": "1;\n", "house/page/vendor/v.js": "1;\n",
+        "tests/test_a.py": "\n",
     }  # fmt: skip
     for name, text in texts.items():
-        path = tmp_path / f"{name}.py"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
     monkeypatch.setattr(structure, "HARNESS", "house")
     tree = SourceTree({"house": tmp_path / "house"})
-    modules = [name.replace("/", ".") for name in texts]
+    modules = ["house.one.a", "house.one.d", "house.two.b", "house.two.c", "house.two.e"]
     assert structure.with_one_user(tree, modules) == {
         "house.two.b": "house.one.a", "house.one.d": "house.one.a", "house.two.e": "house.two.b",
     }  # fmt: skip
-    assert [*structure.counts(tree, modules).values()] == [5, 3, 1]
+    assert structure.counts(tree, modules, tmp_path / "tests") == {
+        "product files": 5, "files with one user": 3, "arrows between folders of the harness": 1,
+        "long functions of a thousand": 334, "lines of house": 33, "functions of house": 3,
+        "lines of kernels' C++": 2, "lines of the page's JavaScript": 1, "lines of tests": 1,
+    }  # fmt: skip
     monkeypatch.setattr(structure, "TABLES", ("house.one.a",))
     assert structure.with_one_user(tree, modules) == {"house.two.e": "house.two.b"}
+
+
+def test_a_folder_of_tests_with_too_many_files_is_found(structure: ModuleType, tmp_path: Path) -> None:
+    for number in range(31):
+        (tmp_path / "tests" / "room").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "tests" / "room" / f"test_{number}.py").touch()
+        (tmp_path / "tests" / "__init__.py").touch()
+    assert list(structure.sizes_of_test_folders(tmp_path / "tests")) == ["tests/room: 31 files (at most 30)"]
 
 
 def test_every_table_is_a_file(structure: ModuleType) -> None:
@@ -141,5 +155,7 @@ def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
     modules = list(tree.closure(*OURS))
     assert structure.findings(tree, *OURS) == []
     assert list(structure.reaching(structure.TESTS, structure.private_names(tree, modules))) == []
-    counted = structure.counts(tree, modules)
+    assert list(structure.sizes_of_test_folders(structure.TESTS)) == []
+    counted = structure.counts(tree, modules, structure.TESTS)
+    assert counted.keys() == structure.LIMITS.keys()
     assert {name: number for name, number in counted.items() if number > structure.LIMITS[name]} == {}
