@@ -11,8 +11,6 @@ CI = Path(__file__).parents[1] / ".ci"
 def script(name: str) -> ModuleType:
     """The script ``.ci/name.py``, loaded anew."""
     spec = importlib.util.spec_from_file_location(name, CI / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up by name
     spec.loader.exec_module(module)

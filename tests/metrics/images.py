@@ -10,5 +10,4 @@ import torch
 def example(shared_data: Path, name: str) -> torch.Tensor:
     """One of LPIPS' own 64-pixel example images, display RGB in [0, 1]."""
     image = cv2.imread(str(shared_data / "lpips" / "imgs" / f"{name}.png"))
-    assert image is not None
     return torch.from_numpy(np.ascontiguousarray(image[..., ::-1])).float() / 255

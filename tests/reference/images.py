@@ -57,7 +57,6 @@ def one_sided_normals(points: Tensor, depth: Tensor, solid: Tensor, toward: Tens
                 continue
             across, down = steps
             assert across is not None
-            assert down is not None
             normal = torch.linalg.cross(down, across)
             normal = normal / normal.norm()
             normals[column] = -normal if normal @ (toward - points[row, column]) < 0 else normal

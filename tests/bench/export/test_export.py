@@ -96,7 +96,6 @@ def test_event_files_hold_the_trail_of_every_cell(store: FakeSweep, capsys: pyte
     assert len(list((folder / "tensorboard").rglob("events.*"))) == 10
     place = REQUEST.manifest()["cells"][0]
     result = store.store.result(place["key"])
-    assert result is not None
     read = EventAccumulator(
         str(folder / "tensorboard" / place["row"] / f"{place['scene']}-seed-{place['seed']}")
     ).Reload()

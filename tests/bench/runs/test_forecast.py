@@ -88,7 +88,6 @@ def test_stored_stages_take_no_time_in_a_forecast(store: Store) -> None:
 def test_a_row_that_never_ran_is_forecast_from_other_rows(store: Store) -> None:
     new = fake_cell(seed=7, variant=Variant(radiometric_weight=0.5))
     (expected,) = forecast(store, [new])
-    assert expected is not None
     assert expected.seconds == pytest.approx((4 * 111 + 1110) / 5)
 
 

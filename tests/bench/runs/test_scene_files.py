@@ -32,7 +32,6 @@ def scene(tmp_path: Path) -> Scene:
 
 
 def image_of(scene: Scene) -> Path:
-    assert scene.folder is not None
     return sorted(scene.folder.rglob("rgba.png"))[-1]
 
 
@@ -119,7 +118,6 @@ def test_images_that_are_replaced_while_a_stage_learns_leave_neither_product_nor
     (checkpoint,) = [*(tmp_path / "out").glob("stages/*")] or [None]
     if checkpoint is not None:
         state = FakeSweep(tmp_path / "out").store.tensors(f"stages/{checkpoint.name.removesuffix('.pt')}", CPU)
-        assert state is not None
         assert state["state"]["iteration"] == step - 1
 
 

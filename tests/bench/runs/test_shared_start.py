@@ -105,7 +105,6 @@ def test_its_cost_is_that_of_every_cell(tmp_path: Path) -> None:
     bench = bench_of(chain, tmp_path)
     fine = [trained(bench, cell(chain, weight), SCENE)[1]["fine"] for weight in (1.0, 2.0)]
     start = bench.store.tensors(product_name(str(cell(chain).stages[1].start)), CPU)
-    assert start is not None
     for ledger in fine:
         assert ledger["work"] == {"searched": 7, "steps": 3}
         assert ledger["seconds"] > start["ledger"]["seconds"] > 0

@@ -118,7 +118,6 @@ def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
     module: str, copies: SourceTree, unchanged: dict[str, str]
 ) -> None:
     path = copies.file(module)
-    assert path is not None
     changed = keys_with(copies, module, path, path.read_bytes() + b"ONE_MORE = 1\n")
     assert {name for name in unchanged if unchanged[name] != changed[name]} == MODULES[module]
 

@@ -121,7 +121,6 @@ def test_an_exception_in_a_method_fails_its_cell_with_its_name_and_traceback(
         assert "raise_it" in failure.why
         assert "stages.py" not in failure.why, "the harness is not where to look"
         kept = store.failure(cell.key)
-        assert kept is not None
         assert (kept["what"], kept["why"], kept["remedy"]) == (failure.what, failure.why, failure.remedy)
         assert kept["exit_code"] == 1
     (file,) = (tmp_path / "tracebacks").iterdir()
@@ -219,7 +218,6 @@ def facts_beside(folder: Path, *others: Chain) -> Mapping[str, Any]:
     store, observing = Store(folder), Observing(("fit",), name="observing")
     assert run_all(store, *others, observing) == []
     stored = store.result(cells_of(observing)[0].key)
-    assert stored is not None
     return stored["facts"]
 
 
@@ -330,7 +328,6 @@ def test_whatever_a_method_raises_ends_its_cell_alone_and_is_recorded(
         (failure,) = run_all(store, wrong, right)
     assert store.result(cells_of(right)[0].key) is not None
     kept = store.failure(cells_of(wrong)[0].key)
-    assert kept is not None
     assert kept["what"] == failure.what
     assert error.__name__ in failure.what
 
@@ -397,7 +394,6 @@ def test_whatever_a_method_gives_ends_its_cell_alone_and_is_recorded(
     assert exit_code(failure) == code
     assert store.result(cells_of(right)[0].key) is not None
     kept = store.failure(cells_of(wrong)[0].key)
-    assert kept is not None
     assert kept["exit_code"] == code
 
 
@@ -463,7 +459,6 @@ class WrongIn(Chain):
 
 def values(store: Store, chain: Chain) -> Any:
     result = store.result(cells_of(chain)[0].key)
-    assert result is not None
     with np.load(store.arrays_path(result["key"])) as arrays:
         return result["metrics"], result["losses"], {name: arrays[name].tobytes() for name in arrays}
 

@@ -256,7 +256,6 @@ def test_a_result_keeps_what_was_measured_of_its_cell(tmp_path: Path, monkeypatc
     sweep, cell = FakeSweep(tmp_path), fake_cell()
     sweep.run([cell])
     result = sweep.store.result(cell.key)
-    assert result is not None
     assert result["determined"] == {"roughness": record}
     assert asked == [("fake", CPU, cell.method)]
 

@@ -205,7 +205,6 @@ def test_a_pixel_without_a_normal_is_a_hole_and_no_direction(empty: float, scene
 
 
 def test_a_recovered_light_is_scored_against_the_true_one(scene: Scene, tmp_path: Path) -> None:
-    assert scene.training_light is not None
     true_light = scene.training_light.radiance.numpy()
     np.save(tmp_path / "environment.npy", 3 * true_light)
     found = values(tmp_path, scene, "plain")

@@ -163,7 +163,6 @@ def test_a_changed_manifest_is_refused(run: Path, capsys: pytest.CaptureFixture[
 def test_a_failure_carries_a_seal(run: Path) -> None:
     store, path = Store(run), first_cell(run)
     result = store.result(path.stem)
-    assert result is not None
     words = {"what": "w", "why": "", "remedy": "", "exit_code": 1, "date": ""}
     store.put_failure({name: result[name] for name in ("schema", "key", "scene", "cell")} | words)  # type: ignore
     failed = path.with_suffix(".failed.json")

@@ -115,7 +115,6 @@ def test_tensors_come_back_bit_for_bit(tmp_path: Path) -> None:
     content = {"state": {"value": torch.randn(5), "generator": torch.Generator().get_state()}, "work": {"rays": 3}}
     store.put_tensors("stages/x", content)
     back = store.tensors("stages/x", CPU)
-    assert back is not None
     assert torch.equal(back["state"]["value"], content["state"]["value"])
     assert back["work"] == {"rays": 3}
 

@@ -100,7 +100,6 @@ def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     with Interruption() as interruption:
         run_forward_parity(Bench(store, CPU, LogProgress(), interruption, method, checksum_now), cell, scene)
     result = store.result(cell.key)
-    assert result is not None
     biases = {part: result["metrics"][f"{part}/bias"]["value"] for part in ("total", "direct", "indirect", "surfels")}
     assert all(value is not None and abs(value) < 4 for value in biases.values()), biases
     assert result["work"]["solve"]["rays"] == 80 * 400 * 48 + 400 * 48

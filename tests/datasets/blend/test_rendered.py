@@ -100,7 +100,6 @@ def test_the_brightest_side_faces_the_bright_texel(blender: Blender, lights: Pat
 def test_a_dielectric_is_said_by_its_principled_material(blender: Blender, lights: Path, tmp_path: Path) -> None:
     maps, _ = taken(blender, ball(specular=1.0), lights, tmp_path, size=24, samples=16)
     whole = maps.alpha[..., 0] > 0.999
-    assert maps.roughness is not None
     assert maps.roughness[whole] == pytest.approx(0.3, abs=1e-5)
     assert maps.albedo[whole].mean(0).tolist() == pytest.approx(ALBEDO, abs=1e-5)
     assert not any(weight.any() for weight in maps.features.values())

@@ -163,7 +163,6 @@ def test_what_nerfstudio_adds_is_read(tmp_path: Path) -> None:
 
     rewrite(folder, add)
     scene = load_scene(str(folder))
-    assert scene.points is not None
     np.testing.assert_allclose(scene.points.positions.numpy(), POINTS, atol=1e-6)
     torch.testing.assert_close(scene.points.colours[0], torch.tensor([1.0, 0.0, 0.2]))
     view = view_of(scene, 1)

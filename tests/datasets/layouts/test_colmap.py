@@ -77,7 +77,6 @@ def test_every_eighth_view_by_name_is_scored_and_points_come_along(scene: Path) 
     loaded = load_scene(str(scene))
     assert [view.name for view in loaded.test] == ["view_01", "view_09"]
     assert len(loaded.train) == 7
-    assert loaded.points is not None
     torch.testing.assert_close(loaded.points.positions[0], torch.tensor([0.1, 0.2, 0.3]))
     torch.testing.assert_close(loaded.points.colours[1], torch.tensor([0.0, 0.0, 1.0]))
     assert loaded.test[1].read("image").shape == (HEIGHT, WIDTH, 3)

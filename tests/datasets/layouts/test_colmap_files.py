@@ -97,7 +97,6 @@ def test_a_model_without_a_numbered_folder_is_a_scene(scene: Path) -> None:
     assert any(line.startswith("lens distortion of 3 photos is undone on reading") for line in loaded.repairs)
     view = loaded.train[0]
     assert view.read("image").shape == (view.camera.height, view.camera.width, 3)
-    assert loaded.points is not None
     assert loaded.points.positions.tolist()[0] == [-1, 0, 2]
 
 

@@ -114,7 +114,6 @@ def test_the_scanned_mesh_is_found_where_it_is_there(capture: Path) -> None:
     assert true_mesh_file(capture) is None
     mesh.write_text("v 0 0 0\n")
     found = true_mesh_file(capture)
-    assert found is not None
     assert found.samefile(mesh)
     assert true_mesh_file(capture.parent / "teapot_scene009") is None
 

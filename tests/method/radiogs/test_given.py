@@ -183,7 +183,6 @@ def test_a_surfel_below_the_surface_gets_the_light_of_the_surface() -> None:
 def test_given_indirect_light_is_the_same_in_training_and_in_rendering(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, "indirect")
     model = Model.of(through_a_file(stage.product()))
-    assert model.indirect is not None
     cache = stage.shader.cache.incident  # type: ignore[union-attr]
     kept = KnownIndirectTracer(model.surfels, model.indirect.surfels).incident(
         torch.arange(len(model.surfels)), cache.direction, cache.weight
@@ -192,8 +191,6 @@ def test_given_indirect_light_is_the_same_in_training_and_in_rendering(initialis
     assert float(cache.radiance.sum()) > 0
     run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
     mine, theirs = (TrainedRadioGS(each, run).renderer().incident for each in (model, replace(model, indirect=None)))
-    assert mine is not None
-    assert theirs is not None
     assert not torch.allclose(mine.radiance, theirs.radiance, atol=1e-3)
     assert torch.equal(mine.visibility, theirs.visibility)
 

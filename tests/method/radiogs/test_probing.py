@@ -78,14 +78,12 @@ def test_scenes_with_occluders_need_rays(name: str, traces: bool, inter_reflects
     each = records(found)
     assert found.plan.traces == traces
     indirect = each["indirect"].measured
-    assert indirect is not None
     if inter_reflects:
         assert each["indirect"].verdict == "on"
         assert indirect.contribution > found.tolerance.decibel
     else:
         # Off, or small: at most a tenth of the contribution of the shadow, if there is one.
         shadow = each["visibility"].measured
-        assert shadow is not None
         assert indirect.contribution <= max(0.1 * shadow.contribution, found.tolerance.decibel)
 
 
@@ -93,7 +91,6 @@ def test_scenes_with_occluders_need_rays(name: str, traces: bool, inter_reflects
 def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed: int) -> None:
     _, found, decay = found_on("bowl", seed)
     several = records(found)["bounces"].measured
-    assert several is not None
     assert several.lowest > found.tolerance.decibel
     assert decay.ratio > 0.3
     assert bounces_needed(found, decay) > 2
@@ -107,7 +104,6 @@ def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed
 def test_patterned_walls_around_an_object_need_more_than_one_bounce(name: str, seed: int) -> None:
     _, found, decay = found_on(name, seed)
     several = records(found)["bounces"].measured
-    assert several is not None
     assert several.lowest > found.tolerance.decibel
     assert bounces_needed(found, decay) > 1
 
@@ -118,7 +114,6 @@ def test_smooth_patches_keep_their_lobes_and_matte_ones_do_not(seed: int) -> Non
     roughness, kept = scene.surfels.roughness, found.plan.specular_at
     assert records(found)["specular"].verdict == "local"
     assert found.plan.specular
-    assert kept is not None
     assert bool(kept[roughness < 0.5].all())
     assert not kept[roughness > 0.65].any()
 

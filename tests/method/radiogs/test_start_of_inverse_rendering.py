@@ -83,7 +83,6 @@ def same(one: Any, other: Any) -> bool:
 def test_stage_2_goes_on_from_a_stored_start_as_from_one_just_made(initialised: dict[str, Any], effects: str) -> None:
     run = Run(SCENE, with_values(Variant(), SHORT | {"effects": effects}), BUDGET, 0, CPU)
     spec = RADIOGS.stages(run.variant, run.budget)[1]
-    assert spec.start is not None
     whole = spec.begin(run, initialised)
     shared = spec.start.begin(run, through_a_file(spec.start.make(run, initialised)))
     for _ in range(2):

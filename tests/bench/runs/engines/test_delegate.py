@@ -67,7 +67,6 @@ def test_a_stage_that_was_begun_here_is_continued_there(tmp_path: Path) -> None:
     assert list(given) == [f"{checkpoint}.pt"]
     sweep.store.take_over(run_shared_stages(remote(cell), given).files)
     outcome = sweep.store.tensors(product, CPU)
-    assert outcome is not None
     assert len(outcome["ledger"]["sessions"]) == 2
     assert outcome["ledger"]["work"] == {"begun": 1, "steps": 6}
 

@@ -57,7 +57,6 @@ def test_shared_seconds_and_work_are_counted_in_every_cell(sweep: FakeSweep) -> 
     results = [sweep.store.result(cell.key) for cell in ROWS[:4]]
     assert len({each["seconds"]["initialise"] for each in results if each}) == 1
     for each in results:
-        assert each is not None
         assert each["work"] == {
             "initialise": {"begun": 1, "steps": 6},
             "invert": {"begun": 1, "steps": 6},
@@ -76,7 +75,6 @@ def test_scoring_under_another_protocol_trains_nothing(sweep: FakeSweep) -> None
 def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_path: Path) -> None:
     sweep.run([fake_cell()])
     whole = sweep.store.result(fake_cell().key)
-    assert whole is not None
     stopped = FakeSweep(tmp_path / "stopped")
     stops = 0  # three in each stage: after two of its steps and after storing it
     while stopped.store.result(fake_cell().key) is None:
@@ -89,7 +87,6 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
             stops += 1
     assert stops == 6
     resumed = stopped.store.result(fake_cell().key)
-    assert resumed is not None
     assert resumed["metrics"] == whole["metrics"]
     assert resumed["work"] == whole["work"]
     assert resumed["parts"] == whole["parts"]
@@ -111,7 +108,6 @@ def test_a_cell_that_fails_leaves_the_others_alone(sweep: FakeSweep, monkeypatch
     assert [failure.what for failure in failures] == ["loss is NaN"]
     assert len(list(sweep.store.results())) == 2
     failure = sweep.store.failure(bad.key)
-    assert failure is not None
     assert failure["exit_code"] == 4
     assert sweep.run([bad]) == []  # tried again, and now it works
     assert sweep.store.failure(bad.key) is None
@@ -217,5 +213,4 @@ def test_claimed_says_who_holds_it(sweep: FakeSweep) -> None:
 def test_the_model_survives_the_store(sweep: FakeSweep) -> None:
     sweep.run([fake_cell()])
     stored = sweep.store.tensors(product_name(fake_cell().stages[-1].key), CPU)
-    assert stored is not None
     assert torch.equal(stored["product"]["surfels"]["sh"], torch.zeros(4, 16, 3))

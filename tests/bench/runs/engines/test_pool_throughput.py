@@ -76,7 +76,6 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
         with np.load(store.arrays_path(result["key"])) as arrays:
             maps = {name: arrays[name].tobytes() for name in arrays.files}
         model = store.tensors(product_name(place["stages"][-1]), CPU)
-        assert model is not None
         surfels = [value.numpy().tobytes() for value in model["product"]["surfels"].values()]
         said: dict[str, Any] = {name: value for name, value in result.items() if name not in MEASURED}
         said["trail"] = {

@@ -76,7 +76,6 @@ def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> Non
     stage = planned(initialised)
     stage.planner.plan = EffectPlan().without("indirect").without("visibility")
     stage.initialised = copy.deepcopy(stage.initialised)
-    assert stage.initialised is not None
     stage.initialised["surfels"]["sh"][:] = torch.nan
     stage.step()
     assert stage.planner.plan == EffectPlan()

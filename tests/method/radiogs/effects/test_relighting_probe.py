@@ -47,8 +47,6 @@ def test_a_sun_needs_effects_that_an_even_light_does_not_need() -> None:
     )
     for effect in ("visibility", "light-sampling"):
         little, much = even[effect].measured, sun[effect].measured
-        assert little is not None
-        assert much is not None
         assert much.contribution > 3 * little.contribution, effect
         assert sun[effect].verdict == "on"
         assert even[effect].verdict == "off"
