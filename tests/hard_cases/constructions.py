@@ -168,7 +168,22 @@ def assert_same_bits(found: tuple[Tensor, ...], expected: tuple[Tensor, ...]) ->
     assert all(torch.equal(ours, theirs) for ours, theirs in zip(found, expected, strict=True))
 
 
-def assert_near(found: tuple[Tensor, ...], expected: tuple[Tensor, ...], tolerance: float) -> None:
-    """No entry is off by more than ``tolerance``, in float64."""
+def assert_near(
+    found: tuple[Tensor, ...], expected: tuple[Tensor, ...], tolerance: float, relative: bool = False
+) -> None:
+    """No entry is off by more than ``tolerance``, in float64; relative to the largest entry where it is above one."""
     for ours, theirs in zip(found, expected, strict=True):
-        torch.testing.assert_close(ours.double(), theirs.double(), rtol=0, atol=tolerance)
+        unit = max(1.0, float(theirs.abs().max())) if relative else 1.0
+        torch.testing.assert_close(ours.double(), theirs.double(), rtol=0, atol=tolerance * unit)
+
+
+def shell(count: int, scale: float = 1.0, offset: float = 0.0) -> SplatGeometry:
+    """Surfels over a sphere of radius ``scale`` about (offset, offset, offset), seen from inside; float32."""
+    place = torch.arange(count, dtype=torch.float64) + 0.5
+    z = 1 - 2 * place / count
+    azimuth = place * 2.399963229728653
+    outward = torch.stack([(1 - z * z).sqrt() * azimuth.cos(), (1 - z * z).sqrt() * azimuth.sin(), z], -1)
+    tangent = normalize(torch.linalg.cross(outward, torch.tensor([0.3, 0.5, 0.8]).double().expand_as(outward)), dim=-1)
+    sigma = scale * (4 * torch.pi / count) ** 0.5
+    fields = (scale * outward + offset, tangent / sigma, torch.linalg.cross(outward, tangent) / sigma, -outward)
+    return SplatGeometry(*(value.float() for value in fields), torch.full((count,), 0.95))

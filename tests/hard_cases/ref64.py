@@ -78,6 +78,12 @@ def traced(geometry: dict[str, Tensor], rays: dict[str, Tensor], stop: float = 0
     return trace(**given, stop=stop)
 
 
+def cast(given: dict[str, Tensor], rays: dict[str, Tensor], stop: float = 0.03) -> tuple[Tensor, ...]:
+    """``traced`` of surfels that hold everything, as ``constructions.cast`` takes them."""
+    geometry = {name: given[name] for name in ("centre", "axis_u", "axis_v", "normal", "opacity")}
+    return traced(geometry, {"sh": given["sh"], "features": given["features"]} | rays, stop)
+
+
 def ggx(half_angle: Tensor, roughness: float) -> Tensor:
     """D of an angle between normal and half-vector: alpha^2 / (pi (alpha^2 cos^2 + sin^2)^2), per steradian."""
     alpha_squared = roughness**4

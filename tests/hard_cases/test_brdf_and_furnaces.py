@@ -8,10 +8,9 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from hard_cases import ref64
-from hard_cases.constructions import seeded, unit
+from hard_cases.constructions import seeded, shell, unit
 from radiogs_core.kernels.shade.brdf import diffuse, ggx_distribution, specular
 from radiogs_core.kernels.shade.shade import shade
-from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.scene.light import EnvironmentMap
@@ -165,18 +164,6 @@ def test_the_furnace_of_relighting_is_white_within_three_sigma() -> None:
     radiance = (weight * torch.einsum("nsi,ni->ns", direction, normal).clamp(min=0)).sum(1) / math.pi
     # Beside chance, the midpoint rule's 4e-4 in height; see ``hemisphere_directions``.
     assert abs(float(radiance.mean()) - 1) < 3 * float(radiance.std()) / math.sqrt(2000) + 4e-4
-
-
-def shell(count: int) -> SplatGeometry:
-    """A closed sphere of surfels seen from inside."""
-    place = torch.arange(count, dtype=F64) + 0.5
-    z = 1 - 2 * place / count
-    azimuth = place * 2.399963229728653
-    outward = torch.stack([(1 - z * z).sqrt() * azimuth.cos(), (1 - z * z).sqrt() * azimuth.sin(), z], -1)
-    tangent = normalize(torch.linalg.cross(outward, torch.tensor([0.3, 0.5, 0.8], dtype=F64).expand_as(outward)))
-    sigma = (4 * math.pi / count) ** 0.5
-    fields = (outward, tangent / sigma, torch.linalg.cross(outward, tangent) / sigma, -outward)
-    return SplatGeometry(*(value.float() for value in fields), torch.full((count,), 0.95))
 
 
 @pytest.mark.case(29)

@@ -8,7 +8,17 @@ import torch
 from torch import Tensor
 
 from hard_cases import ref64
-from hard_cases.constructions import FIELDS, drawn, facing, joined, looking_along_z, raw_surfels, seen
+from hard_cases.constructions import (
+    FIELDS,
+    assert_near,
+    assert_same_bits,
+    drawn,
+    facing,
+    joined,
+    looking_along_z,
+    raw_surfels,
+    seen,
+)
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.transport.splatting import towards
 
@@ -34,12 +44,11 @@ def test_a_surfel_through_the_cameras_plane_has_no_ghost_behind_it(depth: float)
     camera, given = looking_along_z(20, 15), tilted(depth)
     expected = ref64.image(camera, given, given["features"])
     found = drawn(camera, given)
-    for ours, theirs in zip(found[:2], expected[:2], strict=True):
-        assert float((ours.double() - theirs).abs().max()) < 1e-6
-    assert float((found[2].double() - expected[2]).abs().max()) < 1e-6 * max(1.0, float(expected[2].max()))
+    assert_near(found[:2], expected[:2], 1e-6)
+    assert_near(found[2:3], expected[2:3], 1e-6, relative=True)
     behind = facing(torch.tensor([-2.0]), 0.9, scale=10.0) | {"normal": torch.tensor([[0.0, 0.0, 1.0]])}
     both = {name: torch.cat([given[name], behind[name]]) for name in given}
-    assert all(torch.equal(ours, theirs) for ours, theirs in zip(drawn(camera, both), found, strict=True))
+    assert_same_bits(drawn(camera, both), found)
 
 
 @pytest.mark.case(16)
@@ -61,7 +70,7 @@ def test_a_surfel_at_the_cameras_centre_is_not_drawn_and_harms_none() -> None:
     camera, sound, inside = looking_along_z(), raw_surfels(8), raw_surfels(1)
     inside.centre = torch.zeros(1, 3, requires_grad=True)
     found = seen(camera, joined(sound, inside))
-    assert all(torch.equal(ours, theirs) for ours, theirs in zip(found, seen(camera, sound), strict=True))
+    assert_same_bits(found, seen(camera, sound))
     torch.stack([value.sum() for value in found]).sum().backward()
     assert inside.centre.grad is not None
     assert bool((inside.centre.grad == 0).all())
@@ -75,7 +84,7 @@ def test_a_surfel_next_to_the_cameras_centre_is_what_float64_says(depth: float) 
     given = facing(torch.tensor([depth, 2.0]), 0.5)
     found, exact = drawn(camera, given), ref64.image(camera, given, given["features"])
     assert float(exact[1].max()) > 0.4
-    assert all(float((ours.double() - theirs).abs().max()) < 1e-6 for ours, theirs in zip(found, exact, strict=True))
+    assert_near(found, exact, 1e-6)
 
 
 @pytest.mark.case(22)
@@ -96,5 +105,4 @@ def test_images_of_any_shape_have_no_missing_and_no_foreign_pixel(width: int, he
             ref64.image(replace(camera, cx=camera.cx - int(column), width=1), given, features) for column in columns
         ]
         expected = tuple(torch.cat(values, 1) for values in zip(*pixel, strict=True))
-    for ours, theirs in zip(found[:3], expected[:3], strict=True):
-        assert float((ours.double() - theirs).abs().max()) < 2e-6 * max(1.0, float(theirs.max()))
+    assert_near(found[:3], expected[:3], 2e-6, relative=True)

@@ -16,6 +16,7 @@ from hard_cases.constructions import (
     moved,
     raw_surfels,
     rays_along_z,
+    unit,
     with_radiance,
 )
 from hard_cases.constructions import seen as seen_by
@@ -32,10 +33,6 @@ from radiogs_core.transport.tracer import visibility_of
 
 F64 = torch.float64
 UP = torch.tensor([0.0, 0.0, 1.0])
-
-
-def unit(count: int) -> Tensor:
-    return normalize(torch.randn(count, 3, dtype=F64), dim=-1)
 
 
 def tilted(angle: Tensor) -> tuple[Tensor, Tensor]:

@@ -5,14 +5,13 @@ import math
 import pytest
 import torch
 
-from hard_cases.constructions import FIELDS, facing, looking_along_z, raw_surfels, seen
+from hard_cases.constructions import facing, geometry_of, looking_along_z, raw_surfels, seen, shell
 from radiogs.model import Model
 from radiogs.settings import Variant
 from radiogs.showing import Renderer
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.rasterize.binning import tile_lists
 from radiogs_core.kernels.rasterize.projection import project
-from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import begins_of, number_of_entries
 from radiogs_core.kernels.trace.trace import trace
@@ -59,7 +58,7 @@ def test_more_pairs_than_an_index_holds_are_counted_in_64_bits_and_refused() -> 
     camera = looking_along_z(1_000_000, 1_000_000, focal=1e6)
     given = facing(torch.full((10,), 2.0), 0.9, scale=100.0)
     with pytest.raises(UsageError, match="625000000000 pairs"):
-        tile_lists(camera, project(camera, SplatGeometry(*(given[name] for name in FIELDS))).bounds)
+        tile_lists(camera, project(camera, geometry_of(given)).bounds)
 
 
 @pytest.mark.case(23)
@@ -69,23 +68,6 @@ def test_more_hits_than_an_index_holds_are_counted_in_64_bits_and_refused() -> N
     assert (begins_of(counts).tolist(), number_of_entries(counts)) == ([0, most - 5, most], most)
     with pytest.raises(UsageError, match=f"{most + 1} hits"):
         number_of_entries(torch.tensor([most - 5, 6], dtype=torch.int32))
-
-
-def shell(count: int, scale: float, offset: float) -> SplatGeometry:
-    """Surfels over a sphere of radius ``scale`` about (offset, offset, offset), seen from inside; float32."""
-    place = torch.arange(count, dtype=torch.float64) + 0.5
-    z = 1 - 2 * place / count
-    azimuth = place * 2.399963229728653
-    outward = torch.stack([(1 - z * z).sqrt() * azimuth.cos(), (1 - z * z).sqrt() * azimuth.sin(), z], -1)
-    tangent = torch.nn.functional.normalize(
-        torch.linalg.cross(outward, torch.tensor([0.3, 0.5, 0.8], dtype=torch.float64).expand_as(outward)), dim=-1
-    )
-    sigma = scale * (4 * torch.pi / count) ** 0.5
-    fields = (
-        scale * outward + offset, tangent / sigma, torch.linalg.cross(outward, tangent) / sigma, -outward,
-        torch.full((count,), 0.95, dtype=torch.float64),
-    )  # fmt: skip
-    return SplatGeometry(*(value.float() for value in fields))
 
 
 @pytest.mark.case(24)

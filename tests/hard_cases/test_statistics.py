@@ -16,11 +16,12 @@ from scipy.stats import chi2, norm
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from hard_cases.constructions import seeded
 from radiogs_core.kernels.shade.brdf import ggx_distribution, specular
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.sampling import (
-    LightSampler,
     hemisphere_directions,
     random_hemisphere_direction,
     relighting_directions,
@@ -30,10 +31,6 @@ from reference.quadrature import lobe_quadrature
 F64 = torch.float64
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=15, database=None)
 ALMOST_CERTAIN = 1e-4
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def p_value(counts: np.ndarray, expected: np.ndarray) -> float:

@@ -18,15 +18,7 @@ from radiogs_core.learning.losses import reconstruction
 from radiogs_core.learning.views import load
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.sampling import hemisphere_directions
-from short_training import BUDGET, CPU, SCENE, through_a_file
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return through_a_file(stage.state())
+from short_training import BUDGET, CPU, SCENE
 
 
 def stage_with(initialised: dict[str, Any], *deviations: str) -> InverseRendering:

@@ -41,7 +41,7 @@ from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box, Sphere
 from radiogs_datasets.generate.surfaces import surfaces_of
 from scenes import surfels_facing
-from short_training import BUDGET, CPU, SCENE, through_a_file
+from short_training import BUDGET, CPU, SCENE, resumed, same_tensors, through_a_file
 
 LEFT, RIGHT = Material((0.8, 0.1, 0.1), 0.3), Material((0.1, 0.1, 0.8), 0.9)
 SOLIDS = [Sphere((-0.5, 0.0, 0.0), 0.45, LEFT), Sphere((0.5, 0.0, 0.0), 0.45, RIGHT)]
@@ -209,17 +209,8 @@ def test_relighting_does_not_use_given_indirect_light(initialised: dict[str, Any
 
 @pytest.mark.slow
 def test_a_run_with_given_indirect_light_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
-    whole = inverse(initialised, "light", "indirect")
-    for step in range(8):
-        if step == 3:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = inverse(initialised, "light", "indirect")
-    resumed.restore(saved)
-    while resumed.iteration < 8:
-        resumed.step()
-    for name, value in whole.optimiser.tensors.items():
-        assert torch.equal(value, resumed.optimiser.tensors[name]), name
+    whole, again = resumed(lambda: inverse(initialised, "light", "indirect"), 3, 8)
+    assert same_tensors(whole, again)
 
 
 def test_the_facts_list_given_parts_and_the_residual_of_given_radiance(initialised: dict[str, Any]) -> None:

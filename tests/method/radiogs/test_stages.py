@@ -16,24 +16,11 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.splitsum import PrefilteredLight
-from short_training import BUDGET, CPU, SCENE, through_a_file
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return through_a_file(stage.state())
+from short_training import BUDGET, CPU, SCENE, resumed, same_tensors, through_a_file
 
 
 def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> InverseRendering:
     return inverse_rendering(Run(SCENE, variant or Variant(), BUDGET, 0, CPU), initialised)
-
-
-def same(first: Initialisation | InverseRendering, second: Initialisation | InverseRendering) -> bool:
-    mine, yours = first.optimiser.tensors, second.optimiser.tensors
-    return mine.keys() == yours.keys() and all(torch.equal(mine[name], yours[name]) for name in mine)
 
 
 class WithoutStageTwo(Budget):
@@ -55,30 +42,13 @@ def test_stage_one_reads_no_budget_field_of_stage_two(initialised: dict[str, Any
 @pytest.mark.parametrize("kind", ["radiometric", "nvs"])
 def test_initialisation_resumes_bit_for_bit_across_density_control(kind: str) -> None:
     variant = Variant(initialise=kind)  # type: ignore[arg-type]
-    whole = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
-    for step in range(20):
-        if step == 7:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
-    resumed.restore(saved)
-    while resumed.iteration < 20:
-        resumed.step()
-    assert same(whole, resumed)
+    assert same_tensors(*resumed(lambda: Initialisation(Run(SCENE, variant, BUDGET, 0, CPU)), 7, 20))
 
 
 def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dict[str, Any]) -> None:
-    whole = inverse(initialised)
-    for step in range(14):
-        if step == 6:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = inverse(initialised)
-    resumed.restore(saved)
-    while resumed.iteration < 14:
-        resumed.step()
-    assert same(whole, resumed)
-    assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
+    whole, again = resumed(lambda: inverse(initialised), 6, 14)
+    assert same_tensors(whole, again)
+    assert torch.equal(whole.shader.cache.incident.radiance, again.shader.cache.incident.radiance)
 
 
 def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_tracing(initialised: dict[str, Any]) -> None:
@@ -97,20 +67,11 @@ def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_traci
 
 def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
     """There are two probes, one before the checkpoint and one after it."""
-    variant = Variant(effects="auto")
-    whole = inverse(initialised, variant)
-    for step in range(18):
-        if step == 8:
-            saved = through_a_file(whole.state())
-        whole.step()
-    resumed = inverse(initialised, variant)
-    resumed.restore(saved)
-    while resumed.iteration < 18:
-        resumed.step()
-    assert same(whole, resumed)
-    assert whole.planner.evidence == resumed.planner.evidence
+    whole, again = resumed(lambda: inverse(initialised, Variant(effects="auto")), 8, 18)
+    assert same_tensors(whole, again)
+    assert whole.planner.evidence == again.planner.evidence
     assert {record.iteration for record in whole.planner.evidence} == {0, 10}
-    assert whole.planner.plan == resumed.planner.plan
+    assert whole.planner.plan == again.planner.plan
 
 
 def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, Any]) -> None:

@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.settings import Variant
@@ -14,14 +13,6 @@ from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
 from short_training import BUDGET, CPU, SCENE, through_a_file
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return through_a_file(stage.product())
 
 
 def begun(initialised: dict[str, Any], **changed: Any) -> InverseRendering:

@@ -11,11 +11,10 @@ import torch
 from radiogs.effects import training as effect_training
 from radiogs.effects.assessment import Assessment
 from radiogs.effects.training import LastLight
-from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.method import RADIOGS, inverse_rendering
-from radiogs.settings import PRESETS, Variant
+from radiogs.settings import Variant
 from radiogs.showing import Renderer
 from radiogs_bench.sources import installed
 from radiogs_core.contract import Run
@@ -26,21 +25,7 @@ from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EFFECTS, EffectPlan, plan_of
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
-from scenes import sphere_scene
-
-CPU = torch.device("cpu")
-BUDGET = with_values(
-    PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
-)
-SCENE = sphere_scene(views=4, size=16)
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return stage.state()
+from short_training import BUDGET, CPU, SCENE
 
 
 def but(*off: str) -> tuple[str, ...]:

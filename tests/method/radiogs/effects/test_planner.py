@@ -14,20 +14,19 @@ from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
 from radiogs.effects.staleness import Staleness, decide_refresh
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
-from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.method import inverse_rendering
 from radiogs.rays import RaySettings
-from radiogs.settings import PRESETS, Variant
+from radiogs.settings import Variant
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
-from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from radiogs_datasets.generate.solids import Box, Sphere
-from scenes import sphere_scene, surfels_over
+from scenes import surfels_over
+from short_training import BUDGET, CPU, SCENE
 
 
 def test_a_probe_during_training_assesses_the_lobe_at_a_low_roughness() -> None:
@@ -52,24 +51,8 @@ def test_the_work_of_a_step_follows_from_its_size() -> None:
     assert Step(10, 20, 8, 10).work(EffectPlan())["rays"] == 8 * (10 + 1)
 
 
-CPU = torch.device("cpu")
-
-BUDGET = with_values(
-    PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
-)
-
-
-@pytest.fixture(scope="module")
-def initialised() -> dict[str, Any]:
-    stage = Initialisation(Run(sphere_scene(views=4, size=16), Variant(), BUDGET, 0, CPU))
-    for _ in range(stage.iterations):
-        stage.step()
-    return stage.state()
-
-
 def planned(initialised: dict[str, Any]) -> InverseRendering:
-    scene = sphere_scene(views=4, size=16)
-    return inverse_rendering(Run(scene, Variant(effects="auto"), BUDGET, 0, CPU), initialised)
+    return inverse_rendering(Run(SCENE, Variant(effects="auto"), BUDGET, 0, CPU), initialised)
 
 
 def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
@@ -169,7 +152,7 @@ def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does
     """The back of the sheet occludes the sky for the floor; rays of the released code pass through it."""
     deviations = ("hemisphere-floor", "one-sided-rays", "premultiplied-encoding") if released else ()
     variant = Variant(effects="auto", deviations=deviations)
-    stage = inverse_rendering(Run(sphere_scene(views=4, size=16), variant, BUDGET, 0, CPU), initialised)
+    stage = inverse_rendering(Run(SCENE, variant, BUDGET, 0, CPU), initialised)
     made = stage.planner.scene(sheet(), sky(), stage.views, 0)
     assert made.straight != released
     assert bool((hidden(made) < 0.01).all() if released else (hidden(made) > 0.25).all())
