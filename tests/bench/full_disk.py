@@ -1,6 +1,6 @@
 """Run a sweep of the fake method where the disk is full, give it room, and continue; report as JSON.
 
-Started by ``test_full_disk.py`` with a folder and what is to be scarce:
+Started by ``test_damage.py`` with a folder and what is to be scarce:
 
     space   a small tmpfs, mounted on the folder: the disk as a whole is full. Needs the right to mount, which
             ``unshare --map-root-user --mount`` gives where the kernel lets users have namespaces.

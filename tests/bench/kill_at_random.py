@@ -1,6 +1,6 @@
 """Run a sweep of the fake method, killed (SIGKILL) from outside at random moments, and continued; report as JSON.
 
-Started by ``test_kills.py`` with a folder, a number of kills, and how many processes work on one store at a time. It
+Started by ``test_damage.py`` with a folder, a number of kills, and how many processes work on one store at a time. It
 forks, so that torch is imported once. Sweeps are begun, one after the other, until as many kills have struck.
 """
 

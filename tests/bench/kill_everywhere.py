@@ -1,6 +1,6 @@
 """Run a small sweep, killed (SIGKILL) at every event of its writing in turn, and continued; report as JSON.
 
-Started by ``test_kills.py`` with a folder. It forks, so that torch is imported once.
+Started by ``test_damage.py`` with a folder. It forks, so that torch is imported once.
 """
 
 import hashlib

@@ -273,22 +273,22 @@ CASES = (
     ),
     Case(
         47, "identical images", "metrics", "x = y", "a cap of 100 dB by rule", "exact", (HAZARDS,),
-        ("metrics/test_psnr.py::test_identical_images_and_channels_are_capped",),
+        ("metrics/test_pictures.py::test_identical_images_and_channels_are_capped",),
     ),
     Case(
         48, "constant and tiny images", "metrics", "1x1 to 11x20, all 0, odd windows", "analytic luminance term",
         "1e-6, or a named error", (),
         (
-            "metrics/test_ssim.py::test_constant_images_have_only_the_luminance_term",
-            "metrics/test_ssim.py::test_an_image_is_scored_or_named_too_small",
+            "metrics/test_pictures.py::test_constant_images_have_only_the_luminance_term",
+            "metrics/test_pictures.py::test_an_image_is_scored_or_named_too_small",
         ),
     ),
     Case(
         49, "masks", "metrics", "empty, one pixel, full; NaN outside", "named n/a; invariance to what is outside",
         "exact", (),
         (
-            "metrics/test_psnr.py::test_what_lies_outside_a_mask_does_not_count_even_if_it_is_nan",
-            "metrics/test_normals.py::test_nan_outside_the_mask_does_not_leak_and_an_empty_mask_has_no_figure",
+            "metrics/test_pictures.py::test_what_lies_outside_a_mask_does_not_count_even_if_it_is_nan",
+            "metrics/test_shape.py::test_nan_outside_the_mask_does_not_leak_and_an_empty_mask_has_no_figure",
         ),
     ),
     Case(
@@ -304,12 +304,12 @@ CASES = (
         51, "normal error", "metrics", "0 to 180 degrees, lengths 1e-3 to 7, zero normals", "atan2 in float64",
         "1e-6 rad", (),
         (
-            "metrics/test_normals.py::test_the_angle_is_exact_from_identical_to_anti_parallel",
-            "metrics/test_normals.py::test_identical_float32_normals_are_at_no_angle",
+            "metrics/test_shape.py::test_the_angle_is_exact_from_identical_to_anti_parallel",
+            "metrics/test_shape.py::test_identical_float32_normals_are_at_no_angle",
         ),
     ),
     Case(
         52, "summation", "metrics", "10^7 pixels with error 1e-4 and seven of 1", "closed form", "1e-9", (),
-        ("metrics/test_psnr.py::test_ten_million_small_errors_and_a_few_large_ones_are_summed_without_loss",),
+        ("metrics/test_pictures.py::test_ten_million_small_errors_and_a_few_large_ones_are_summed_without_loss",),
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Whatever a cell stores can be a column: it has a heading, a unit, a direction and a number of decimals."""
+"""Whatever a cell stores can be a column, and metrics of two protocols stand beside each other where they are alike."""
 
 from dataclasses import replace
 
@@ -11,7 +11,9 @@ from radiogs.settings import PRESETS, Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.scoring.evaluate import evaluate
+from radiogs_bench.scoring.metrics.conventions import Albedo, Lpips, Normal, Picture, Psnr, Roughness, Ssim
 from radiogs_bench.scoring.metrics.measures import MEASURES
+from radiogs_bench.scoring.metrics.protocol import Protocol, alike
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.weights import FILES
 from radiogs_bench.suites.suite import TASKS, Metric
@@ -68,3 +70,37 @@ def test_errors_fall_and_ratios_of_signal_to_noise_rise() -> None:
 def test_no_two_measures_share_a_heading() -> None:
     labels = [measure.label for measure in MEASURES.values()]
     assert len(set(labels)) == len(labels)
+
+
+IMAGES = ("nvs", "relight", "albedo", "indirect")
+METRICS = (
+    *(f"{task}/{measure}" for task in IMAGES for measure in ("psnr", "ssim", "lpips")), "normal/mae", "roughness/mse",
+)  # fmt: skip
+RULES = protocol("radiogs")
+
+
+@pytest.mark.parametrize(
+    ("other", "changed"),
+    [
+        (replace(RULES, name="another"), set()),
+        (replace(RULES, psnr=Psnr()), {"nvs/psnr", "relight/psnr", "albedo/psnr", "indirect/psnr"}),
+        (replace(RULES, ssim=Ssim()), {"nvs/ssim", "relight/ssim", "albedo/ssim", "indirect/ssim"}),
+        (replace(RULES, lpips=(Lpips(),)), {"nvs/lpips", "relight/lpips", "albedo/lpips", "indirect/lpips"}),
+        (replace(RULES, nvs=Picture(background="white")), {"nvs/psnr", "nvs/ssim", "nvs/lpips"}),
+        (replace(RULES, relight=Picture()), {"relight/psnr", "relight/ssim", "relight/lpips"}),
+        (replace(RULES, normal=Normal()), {"normal/mae"}),
+        (replace(RULES, roughness=Roughness()), {"roughness/mse"}),
+        (
+            replace(RULES, albedo=Albedo()),
+            {f"{task}/{measure}" for task in ("relight", "albedo") for measure in ("psnr", "ssim", "lpips")},
+        ),
+    ],
+)  # fmt: skip
+def test_a_convention_concerns_its_own_metrics(other: Protocol, changed: set[str]) -> None:
+    """Relit images depend on the albedo's alignment as well."""
+    assert {metric for metric in METRICS if not alike(RULES, other, metric)} == changed
+
+
+def test_costs_are_comparable_between_all_protocols() -> None:
+    assert all(alike(RULES, protocol("default"), metric) for metric in ("render/ms", "training/hours", "nvs/ms/bonsai"))
+    assert not any(alike(RULES, protocol("default"), metric) for metric in METRICS)

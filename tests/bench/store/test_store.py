@@ -1,9 +1,10 @@
-"""The store keeps what was finished through damage, a full disk and a second process."""
+"""Stored files are whole or absent, and are what the document says."""
 
 import errno
 import json
 import logging
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,14 +14,14 @@ import numpy as np
 import pytest
 import torch
 
-from bench.fake_method import CPU
+from bench.fake_method import CPU, FakeSweep, fake_cell
 from radiogs_bench.errors import StoreError
 from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import Claimed, claim
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.store.provenance import session
-from radiogs_bench.store.schema import RESULT_SCHEMA, Result
+from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session, StageName
 from radiogs_bench.store.seal import sealed, strict_json
 
 ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
@@ -230,3 +231,43 @@ def test_a_failure_is_remembered_until_the_cell_succeeds(tmp_path: Path) -> None
     store.put_result(result(A), ARRAYS)
     assert store.failure(A) is None
     assert json.loads((tmp_path / "cells" / f"{A}.json").read_bytes())["key"] == A
+
+
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "store.md").read_text()
+
+
+def section(title: str) -> str:
+    return DOCUMENT.split(f"{title}", 1)[1].split("\n#", 1)[0]
+
+
+def test_the_version_is_the_one_that_is_written() -> None:
+    assert f"## A cell: `{RESULT_SCHEMA}`" in DOCUMENT
+    assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("## Versions")
+
+
+def test_the_document_lists_exactly_the_keys_of_a_result() -> None:
+    lines = re.findall(r"^\| `(\w+)` \|", section("## A cell"), re.MULTILINE)
+    assert sorted(lines) == sorted(Result.__annotations__)
+    lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
+    assert sorted(lines) == sorted(Session.__annotations__)
+    for key in (*MetricValue.__annotations__, *StageName.__annotations__):
+        assert f"`{key}`" in section("## A cell")
+    for key in Failure.__annotations__:
+        assert f"`{key}`" in section("## A failure")
+
+
+def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Path) -> None:
+    FakeSweep(tmp_path).run([fake_cell()])
+    (file,) = (tmp_path / "cells").glob("*.json")
+    stored = json.loads(file.read_text())
+    assert stored.keys() == Result.__annotations__.keys()
+    for name in stored["cell"]:
+        assert f"`{name}`" in section("## A cell")
+    assert stored["sessions"].keys() == {"initialise", "invert", "evaluate"}
+    for stage, sessions in stored["sessions"].items():
+        for each in sessions:
+            trained = {"yardstick"} if stage != "evaluate" else set()
+            assert each.keys() == Session.__required_keys__ | trained
+            assert each["peak_memory_bytes"]["host"] > 2**20
+            for name in each["machine"]:
+                assert f"`{name}`" in section("### A session")

@@ -1,13 +1,19 @@
-"""Files of others: what is refused, and what is said; skipped where Blender is not installed."""
+"""A .blend file is opened in a process of its own, by a request whose contents are its identity."""
 
+import shutil
 import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from radiogs_core.errors import DataError
-from radiogs_datasets.blend.process import Blender, blender_python
+from radiogs_core.errors import DataError, UsageError
+from radiogs_datasets.blend import process
+from radiogs_datasets.blend.process import Blender, blender_failure, blender_python, require_blender
+from radiogs_datasets.blend.request import Request
+from radiogs_datasets.generate.probe import mitsuba_failure
 
 START = """
 import bpy
@@ -142,3 +148,129 @@ def test_a_gpu_that_is_not_there_is_an_error(blender: Blender, tmp_path: Path) -
         blender.ask("open", file=str(path), device="cuda", threads=1)
     except DataError as error:
         assert "no CUDA device" in str(error)  # noqa: PT017  a machine with a GPU has nothing to refuse
+
+
+ECHO = """
+import json, os, sys
+answers = os.fdopen(int(sys.argv[2]), "w")
+for line in sys.stdin:
+    task = json.loads(line)
+    print("working on", task["task"], flush=True)
+    if task["task"] == "die":
+        sys.exit(11)
+    wrong = {"what": "it is bent", "why": "it fell", "remedy": "Lift it."}
+    answers.write(json.dumps({"error": wrong} if task["task"] == "complain" else {"done": task}) + "\\n")
+    answers.flush()
+"""
+
+
+@pytest.fixture
+def echo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that answers with its task; it does not need Blender."""
+    monkeypatch.setattr(process, "SERVE", ECHO)
+    monkeypatch.setenv(process.PYTHON_VARIABLE, sys.executable)
+
+
+@pytest.mark.usefixtures("echo")
+def test_tasks_are_answered_one_by_one(tmp_path: Path) -> None:
+    with Blender(tmp_path / "log") as blender:
+        assert blender.ask("open", file="a") == {"task": "open", "file": "a"}
+        assert blender.ask("render", size=4) == {"task": "render", "size": 4}
+
+
+@pytest.mark.usefixtures("echo")
+def test_a_complaint_is_an_error_and_the_next_task_is_answered(tmp_path: Path) -> None:
+    with Blender(tmp_path / "log") as blender:
+        with pytest.raises(DataError, match=r"it is bent\nit fell\nLift it\."):
+            blender.ask("complain")
+        assert blender.ask("open") == {"task": "open"}
+
+
+@pytest.mark.usefixtures("echo")
+def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: Path) -> None:
+    with Blender(tmp_path / "log") as blender:
+        with pytest.raises(DataError, match=r"ended by itself \(exit code 11\) at the task 'die'") as caught:
+            blender.ask("die")
+        assert "working on die" in str(caught.value)
+        with pytest.raises(DataError, match="ended by itself"):
+            blender.ask("open")
+
+
+def test_a_python_without_blender_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(process.PYTHON_VARIABLE, str(tmp_path / "no_python"))
+    with pytest.raises(UsageError, match="No such file") as caught:
+        require_blender()
+    assert "pip install 'radiogs-bench[blend]'" in str(caught.value)
+    shadow = tmp_path / "bpy.py"
+    shadow.write_text("raise ImportError('made for another Python')")
+    monkeypatch.setenv(process.PYTHON_VARIABLE, sys.executable)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(UsageError, match="made for another Python"):
+        require_blender()
+
+
+@pytest.mark.usefixtures("echo")
+def test_trials_and_blender_import_no_module_of_the_folder_where_they_are_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("bpy", "mitsuba", "json"):
+        (tmp_path / f"{name}.py").write_text("from pathlib import Path\nPath(__file__).with_name('ran').touch()\n")
+    monkeypatch.chdir(tmp_path)
+    blender_failure()
+    mitsuba_failure()
+    with Blender(tmp_path / "log") as blender:
+        blender.ask("open")
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.fixture
+def asked(tmp_path: Path, lights: Path) -> Request:
+    (tmp_path / "scene.blend").write_bytes(b"a file")
+    return Request(tmp_path / "scene.blend", lights)
+
+
+def test_the_training_light_is_first(asked: Request) -> None:
+    assert [*asked.light_files] == ["training", "spot"]
+    assert [*replace(asked, training_light="spot").light_files] == ["spot", "training"]
+    (asked.lights / "training.hdr").unlink()
+    assert [*replace(asked).light_files] == ["spot"]
+
+
+def test_lights_that_are_not_there_are_named(asked: Request, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no light 'moon'") as caught:
+        _ = replace(asked, training_light="moon").light_files
+    assert "spot, training" in str(caught.value)
+    with pytest.raises(UsageError, match="holds no light"):
+        _ = replace(asked, lights=tmp_path).light_files
+    with pytest.raises(UsageError, match="holds no light"):
+        _ = replace(asked, lights=tmp_path / "absent").light_files
+    shutil.copy(asked.lights / "spot.hdr", asked.lights / "spot.exr")
+    with pytest.raises(UsageError, match="one name"):
+        _ = replace(asked).light_files
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"training_light": "spot"}, {"cameras": "fit"}, {"train": 3}, {"test": 3}, {"size": 8}, {"samples": 3},
+     {"bounces": 3}, {"seed": 3}, {"device": "cuda"}, {"keep_passes": True}],
+)  # fmt: skip
+def test_every_option_is_part_of_the_identity(asked: Request, other: dict[str, object]) -> None:
+    assert replace(asked, **other).identity() != asked.identity()  # type: ignore[arg-type]
+
+
+def test_contents_are_part_of_the_identity_and_places_are_not(asked: Request, tmp_path: Path) -> None:
+    moved = tmp_path / "moved"
+    shutil.copytree(asked.lights, moved / "lights")
+    shutil.copy(asked.file, moved / "other.blend")
+    elsewhere = replace(asked, file=moved / "other.blend", lights=moved / "lights")
+    assert elsewhere.identity() == asked.identity()
+    elsewhere.file.write_bytes(b"another file")
+    assert replace(elsewhere).identity() != asked.identity()
+    elsewhere.file.write_bytes(b"a file")
+    shutil.copy(moved / "lights" / "spot.hdr", moved / "lights" / "training.hdr")
+    assert replace(elsewhere).identity() != asked.identity()
+
+
+def test_a_file_that_cannot_be_read_is_an_error(asked: Request, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="cannot read"):
+        replace(asked, file=tmp_path / "absent.blend").identity()
