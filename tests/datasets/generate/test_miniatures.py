@@ -179,14 +179,8 @@ def test_a_convex_object_sends_itself_no_light() -> None:
             assert not view.read(name).any()
 
 
-def test_corner_has_coloured_indirect_light_and_no_clipped_image() -> None:
-    for view in load_scene("corner").test:
-        indirect, direct = view.read("indirect").sum(), view.read("direct").sum()
-        assert 0.08 < float(indirect / (indirect + direct)) < 0.2
-        assert float(view.read("image").max()) < 1
-
-
 PURPOSES = {
+    "corner": {"indirect_share": (0.08, 0.2)},
     "occluder": {"shadowed_share": (0.1, 1.0), "indirect_share": (0.0, 0.01)},
     "red_white": {"indirect_share": (0.08, 1.0)},
     "bowl": {"indirect_share": (0.2, 1.0), "shadowed_share": (0.15, 1.0)},
@@ -219,18 +213,6 @@ def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) ->
     assert sums[0] / sum(sums) == pytest.approx(metadata["indirect_share"], rel=2e-3, abs=1e-4)
 
 
-def test_red_light_falls_on_the_white_box() -> None:
-    """The white box's top, beside the red wall, is lit by it; its own albedo is grey."""
-    scene = load_scene("red_white")
-    for view in scene.test:
-        solid, _, normal, whole = interior(scene, view)
-        top = torch.from_numpy(whole & (solid == 2) & (normal[..., 2] == 1))
-        red, _, blue = view.read("indirect")[top].sum(0).tolist()
-        assert red > 2 * blue
-        albedo = view.read("albedo")[top]
-        assert float((albedo.max(-1).values - albedo.min(-1).values).max()) < 0.01
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in scene_names() if name not in ("corner", "convex")])
 def test_the_object_is_wholly_in_every_picture(name: str) -> None:
@@ -238,13 +220,6 @@ def test_the_object_is_wholly_in_every_picture(name: str) -> None:
     for view in (*scene.train, *scene.test):
         alpha = view.read("alpha")[..., 0]
         assert not torch.cat([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]]).any(), view.name
-
-
-def test_the_maps_of_the_glossware_show_its_roughness() -> None:
-    for view in load_scene("glossware").test:
-        roughness = view.read("roughness")[view.read("alpha") == 1]
-        assert 0.08 - HALF_LEVEL <= float(roughness.min()) < 0.11
-        assert 0.28 < float(roughness.max()) <= 0.3 + HALF_LEVEL
 
 
 @pytest.mark.slow
