@@ -24,20 +24,6 @@ from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import surfels_over
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_single_sphere_needs_no_rays(seed: int) -> None:
-    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.12)
-    plan = found(seen(ball, sky(), seed=seed), seed).plan
-    assert not plan.traces
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_floor_under_a_table_needs_visibility(seed: int) -> None:
-    table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), Material((0.05, 0.05, 0.05), 0.8))
-    made = seen(surfels_over([FLOOR, table], 0.12), sky(), seed=seed)
-    assert found(made, seed).plan.visibility
-
-
 def pit() -> Surfels:
     """Eight upright surfels, 12 cm across and 10 cm high, that face each other over the middle of the floor."""
     angle = torch.arange(8, dtype=torch.float64) * (2 * math.pi / 8)
@@ -86,12 +72,6 @@ def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None
     assert record.measured.gradient > 0.25
     assert "gradients" in record.why
     assert record.verdict == "on"
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_visible_highlight_keeps_the_specular_effect(seed: int) -> None:
-    shiny = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.04, 0.04, 0.04), 0.2))], 0.12)
-    assert found(seen(shiny, sky(sun=8.0), seed=seed), seed).plan.specular
 
 
 def test_a_lobe_that_smoother_surfaces_would_show_is_kept_while_roughness_is_learnt() -> None:
