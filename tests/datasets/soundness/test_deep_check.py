@@ -3,14 +3,16 @@
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from captured import write_capture
-from datasets.injuries import INJURIES, judged, said
 from radiogs_bench import api
 from radiogs_bench.cli import main
 from radiogs_bench.runs import preflight
@@ -18,6 +20,8 @@ from radiogs_bench.runs.engines import run
 from radiogs_bench.runs.preflight import say_contradictions
 from radiogs_core.errors import UsageError
 from radiogs_datasets import load_scene
+from radiogs_datasets.deep_check import deep_findings
+from radiogs_datasets.deep_check.colours import decoded, encoded
 from radiogs_datasets.deep_check.evidence import Evidence, gather
 from radiogs_datasets.deep_check.matches import epipolar_agreement
 from radiogs_datasets.deep_check.poses import poses
@@ -25,21 +29,107 @@ from radiogs_datasets.deep_check.radiance import radiance
 from radiogs_datasets.deep_check.shape_maps import shape_maps
 from radiogs_datasets.deep_check.silhouettes import silhouettes
 from radiogs_datasets.findings import Finding
+from radiogs_datasets.image_files import read_exr, read_hdr, read_png, write_exr, write_hdr, write_png
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 
 Check = Callable[[Evidence], Iterator[Finding]]
+Image = NDArray[np.float32]
+ONE, OTHER = "train_005", "train_012"
+
+
+def rewrite(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change the fields of both transforms files."""
+    for table in sorted(folder.glob("transforms_*.json")):
+        content = json.loads(table.read_text())
+        change(content)
+        table.write_text(json.dumps(content))
+
+
+def files(folder: Path, pattern: str, change: Callable[[Image], Image]) -> None:
+    """Change the pixels of every file of a pattern, in its own format."""
+    for path in sorted(folder.glob(pattern)):
+        read, write = {
+            ".png": (read_png, write_png), ".exr": (read_exr, write_exr), ".hdr": (read_hdr, write_hdr)
+        }[path.suffix]  # fmt: skip
+        write(path, np.ascontiguousarray(change(read(path)), dtype=np.float32))
+
+
+def colour(change: Callable[[Image], Image]) -> Callable[[Image], Image]:
+    """The change of the first three channels alone."""
+    return lambda image: np.concatenate([change(image[..., :3]).clip(0, 1), image[..., 3:]], -1)
+
+
+def swap(folder: Path, first: str, second: str) -> None:
+    """Exchange two files."""
+    one, other, aside = folder / first, folder / second, folder / "aside"
+    one.rename(aside)
+    other.rename(one)
+    aside.rename(other)
+
+
+def zoomed(content: dict[str, Any]) -> None:
+    """A focal length that is a tenth longer."""
+    content["camera_angle_x"] = 2 * np.arctan(np.tan(content["camera_angle_x"] / 2) / 1.1)
+
+
+def same_pose(content: dict[str, Any]) -> None:
+    """The pose of one view for another, too."""
+    frames = {name: frame for frame in content["frames"] for name in (ONE, OTHER) if name in frame["file_path"]}
+    if frames:
+        frames[ONE]["transform_matrix"] = frames[OTHER]["transform_matrix"]
+
+
+def camera_frame(folder: Path) -> None:
+    """Normals written in each camera's frame, with OpenGL axes."""
+    content = json.loads((folder / "transforms_test.json").read_text())
+    for frame in content["frames"]:
+        rotation = np.array(frame["transform_matrix"])[:3, :3]
+        path = frame["file_path"].removeprefix("./").removesuffix("rgba") + "normal.png"
+        turned = colour(lambda stored, rotation=rotation: (2 * stored - 1) @ rotation / 2 + 0.5)
+        files(folder, path, turned)
+
+
+def along_rays(folder: Path) -> None:
+    """Depth written as the distance along the ray."""
+    for view in load_scene(str(folder)).test:
+        length = view.camera.ray_directions().norm(dim=-1, keepdim=True).numpy()
+        files(folder, f"{view.name}/depth.exr", lambda depth, length=length: depth * length)
+
+
+Change = Callable[[Path], None]
+INJURIES: Mapping[str, tuple[Change, str]] = {
+    "focal length of all views 10 % too long": (lambda f: rewrite(f, zoomed), r"all views.*focal"),
+    "one pose written twice": (lambda f: rewrite(f, same_pose), rf"({ONE}|{OTHER}).*(pose of|contradicts)"),
+    "two training images swapped": (
+        lambda f: swap(f, f"{ONE}/rgba.png", f"{OTHER}/rgba.png"), rf"{ONE}.*camera of {OTHER}"),
+    "normals in the camera's frame, OpenGL": (camera_frame, r"normals.*camera's frame \(OpenGL"),
+    "depth along the ray": (along_rays, r"depth.*along the ray"),
+    "all images with gamma twice": (
+        lambda f: files(f, "*/rgba.png", colour(lambda display: encoded(display.astype(float)))),
+        r"curve applied twice"),
+    "one image of another white balance": (
+        lambda f: files(
+            f, f"{ONE}/rgba.png",
+            colour(lambda display: encoded(decoded(display.astype(float)) * np.array((1.3, 1.0, 0.75))))),
+        rf"{ONE}.*white balance"),
+    "training light turned by 90 degrees": (
+        lambda f: files(f, "envmaps/training.hdr", lambda radiance: np.roll(radiance, radiance.shape[1] // 4, axis=1)),
+        r"image.*turned by -90"),
+}  # fmt: skip
+"""How files are changed, and a pattern that a finding's place and words have to match. No injury changes a header, a
+size or a name: files stay readable, and the scene contradicts itself."""
 
 
 def injured(name: str, folder: Path, scene: str = "print") -> Path:
     copy = folder / scene
     shutil.copytree(TINY / scene, copy)
-    INJURIES[name].apply(copy)
+    INJURIES[name][0](copy)
     return copy
 
 
-def test_the_table_has_at_least_48_injuries() -> None:
-    assert len(INJURIES) >= 48
+def is_named(name: str, findings: Iterable[Finding]) -> bool:
+    return any(re.search(INJURIES[name][1], f"{finding.place}: {finding.what}") for finding in findings)
 
 
 @pytest.mark.slow
@@ -55,7 +145,7 @@ def test_the_table_has_at_least_48_injuries() -> None:
 )
 def test_one_kind_of_evidence_names_an_injury(tmp_path: Path, name: str, check: Check) -> None:
     findings = list(check(gather(load_scene(str(injured(name, tmp_path))))))
-    assert judged(INJURIES[name], findings)[1], findings
+    assert is_named(name, findings), findings
 
 
 def test_a_sound_scene_has_no_finding_by_shape_or_radiance() -> None:
@@ -110,8 +200,8 @@ def test_the_command_is_silent_on_a_sound_scene(capsys: pytest.CaptureFixture[st
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["training light turned by 90 degrees", "one image of another white balance"])
 def test_the_whole_check_names_an_injury(tmp_path: Path, name: str) -> None:
-    findings = said(injured(name, tmp_path, "patchwork"))
-    assert judged(INJURIES[name], findings)[1], findings
+    findings = list(deep_findings(load_scene(str(injured(name, tmp_path, "patchwork")))))
+    assert is_named(name, findings), findings
 
 
 @pytest.mark.slow
