@@ -147,7 +147,7 @@ def widened_light(light: EnvironmentMap) -> EnvironmentMap:
     """The light with each texel raised to its brightest neighbour, as a density to draw directions from.
 
     Light is interpolated, so a sun extends into the next texels. If directions were drawn from the map itself, those in
-    the next texels would be rare and have large weights (``tests/method/radiogs/effects/test_relighting_probe.py``).
+    the next texels would be rare and have large weights (``tests/method/radiogs/effects/test_effect_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")

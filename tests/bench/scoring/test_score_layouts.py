@@ -1,6 +1,5 @@
 """Traps of the public codes' layouts: names that collide, lights that were left out, files that only look right."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +17,6 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png
-
-Writer = Callable[..., None]
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,10 @@ import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.method import inverse_rendering
+from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.settings import Variant
-from radiogs_core.contract import Run
+from radiogs_bench.sources import installed
+from radiogs_core.contract import Run, StageSpec
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.plain_values import PlainReader, with_values
@@ -249,3 +250,24 @@ def test_a_nested_table_changes_one_field_and_keeps_the_others() -> None:
 def test_an_unknown_field_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
         READER.build(Variant, {"materials": {"weights": {"masks": 0.5}}}, "")
+
+
+SHOWING = {
+    "radiogs.showing",
+    "radiogs.relighting",
+    "radiogs.varying",
+    "radiogs_core.surfels.display_harmonics",
+    "radiogs_core.surfels.ply",
+    "radiogs_core.transport.maps",
+}
+
+STAGES = RADIOGS.stages(Variant(), RADIOGS.presets["smoke"])
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=[stage.name for stage in STAGES])
+def test_the_sources_of_a_stage_exclude_the_modules_that_render(stage: StageSpec) -> None:
+    assert not SHOWING & installed().closure(*stage.sources).keys()
+
+
+def test_the_sources_of_the_method_include_the_modules_that_render() -> None:
+    assert installed().closure(*RADIOGS.sources).keys() >= SHOWING
