@@ -1,5 +1,6 @@
-"""The command line with the fake method in place of RadioGS."""
+"""The command line with the fake method in place of RadioGS, and a run that it has finished."""
 
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -42,3 +43,15 @@ def fake_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., i
         )
 
     return start
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of five cells, which nobody changes."""
+    return fake_method.finished_sweep(tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture
+def run(made: Path, tmp_path: Path) -> Path:
+    """A copy of it, to be damaged."""
+    return shutil.copytree(made, tmp_path / "run")

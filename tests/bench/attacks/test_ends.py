@@ -2,7 +2,6 @@
 
 import os
 import resource
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,18 +37,6 @@ def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
     write_sweep(sweep.store, manifest)
     sweep.run([cell for _, cell in cells])
     return manifest
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    finished(folder)
-    return folder
-
-
-@pytest.fixture
-def run(made: Path, tmp_path: Path) -> Path:
-    return shutil.copytree(made, tmp_path / "run")
 
 
 @pytest.mark.slow

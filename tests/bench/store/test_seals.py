@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import CPU, FAKE, FakeSweep, asked, write_sweep
+from bench.fake_method import CPU, FAKE, FakeSweep, asked
 from made_up_run import summary
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
@@ -20,23 +20,6 @@ from radiogs_core.errors import DataError
 from radiogs_reports import summary as reports
 
 SCHEMA = "radiogs-bench/thing/1"
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished run of five cells."""
-    folder = tmp_path_factory.mktemp("run")
-    sweep, request = FakeSweep(folder), asked(1)
-    cells = request.cells
-    write_sweep(sweep.store, request.manifest())
-    sweep.run([cell for _, cell in cells])
-    return folder
-
-
-@pytest.fixture
-def run(made: Path, tmp_path: Path) -> Path:
-    """A copy of the run, to be damaged."""
-    return shutil.copytree(made, tmp_path / "run")
 
 
 def first_cell(folder: Path) -> Path:
