@@ -26,75 +26,71 @@ class Case:
     shortfall: str = ""
 
 
-EXTREME = "test_extreme_surfels.py"
-OPACITY = "test_opacity_and_order.py"
+PRIMITIVES = "test_primitives.py"
 CAMERA = "test_camera.py"
 INVARIANCE = "test_invariance.py"
-EXTENT = "test_scene_extent.py"
 BRDF = "test_brdf_and_furnaces.py"
-LIGHT = "test_light_and_sampling.py"
-VISIBILITY = "test_visibility_and_consistency.py"
+LIGHT = "test_light.py"
 PRECISION = "test_autograd_and_precision.py"
 HAZARDS = "test_hazards.py"
 POISON = "test_poison.py"
-PROPERTIES = "test_properties.py"
 
 CASES = (
     Case(
         1, "zero quaternion", "primitives", "q = 0, and |q| in {1e-38, 1e-20, 1e-8}",
         "the scene without it; Rodrigues' formula in float64",
-        "bit for bit; 4 eps (two roundings a product of unit entries)", (EXTREME,),
+        "bit for bit; 4 eps (two roundings a product of unit entries)", (PRIMITIVES,),
     ),
     Case(
         2, "un-normalised quaternion", "primitives", "q times {1e-6, 1, 1e6}", "invariance; q . dL/dq",
-        "8 eps (an eps an entry, doubled by the product of two); 1e-5 of |q| |dL/dq|", (EXTREME,),
+        "8 eps (an eps an entry, doubled by the product of two); 1e-5 of |q| |dL/dq|", (PRIMITIVES,),
     ),
     Case(
         3, "zero scale", "primitives", "one axis and both, also where exp underflows", "the scene without it",
-        "bit for bit: it is culled", (EXTREME,),
+        "bit for bit: it is culled", (PRIMITIVES,),
     ),
     Case(
         4, "needle and pancake", "primitives", "aspect 1e2 to 1e6, drawn and traced", "ref64",
         "drawn: 1e-4, the pixel's footprint bounds the condition number; traced: o e^(-1/2) 8 eps |p - o| / s",
-        (EXTREME,),
+        (PRIMITIVES,),
     ),
     Case(
         5, "huge surfel", "primitives", "log-scale 20 over the whole camera", "opacity times colour, constant",
-        "1e-5 and finite gradients", (EXTREME,),
+        "1e-5 and finite gradients", (PRIMITIVES,),
     ),
     Case(
         6, "opacity at its limits", "primitives", "0, 1e-8, 1/255 and 0.01 -+ an ulp, 1 - eps, 1; logits of +-40",
         "ref64; exactly nothing below 1/255", "1e-6 drawn (8 eps), 2e-6 traced (a sum of two hits)",
-        (OPACITY, HAZARDS),
+        (PRIMITIVES, HAZARDS),
     ),
     Case(
         7, "stack of opaque surfels", "primitives", "3, 10, 100 surfels with o = 1 on one ray",
         "gradients of the dense reference in float64", "1e-3 of the largest; each below 1e2 / (1 - MAX_ALPHA) = 1e4",
-        (OPACITY,),
+        (PRIMITIVES,),
     ),
     Case(
         8, "underflow of transmittance", "primitives",
         "30 000 layers: alpha in [0, 0.001], in [1/250, 1/200] and in [1/250, 0.5], without a stop",
         "sum of logarithms in float64", "1e-5 relative or 1e-7 absolute; 0 exactly below the alpha threshold",
-        (OPACITY,),
+        (PRIMITIVES,),
     ),
     Case(
         9, "edge-on surfel", "primitives", "n.d from 1e-1 to 1e-8, and 0", "ref64",
         "16 eps / |n.d| (two products and a quotient, amplified by the quotient); gradients 64 eps / |n.d|; 0 at 0",
-        (EXTREME, HAZARDS),
+        (PRIMITIVES, HAZARDS),
     ),
     Case(
         10, "back-face threshold", "primitives", "normals within 0.02 of edge-on, world times 1e-3 to 1e3",
-        "the image at scale 1", "at most 0.1 % of the pixels on the other side", (EXTREME, PROPERTIES),
+        "the image at scale 1", "at most 0.1 % of the pixels on the other side", (PRIMITIVES, INVARIANCE),
     ),
     Case(
         11, "coincident surfels", "primitives", "17, 33, 64 at one depth: more than a buffer", "ref64, ties by number",
-        "1e-6, and to permutation of equals 1e-6", (OPACITY, HAZARDS),
+        "1e-6, and to permutation of equals 1e-6", (PRIMITIVES, HAZARDS),
         ("method/core/kernels/test_trace.py::test_exactly_coincident_surfels_are_neither_lost_nor_swapped",),
     ),
     Case(
         12, "nearly equal depth", "primitives", "1, 2, 4 ulps apart, in either order", "ref64 sorted by rounded depth",
-        "1e-6 drawn, 2e-6 traced", (OPACITY,),
+        "1e-6 drawn, 2e-6 traced", (PRIMITIVES,),
     ),
     Case(
         13, "poison", "primitives", "22 values in every slot of surfels, camera and light, 5 060 draws",
@@ -102,7 +98,7 @@ CASES = (
     ),
     Case(
         14, "extreme but valid", "primitives", "log-scale -30 to 40, harmonics 1e3, colours 1e4", "ref64",
-        "1e-5 of the largest value; surfels thinner than a pixel's 1/255 rightly add nothing", (EXTREME,),
+        "1e-5 of the largest value; surfels thinner than a pixel's 1/255 rightly add nothing", (PRIMITIVES,),
     ),
     Case(
         15, "behind the camera", "camera and scene", "a surfel through the camera's plane; one wholly behind",
@@ -126,7 +122,7 @@ CASES = (
         19, "scene's scale", "camera and scene", "times {1e-3, 1e3}, 2^-10, 2^10; 100 000 surfels (slow)",
         "the image at scale 1, depth times the scale",
         "1e-4 (measured 1.5e-6), float64 1e-12, powers of two bit for bit; of 100 000 surfels one pixel in 4096 meets a"
-        " hit at the alpha threshold in one precision only and may be off by 1/255", (INVARIANCE, HAZARDS, PROPERTIES),
+        " hit at the alpha threshold in one precision only and may be off by 1/255", (INVARIANCE, HAZARDS),
     ),
     Case(
         20, "rigid motion", "camera and scene", "random SE(3) of camera, surfels, harmonics and rays; light by texels",
@@ -134,7 +130,7 @@ CASES = (
     ),
     Case(
         21, "empty scene", "camera and scene", "no surfel, all behind, one", "background exactly, zero gradients",
-        "bit for bit; an optimiser's step moves nothing", (EXTENT,),
+        "bit for bit; an optimiser's step moves nothing", (CAMERA,),
         ("method/core/kernels/test_rasterize.py::test_an_empty_scene_is_the_background_and_takes_gradients",),
     ),
     Case(
@@ -144,11 +140,11 @@ CASES = (
     ),
     Case(
         23, "index width", "camera and scene", "6.25e11 pairs of surfel and tile; 2^31 hits", "64-bit arithmetic",
-        "exact, then a named error", (EXTENT,),
+        "exact, then a named error", (CAMERA,),
     ),
     Case(
         24, "self-intersection", "camera and scene", "closed shell and plane at scales 1e-3 to 1e3, offset to 1e6",
-        "visibility 0 inside the shell, 1 on the plane", "leak below 1e-3; no false occlusion", (EXTENT,),
+        "visibility 0 inside the shell, 1 on the plane", "leak below 1e-3; no false occlusion", (CAMERA,),
         ("method/core/kernels/test_trace.py::test_a_closed_room_sees_no_light_and_a_convex_body_sees_all",),
     ),
     Case(
@@ -218,15 +214,15 @@ CASES = (
     Case(
         36, "visibility at the edges", "shading and light transport", "0, 1 and many hits; a wall with a hole",
         "the product; 0 <= V <= 1, falling with every occluder",
-        "1e-6; at the paper's stop V steps by at most its 3 %", (VISIBILITY, HAZARDS),
+        "1e-6; at the paper's stop V steps by at most its 3 %", (LIGHT, HAZARDS),
     ),
     Case(
         37, "indirect light off", "shading and light transport", "the same directions, the surfels met are black",
-        "equality", "bit for bit", (VISIBILITY,),
+        "equality", "bit for bit", (LIGHT,),
     ),
     Case(
         38, "radiometric fixed point", "shading and light transport", "harmonics solved for the reflected light",
-        "residual 0", "1e-10 in float64; gradient of the squared residual 1e-10", (VISIBILITY,),
+        "residual 0", "1e-10 in float64; gradient of the squared residual 1e-10", (LIGHT,),
     ),
     Case(
         39, "division by alpha at 0", "autograd and precision", "depth and normals of background pixels",
@@ -268,7 +264,7 @@ CASES = (
     ),
     Case(
         46, "hidden and permuted primitives", "autograd and precision", "1000 behind a wall; shuffled", "invariance",
-        "bit for bit; 1e-5", (INVARIANCE, PROPERTIES),
+        "bit for bit; 1e-5", (INVARIANCE,),
         ("method/core/kernels/test_rasterize.py::test_order_of_the_surfels_does_not_matter",),
     ),
     Case(
