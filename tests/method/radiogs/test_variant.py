@@ -16,7 +16,7 @@ from radiogs_bench.sources import installed
 from radiogs_core.contract import Run, StageSpec
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.plain_values import from_plain, with_values
+from radiogs_core.plain_values import PlainReader, with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.starting_points import SurfelStart
 from rooms import room_scene
@@ -229,26 +229,27 @@ def test_stage_one_does_not_read_the_settings_of_materials(first: dict[str, Any]
     assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])
 
 
+READER = PlainReader("variant", "See its fields.")
+
+
 def test_a_variant_is_hashable_and_survives_a_round_trip_through_json() -> None:
     variant = Variant(effects=("visibility",), deviations=("start-light",))
     for path, value in LEAVES.items():
         if "." in path:
             variant = turned(variant, path, other(path, value))
     assert hash(variant) != hash(BASE)
-    assert from_plain(Variant, json.loads(json.dumps(asdict(variant))), "variant") == variant
+    assert READER.build(Variant, json.loads(json.dumps(asdict(variant))), "") == variant
 
 
 def test_a_nested_table_changes_one_field_and_keeps_the_others() -> None:
-    variant = from_plain(
-        Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "variant"
-    )
+    variant = READER.build(Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "")
     assert variant.materials.weights.mask == 0.5
     assert variant == turned(turned(Variant(), "materials.weights.mask", 0.5), "geometry.backgrounds", (0.0,))
 
 
 def test_an_unknown_field_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
-        from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}}, "variant")
+        READER.build(Variant, {"materials": {"weights": {"masks": 0.5}}}, "")
 
 
 SHOWING = {
