@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Generator
 from contextlib import closing
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO, NamedTuple
+from typing import IO
 
 from radiogs_core.errors import DataError
 
@@ -56,14 +56,8 @@ EXTENDED = (
 )  # fmt: skip
 
 
-class Member(NamedTuple):
-    """A member of an archive; a folder has no content."""
-
-    path: PurePosixPath
-    """Its path within the archive."""
-    size: int
-    """The size that the archive declares, bytes: neither library gives more."""
-    content: IO[bytes] | None
+Member = tuple[PurePosixPath, int, IO[bytes] | None]
+"""Path within the archive, declared size in bytes (neither library gives more), and content; a folder has none."""
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int | None = None) -> int:
@@ -95,16 +89,16 @@ def _write_all(archive: Path, waiting: Path, bound: int) -> list[PurePosixPath]:
     written = 0
     try:
         with closing(_members(archive)) as members:
-            for count, member in enumerate(members, 1):
+            for count, (path, size, content) in enumerate(members, 1):
                 if count > MOST_MEMBERS:
                     raise _refused(archive, f"it has more than {MOST_MEMBERS} members")
-                if member.content is None or set(member.path.parts) & set(CLUTTER):
+                if content is None or set(path.parts) & set(CLUTTER):
                     continue
-                written += member.size
+                written += size
                 if written > bound:
                     raise _refused(archive, f"unpacked it needs more than {bound} bytes")
-                _write(member.content, waiting / member.path)
-                files.append(member.path)
+                _write(content, waiting / path)
+                files.append(path)
     except DAMAGED as error:
         raise DataError(
             f"{archive} is damaged, or no archive: {error}", "Nothing was unpacked.", "Fetch it again."
@@ -142,13 +136,13 @@ def _members(archive: Path) -> Generator[Member, None, None]:
                 if stat.S_IFMT(info.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR):
                     raise _refused(archive, f"'{info.filename}' is a link or a device")
                 path = _within(archive, info.orig_filename)
-                yield Member(path, info.file_size, None if info.is_dir() else zipped.open(info))
+                yield path, info.file_size, None if info.is_dir() else zipped.open(info)
         return
     with tarfile.open(archive, "r:*", tarinfo=_Bounded) as tar:
         for entry in tar:
             if not (entry.isreg() or entry.isdir()):
                 raise _refused(archive, f"'{entry.name}' is a link or a device")
-            yield Member(_within(archive, entry.name), entry.size, tar.extractfile(entry))
+            yield _within(archive, entry.name), entry.size, tar.extractfile(entry)
 
 
 def _within(archive: Path, name: str) -> PurePosixPath:

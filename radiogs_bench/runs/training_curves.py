@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -67,15 +67,6 @@ def milestones(iterations: int) -> set[int]:
 FIRST_STEPS = 8
 """How many steps of every stage are recorded."""
 
-
-@runtime_checkable
-class HoldsTensors(Protocol):
-    """An optimiser that names what it optimises (``radiogs_core.surfels.optimiser.SurfelOptimiser`` is one)."""
-
-    tensors: Mapping[str, Tensor]
-    """The tensors that are learnt, by name."""
-
-
 Lengths = tuple[dict[str, float], dict[str, float]]
 """Euclidean lengths of the gradients and of the updates of one step, by the names of the tensors."""
 
@@ -95,12 +86,13 @@ class FirstSteps:
     def watching(self, stage: Stage) -> Iterator[Lengths]:
         """Fill in the lengths of the step that is taken in the block.
 
-        They stay empty after the first steps, and for a stage whose ``optimiser`` does not name its tensors.
+        They stay empty after the first steps, and for a stage whose ``optimiser`` does not name its ``tensors``, as
+        ``radiogs_core.surfels.optimiser.SurfelOptimiser`` does.
         """
         gradients: dict[str, float] = {}
         updates: dict[str, float] = {}
-        optimiser = getattr(stage, "optimiser", None)
-        if stage.iteration >= FIRST_STEPS or not isinstance(optimiser, HoldsTensors):
+        optimiser: Any = getattr(stage, "optimiser", None)
+        if stage.iteration >= FIRST_STEPS or not isinstance(getattr(optimiser, "tensors", None), Mapping):
             yield gradients, updates
             return
         before = {name: value.detach().clone() for name, value in optimiser.tensors.items()}

@@ -1,7 +1,6 @@
 """Arrays that are kept with a result for the reports: maps of a view, codes of more views, lights and surfels."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -182,18 +181,10 @@ def views_to_keep(scene: Scene, count: int | None) -> frozenset[str]:
     return frozenset(views[(middle + index * len(views) // count) % len(views)].name for index in range(count))
 
 
-@runtime_checkable
-class MadeOfSurfels(Protocol):
-    """A trained model that can be shown in 3-D, as the surfels that it exports."""
-
-    @property
-    def surfels(self) -> Surfels:
-        """Its surfels, with the materials that other programs get."""
-
-
 def surfel_arrays(model: Trained, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
-    """The arrays of a model's surfels (``arrays_of``); empty for a model that is not made of surfels, or has none."""
-    return arrays_of(model.surfels, seen_from) if isinstance(model, MadeOfSurfels) and len(model.surfels) else {}
+    """The arrays of a model's ``surfels``, with the materials that it exports; empty for a model without any."""
+    surfels = getattr(model, "surfels", None)
+    return arrays_of(surfels, seen_from) if isinstance(surfels, Surfels) and len(surfels) else {}
 
 
 @torch.no_grad()
