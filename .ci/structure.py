@@ -53,7 +53,7 @@ LIMITS: Mapping[str, int] = {
     "lines of the page's JavaScript": 1_325,
     "lines of tests": 61_900,
 }  # fmt: skip
-"""What there may be at most; lower a number once there is less. A file that one other imports belongs into that one,
+"""The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""
 
 TABLES = (

@@ -1,4 +1,4 @@
-"""What Blender renders becomes maps; its cameras and lights are those of the scene."""
+"""Renders of Blender become maps; its cameras and lights are the scene's."""
 
 import json
 import math
