@@ -229,14 +229,15 @@ class Judges:
                 self.users.setdefault(imported, set()).add(name)
 
     def of(self, file: str) -> tuple[str, ...]:
-        """The nearest MOST_JUDGES test files of a source file (from the root); those of its own room first."""
+        """The nearest MOST_JUDGES test files of a source file (from the root); where several are equally near, those
+        whose paths have words of its path come first."""
         path = self.root / file
         reached = [self.names[path]] if path in self.names else self._readers(path)
-        room = Path(file).parent.name
+        words = {*Path(file).with_suffix("").parts}
         paths, seen, found = {name: path for path, name in self.names.items()}, {*reached}, list[str]()
         while reached and len(found) < MOST_JUDGES:
             tests = [paths[name] for name in reached if paths[name].name.startswith("test_")]
-            tests.sort(key=lambda test: (room not in test.parts, test.as_posix()))
+            tests.sort(key=lambda test: (-len(words & {*test.parts, test.stem.removeprefix("test_")}), test.as_posix()))
             found += [test.relative_to(self.root).as_posix() for test in tests]
             reached = sorted({user for name in reached for user in self.users.get(name, ())} - seen)
             seen |= {*reached}

@@ -157,7 +157,7 @@ def test_drawn_mutants_are_python_have_judges_and_are_the_same_for_a_seed(sampli
     ("file", "judge"),
     [
         ("radiogs_bench/scoring/metrics/albedo.py", "tests/metrics/test_albedo.py"),
-        ("method/radiogs_core/kernels/image/similarity_source.py", "tests/method/core/kernels/test_similarity.py"),
+        ("method/radiogs_core/kernels/image/similarity.py", "tests/method/core/kernels/test_image.py"),
         ("method/radiogs_core/kernels/shade/shade.inl", "tests/method/core/kernels/test_shade.py"),
         ("reports/radiogs_reports/page/script/browser.js", "tests/reports/page/test_page.py"),
     ],
