@@ -60,7 +60,7 @@ COMMANDS = {
 
 def shown_default(value: Any) -> str | None:
     """The default value of an option in its help; None where there is none, and for a flag."""
-    if value is None or value is False or value in ("", ()):
+    if value is None or value is False or value in ("", (), {}):
         return None
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
