@@ -91,7 +91,8 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
     """Write the suite's table as a paper prints it, from the summary of the last report."""
     from radiogs_reports.summary import read_summary
     from radiogs_reports.tables.suite import suite_table
-    from radiogs_reports.write.camera_ready import camera_ready_document
+    from radiogs_reports.write.camera_ready import camera_ready
+    from radiogs_reports.write.latex import document
 
     from ..results.reports import damage_explained
     from ..store.atomic import explained, write_atomically
@@ -105,7 +106,7 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
             raise unknown("column", key, known, of=f"suite '{summary['suite']}'")
     path = out / "paper.tex"
     with explained(out):
-        write_atomically(path, camera_ready_document(summary, columns).encode())
+        write_atomically(path, document(camera_ready(summary, columns)).encode())
     say(f"{path}: its table environment needs booktabs and graphicx; pdflatex compiles the whole")
 
 

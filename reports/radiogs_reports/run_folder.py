@@ -26,22 +26,21 @@ from .tables.paper import paper_table
 from .tables.suite import suite_table
 from .write.analyses import findings_latex, findings_markdown
 from .write.csv_text import csv_of
-from .write.document import report_document
+from .write.latex import document, report_document
 from .write.markdown import without_markup
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.record import below_a_run
-from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
+from .write.suite import suite_csv, suite_latex, suite_markdown
 
 PARTS = 4
 """Number of steps that ``write_reports`` reports: figures, tables, contact sheet, page."""
 
 
-def unheard(done: int, total: int) -> None:
-    """Progress callback that does nothing."""
-
-
 def write_reports(
-    out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard, pictures: bool = True
+    out: Path,
+    alone: bool = False,
+    advance: Callable[[int, int], object] = lambda done, total: None,
+    pictures: bool = True,
 ) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
@@ -101,7 +100,7 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
     suite, table = summary["suite"], suite_table(summary)
     own = {
         f"{suite}_table.tex": suite_latex(table),
-        f"{suite}.tex": suite_document(table),
+        f"{suite}.tex": document(suite_latex(table)),
         f"{suite}.md": suite_markdown(table, run_note(summary)) + below_a_run(summary),
         f"{suite}.csv": suite_csv(summary),
     }

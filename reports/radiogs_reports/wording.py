@@ -43,9 +43,9 @@ def signed_number(value: float, decimals: int) -> str:
     return text if float(text) else f"{value:+.2g}" if value else text[1:]
 
 
-def plus_minus(text: str, half_width: float | None, decimals: int, sign: str = " ± ") -> str:
+def plus_minus(text: str, half_width: float | None, decimals: int) -> str:
     """A printed mean followed by the half-width of its interval, if it has one."""
-    return text if half_width is None else f"{text}{sign}{half_width:.{decimals}f}"
+    return text if half_width is None else f"{text} ± {half_width:.{decimals}f}"
 
 
 def count_of(count: int, noun: str) -> str:

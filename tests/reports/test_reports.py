@@ -17,9 +17,8 @@ from radiogs_reports.figures.contact_sheet import write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.write.camera_ready import camera_ready, camera_ready_document
-from radiogs_reports.write.document import report_document
-from radiogs_reports.write.latex import END, PREAMBLE, escape
+from radiogs_reports.write.camera_ready import camera_ready
+from radiogs_reports.write.latex import END, PREAMBLE, document, escape, report_document
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
 
@@ -179,7 +178,7 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
 
 
 def test_the_table_of_a_paper_compiles(tmp_path: Path) -> None:
-    (tmp_path / "paper.tex").write_text(camera_ready_document(summary()))
+    (tmp_path / "paper.tex").write_text(document(camera_ready(summary())))
     assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex("paper.tex", tmp_path))
 
 
@@ -220,9 +219,9 @@ def test_a_row_may_begin_with_a_bracket_or_a_star(text: str, tmp_path: Path) -> 
     made: Any = summary()
     for row in (*made["rows"], *made["paper"][0]["rows"]):
         row["text"], row["latex"] = text, ""
-    for name, document in (texts(made) | {"paper.tex": camera_ready_document(made)}).items():
+    for name, content in (texts(made) | {"paper.tex": document(camera_ready(made))}).items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(document)
+        (tmp_path / name).write_text(content)
     pdflatex("report.tex", tmp_path)
     pdflatex("paper.tex", tmp_path)
     assert f"{{}}{text} &" in (tmp_path / "paper.tex").read_text()

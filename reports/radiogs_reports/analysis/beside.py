@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
-from ..wording import count_of, heading, plus_minus, signed
+from ..wording import count_of, heading
 from .comparisons import ERROR_RATE, better_or_worse, holm, upwards
 from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, flat, made_from, runs_of, values_of
@@ -127,26 +127,19 @@ def _paired(summary: Summary, other: OtherRun) -> Iterator[str]:
 def _in_words(summary: Summary, values: list[Beside]) -> Iterator[str]:
     """For each row the columns in which it is better, worse, equal, and not told apart."""
     for row, text in row_texts(summary).items():
-        own = [each for each in values if each.row == row]
-        said = [
-            f"{verdict}: {', '.join(_measured(each) for each in own if each.verdict == verdict)}"
-            for verdict in ("better", "worse")
-            if any(each.verdict == verdict for each in own)
-        ]
-        equal = [each.column["label"] for each in own if each.equal]
-        unlike = [_measured(each) for each in own if not each.equal and each.verdict is None]
-        if equal:
-            said.append(f"equal to the last bit: {', '.join(equal)}")
-        if unlike:
-            said.append(f"not resolved: {', '.join(unlike)}")
-        if said:
-            yield f"{text}: {'; '.join(said)}."
-
-
-def _measured(each: Beside) -> str:
-    decimals = each.column["decimals"]
-    shown = plus_minus(signed(each.difference.mean, decimals), each.difference.half_width, decimals)
-    return f"{each.column['label']} {shown}"
+        said: dict[str, list[str]] = {"better": [], "worse": [], "equal to the last bit": [], "not resolved": []}
+        for each in (each for each in values if each.row == row):
+            label = each.column["label"]
+            measured = f"{label} {estimate_item(each.difference, each.column['decimals']).text}"
+            if each.verdict is not None:
+                said[each.verdict].append(measured)
+            if each.equal:
+                said["equal to the last bit"].append(label)
+            elif each.verdict is None:
+                said["not resolved"].append(measured)
+        told = [f"{outcome}: {', '.join(columns)}" for outcome, columns in said.items() if columns]
+        if told:
+            yield f"{text}: {'; '.join(told)}."
 
 
 def _changes(summary: Summary, other: OtherRun) -> Iterator[str]:

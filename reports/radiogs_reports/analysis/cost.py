@@ -5,12 +5,11 @@ from itertools import groupby
 
 from ..statistics import Estimate
 from ..summary import ColumnSummary, Summary, last_stage_title, reference_of, row_texts
-from ..wording import plus_minus, signed
 from .cost_grids import PARTED, cost_grids, efficiencies, variance_share
 from .cost_knobs import Doubling, KnobStep, doublings, knobs, steps
 from .cost_progress import second_half
 from .pareto import points
-from .report import Record, Report
+from .report import Record, Report, estimate_item
 from .samples import COSTS
 
 
@@ -74,9 +73,7 @@ def error_parts_sentence(summary: Summary) -> str | None:
 
 def change(estimate: Estimate, column: ColumnSummary) -> str:
     """Label, signed difference, half-width of its interval if there is one, unit."""
-    decimals = column["decimals"]
-    text = plus_minus(signed(estimate.mean, decimals), estimate.half_width, decimals)
-    return f"{column['label']} {text} {column['unit']}".rstrip()
+    return f"{column['label']} {estimate_item(estimate, column['decimals']).text} {column['unit']}".rstrip()
 
 
 def _records(summary: Summary, taken: Sequence[KnobStep], slopes: Sequence[Doubling]) -> Iterator[Record]:

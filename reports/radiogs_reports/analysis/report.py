@@ -47,15 +47,15 @@ def name_item(text: str) -> Item:
     return Item(text, text)
 
 
-def number_item(value: float | None, decimals: int = 0, reason: str = UNKNOWN) -> Item:
+def number_item(value: float | None, decimals: int = 0) -> Item:
     """A number without a sign and without an interval, or n/a."""
-    return Item("n/a", None, reason) if value is None else Item(f"{value:.{decimals}f}", value)
+    return Item("n/a") if value is None else Item(f"{value:.{decimals}f}", value)
 
 
-def plain_item(estimate: Estimate | None, decimals: int) -> Item:
+def plain_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
     """Mean without a sign and half-width of the interval, or n/a."""
     if estimate is None:
-        return Item("n/a")
+        return Item("n/a", None, reason)
     return Item(plus_minus(f"{estimate.mean:.{decimals}f}", estimate.half_width, decimals), estimate.mean)
 
 

@@ -8,10 +8,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..statistics import mean_of
+from ..statistics import Estimate, mean_of
 from ..summary import EVALUATION, Settled, Summary
-from ..wording import plus_minus, population_of
-from .report import Grid, Item, Report, name_item, number_item
+from ..wording import population_of
+from .report import Grid, Report, name_item, number_item, plain_item
 from .samples import runs_of
 
 DECIBELS = 0.5
@@ -107,7 +107,7 @@ def settling_report(summary: Summary) -> Report | None:
     lines = [
         [
             name_item(row["text"]),
-            *(_item(found[row["key"]].get(column["key"])) for column in columns),
+            *(plain_item(_estimate(found[row["key"]].get(column["key"])), 1, UNSCORED) for column in columns),
             number_item(row["seconds"], 1),
         ]
         for row in rows
@@ -129,16 +129,12 @@ def settling_report(summary: Summary) -> Report | None:
     return Report(sentences, [grid], records)
 
 
+def _estimate(settled: Settled | None) -> Estimate | None:
+    return None if settled is None else Estimate(settled["seconds"], settled["low"], settled["high"], 1)
+
+
 def _bands() -> str:
     widths = {f"{width:g}": [each for each, other in BANDS.items() if other == width] for width in BANDS.values()}
     names = {"mae": "degrees", "delta_e": "of CIEDE2000", "ssim": "of SSIM", "lpips": "of LPIPS"}
     said = [f"{width} {' or '.join(names[each] for each in measures)}" for width, measures in widths.items()]
     return f"{', '.join(said)}, or {100 * SHARE:g} % of another metric"
-
-
-def _item(settled: Settled | None) -> Item:
-    if settled is None:
-        return Item("n/a", None, UNSCORED)
-    low, high = settled["low"], settled["high"]
-    half_width = None if low is None or high is None else (high - low) / 2
-    return Item(plus_minus(f"{settled['seconds']:.1f}", half_width, 1), settled["seconds"])

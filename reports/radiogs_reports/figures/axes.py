@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..summary import ColumnSummary
@@ -32,10 +31,13 @@ def metric_over_numbers(axes: Axes, column: ColumnSummary) -> None:
 
 
 def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
-    """Make axes logarithmic, with ticks at plain numbers."""
+    """Make axes logarithmic, with ticks at 1, 2 and 5 of each decade: by default, a single decade has one or none."""
     for each in which:
         axes.set(**{f"{each}scale": "log"})
-        plain_numbers({"x": axes.xaxis, "y": axes.yaxis}[each])
+        axis = {"x": axes.xaxis, "y": axes.yaxis}[each]
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def add_grid(axes: Axes) -> None:
@@ -56,10 +58,3 @@ def cost_axis(axes: Axes, costs: Sequence[float], logarithmic_from: float) -> No
     """Make the x axis logarithmic if the largest cost is at least ``logarithmic_from`` times the smallest."""
     if max(costs) / min(costs) >= logarithmic_from:
         logarithmic(axes, "x")
-
-
-def plain_numbers(axis: Axis) -> None:
-    """Put ticks of a logarithmic axis at 1, 2 and 5 of each decade: by default, less than a decade has one or none."""
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))
-    axis.set_minor_formatter(NullFormatter())

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..analysis.samples import runs_of
@@ -80,7 +79,13 @@ def _losses(summary: Summary) -> tuple[str, str, list[Panel]]:
     trained = [point for run in summary["runs"] for trail in run["trail"].values() for point in trail]
     consistent = any(CONSISTENCY in point["losses"] for point in trained)
     symbol = r"$L_\mathrm{rad}$" if consistent else "loss"
-    read = _consistency if consistent else _total
+
+    def read(point: TrailPoint) -> float | None:
+        losses = point["losses"]
+        if consistent:
+            return losses.get(CONSISTENCY)
+        return math.fsum(losses.values()) if losses else None
+
     drawn = []
     for stage, title in stage_titles(summary).items():
         every = _curves(summary, lambda run, stage=stage: run["trail"].get(stage, []), read)  # type: ignore[misc]
@@ -94,14 +99,6 @@ def _losses(summary: Summary) -> tuple[str, str, list[Panel]]:
         f" {mean_over(summary)}. A row whose loss is zero has no curve."
     )
     return "convergence-losses", caption, drawn
-
-
-def _consistency(point: TrailPoint) -> float | None:
-    return point["losses"].get(CONSISTENCY)
-
-
-def _total(point: TrailPoint) -> float | None:
-    return math.fsum(point["losses"].values()) if point["losses"] else None
 
 
 def _metrics(summary: Summary) -> tuple[str, str, list[Panel]]:
@@ -122,13 +119,15 @@ def _figure(summary: Summary, name: str, caption: str, drawn: list[Panel]) -> Sk
     labels = _labels(summary, drawn)
     columns = legend_columns(list(labels.values()), PANEL[0] * ACROSS, MOST_COLUMNS)
     below = sum(1 + label.count("\n") for label in labels.values()) // columns
+    step = min(0.5, (THICKEST - THINNEST) / max(1, len(labels) - 1))
     handles = []
     figure, grid = panels(len(drawn), ACROSS, PANEL, below=0.16 * (2 + below))
     for place, (row, label) in enumerate(labels.items()):
         look: dict[str, Any] = {
             "color": COLOURS[place % 8],
             "linestyle": DASHES[place // 8 % 4],
-            "linewidth": _line_width(place, len(labels)),
+            # Later lines lie above earlier ones and are thinner: equal curves of rows that share a stage are all seen.
+            "linewidth": THINNEST + step * (len(labels) - 1 - place),
         }
         handles.append(Line2D([], [], label=label, **look))
         for axes, panel in zip(grid, drawn, strict=True):
@@ -136,7 +135,10 @@ def _figure(summary: Summary, name: str, caption: str, drawn: list[Panel]) -> Sk
                 marker = None if panel.logarithmic else "o"
                 axes.plot(*zip(*panel.curves[row], strict=True), marker=marker, markersize=3, **look)
     for axes, panel in zip(grid, drawn, strict=True):
-        _dress(axes, panel)
+        axes.set_title(panel.title)
+        axes.set_xlabel("iteration")
+        logarithmic(axes, *(("x", "y") if panel.logarithmic else ("x",)))
+        add_grid(axes)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return Sketch(name, caption, figure, on_page=True)
 
@@ -152,18 +154,3 @@ def _labels(summary: Summary, drawn: list[Panel]) -> dict[str, str]:
     if len(texts_by_row) == 1 < len(summary["rows"]):
         return dict.fromkeys(texts_by_row, ALL)
     return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in texts_by_row.items()}
-
-
-def _line_width(place: int, count: int) -> float:
-    """Line width of the row at ``place``: later rows are drawn above earlier ones and thinner, so that equal curves
-    of rows that share a stage are all seen.
-    """  # fmt: skip
-    step = min(0.5, (THICKEST - THINNEST) / max(1, count - 1))
-    return THINNEST + step * (count - 1 - place)
-
-
-def _dress(axes: Axes, panel: Panel) -> None:
-    axes.set_title(panel.title)
-    axes.set_xlabel("iteration")
-    logarithmic(axes, *(("x", "y") if panel.logarithmic else ("x",)))
-    add_grid(axes)

@@ -84,23 +84,22 @@ def _lines(summary: Summary, curves: Curves, column: ColumnSummary, scene: str |
         found = {label: _line(summary, rows, column, scene) for label, rows in curves.series.items()}
     else:
         (rows,) = curves.series.values()
-        found = {each: _changes(_line(summary, rows, column, each)) for each in summary["scenes"]}
+        found = {each: _line(summary, rows, column, each, from_lowest=True) for each in summary["scenes"]}
     return {label: line for label, line in found.items() if line}
 
 
-def _line(summary: Summary, rows: list[tuple[int, str]], column: ColumnSummary, scene: str) -> Line:
-    line = []
+def _line(
+    summary: Summary, rows: list[tuple[int, str]], column: ColumnSummary, scene: str, from_lowest: bool = False
+) -> Line:
+    """The line of a series on a scene. ``from_lowest``: moved to zero at its lowest setting."""
+    line: Line = []
     for setting, row in rows:
         found = values_of(summary, row, column["key"])
         values = [value for origin, value in found.items() if origin.scene == scene]
         if values:
             line.append((setting, math.fsum(values) / len(values), min(values), max(values)))
-    return line
-
-
-def _changes(line: Line) -> Line:
-    """The line moved to zero at its lowest setting."""
-    return [(setting, mean - line[0][1], low - line[0][1], high - line[0][1]) for setting, mean, low, high in line]
+    start = line[0][1] if line and from_lowest else 0.0
+    return [(setting, mean - start, low - start, high - start) for setting, mean, low, high in line]
 
 
 def _sketch(summary: Summary, curves: Curves, scene: str | None) -> Sketch | None:

@@ -4,6 +4,7 @@ Rows fine-tune the surfels for a number of iterations; the figures say after how
 """
 
 from collections.abc import Callable
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -171,7 +172,9 @@ def _crossover(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
     modes = by_mode(timed)
     versus = {each.row: times[each.row].versus(reference) for each in timed}
     columns = [_handles(summary, []), *(_timed_handles(mode, mine, versus) for mode, mine in modes.items())]
-    figure.legend(handles=_in_columns(columns), loc="outside lower center", ncols=1 + len(modes), frameon=False)
+    rows = zip_longest(*columns, fillvalue=Line2D([], [], linestyle="", label=" "))  # shorter columns are filled up
+    handles = [handle for column in zip(*rows, strict=True) for handle in column]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), frameon=False)
     known = _modes_and_content(summary, reference_of(summary))
     assert known is not None  # else no row is fine-tuned
     untuned = known[1]["variant"][known[0]["field"]]
@@ -215,13 +218,6 @@ def _timed_handles(mode: Mode, mine: list[Tuned], versus: dict[str, str]) -> lis
         for place, each in enumerate(mine)
     ]  # fmt: skip
     return [Line2D([], [], linestyle="", label=plain(mode.title)), *lines]
-
-
-def _in_columns(columns: list[list[Line2D]]) -> list[Line2D]:
-    """Handles of a legend, column by column; shorter columns are filled up with empty handles."""
-    longest = max(map(len, columns))
-    empty = Line2D([], [], linestyle="", label=" ")
-    return [handle for column in columns for handle in (*column, *[empty] * (longest - len(column)))]
 
 
 def _pictures(summary: Summary, out: Path, tuned: list[Tuned]) -> list[Sketch]:

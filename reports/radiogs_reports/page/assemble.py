@@ -5,10 +5,9 @@ It is made of a template, styles, scripts, the plotting library, data and pictur
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-from markupsafe import Markup
 
 from radiogs_core.own_files import fresh
 
@@ -21,26 +20,24 @@ from ..summary import Summary, protocol_title
 from ..tables.caption import origin, run_note
 from ..tables.model import Table
 from ..tables.record import HEADING, record_reports
-from .assets import part, scripts, styles, templates
-from .embedding import content_security_policy, json_for_script
+from ..tables.suite import suite_table
+from .assets import json_for_script, part, rendered, scripts, styles
 from .pictures import BUDGET, FOLDER, KIND, Album, album, filter_tables, scale_bar
 from .sheets import encoded
 from .surfels import Packed, packed_surfels
-from .tables import cells_table, grid_table, means_table, paper_tables
+from .tables import cells_table, grid_table, paper_tables
 
 SCRIPTS = (
-    *("shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", "surfels"),
-    *("provenance", "printing", "selection"),
-)
+    "shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", "surfels",
+    "provenance", "printing", "selection",
+)  # fmt: skip
 """In the order in which they run: all may use the first, and the last one announces the selection to the others."""
-
 
 METRICS_OF = {
     "image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
     "indirect": "indirect/psnr",
 }  # fmt: skip
 """The metric whose value of a view stands below a map, by kind. Relit views are scored over all lights."""
-
 
 STYLES = ("page", "tables", "comparison", "printing")
 
@@ -73,39 +70,35 @@ def page(
     note: str = "",
 ) -> str:
     """The page as text. ``surfels``: of cells by key, for its 3-D view. ``note``: on the run, else ``run_note``."""
-    means = means_table(summary)
+    means = replace(suite_table(summary), name="means", title="", caption=summary["title"])
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
-    return (
-        templates()
-        .get_template("page.html")
-        .render(
-            summary=summary,
-            protocol=protocol_title(summary),
-            origin=origin(summary),
-            downloads=downloads(summary),
-            tables=[means, cells_table(summary)],
-            paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
-            analyses=[(each, made.sentences, list(map(grid_table, made.grids))) for each, made in reports_of(summary)],
-            records=[(each, grid_table(each.by_scene)) for each in record_reports(summary)],
-            record_heading=HEADING,
-            figures=[(data_address(each.png.read_bytes(), "png"), each) for each in figures],
-            note=note or run_note(summary),
-            scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
-            finished=sum(run["state"] == "finished" for run in summary["runs"]),
-            selectable=selectable(summary),
-            by_view=any(run.get("by_view") for run in summary["runs"]),
-            costs=COSTS,
-            filter_tables=filter_tables(),
-            scale_bar=data_address(encoded(maps.levels(scale_bar())), "webp"),
-            pictures=pictures,
-            surfels=surfels or {},
-            data=json_for_script(data(summary, means, pictures)),
-            json_for_script=json_for_script,
-            policy=content_security_policy(script, style, files=bool(pictures.files)),
-            script=Markup(script),
-            style=Markup(style),
-        )
+    return rendered(
+        "page.html",
+        script,
+        style,
+        files=bool(pictures.files),
+        summary=summary,
+        protocol=protocol_title(summary),
+        origin=origin(summary),
+        downloads=downloads(summary),
+        tables=[means, cells_table(summary)],
+        paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
+        analyses=[(each, made.sentences, list(map(grid_table, made.grids))) for each, made in reports_of(summary)],
+        records=[(each, grid_table(each.by_scene)) for each in record_reports(summary)],
+        record_heading=HEADING,
+        figures=[(data_address(each.png.read_bytes(), "png"), each) for each in figures],
+        note=note or run_note(summary),
+        scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
+        finished=sum(run["state"] == "finished" for run in summary["runs"]),
+        selectable=selectable(summary),
+        by_view=any(run.get("by_view") for run in summary["runs"]),
+        costs=COSTS,
+        filter_tables=filter_tables(),
+        scale_bar=data_address(encoded(maps.levels(scale_bar())), "webp"),
+        pictures=pictures,
+        surfels=surfels or {},
+        data=json_for_script(data(summary, means, pictures)),
     )
 
 

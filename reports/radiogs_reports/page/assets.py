@@ -1,13 +1,28 @@
-"""The page's own files, templates, scripts and styles, and the symbols of labels as HTML."""
+"""The page's own files, templates, scripts and styles, and what is embedded so that no name becomes markup or code."""
 
+import base64
+import hashlib
+import json
 from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
+from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from ..wording import SYMBOL
+
+ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+"""Characters that could end a script element or start a comment in it; in JSON they occur in strings only."""
+
+
+def json_for_script(content: Any) -> Markup:
+    """Strict JSON, keys in their given order, that is safe inside <script type="application/json">."""
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    for character, code in ESCAPED.items():
+        text = text.replace(character, code)
+    return Markup(text)
 
 
 def part(*path: str) -> str:
@@ -26,8 +41,13 @@ def styles(names: Sequence[str]) -> str:
     return "\n".join(part("style", f"{name}.css") for name in names)
 
 
-def templates() -> Environment:
-    """The templates; names of scenes and rows are escaped, and a name that is not given is an error."""
+def rendered(template: str, script: str, style: str, files: bool = False, **values: Any) -> str:
+    """A page by its template; names of scenes and rows are escaped, and a name that is not given is an error.
+
+    Its content security policy allows this script, this style and embedded pictures, and no request. ``files``:
+    pictures of the page's own place as well, on a disk or a server. A second defence: a name that became markup could
+    neither run nor send anything.
+    """
     made = Environment(
         loader=FunctionLoader(lambda name: part("templates", name)),
         autoescape=True,
@@ -36,7 +56,15 @@ def templates() -> Environment:
         lstrip_blocks=True,
     )
     made.filters["formula"] = formula
-    return made
+    made.globals["json_for_script"] = json_for_script
+    digests = (hashlib.sha256(each.encode("utf-8")).digest() for each in (script, style))
+    of_script, of_style = (base64.b64encode(digest).decode("ascii") for digest in digests)
+    sources = " 'self' file:" if files else ""
+    policy = (
+        f"default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:{sources}; "
+        f"script-src 'sha256-{of_script}'; style-src 'sha256-{of_style}'"
+    )
+    return made.get_template(template).render(policy=policy, script=Markup(script), style=Markup(style), **values)
 
 
 def formula(text: str) -> Markup:

@@ -4,7 +4,7 @@ The sheets stand inside the page as long as they are few bytes, and in a folder 
 """
 
 import base64
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -208,7 +208,9 @@ def pairs(run: RunSummary, out: Path) -> Iterator[ViewMap]:
             place = f"{maps.VIEWS}{view}/{side}/{name}"
             return maps.decoded(name, archive[place]) if place in there else None
 
-        for name, view in _in_order(kept):
+        order = {kind: place for place, kind in enumerate(maps.KINDS)}  # other arrays, such as the light, are left out
+        known = [(order[kind], name, view) for view, name in kept if (kind := name.partition("/")[0]) in order]
+        for _, name, view in sorted(known):
             mine = read(view, RENDER, name)
             assert mine is not None
             yield ViewMap(name, view, mine, read(view, TRUTH, name))
@@ -228,10 +230,3 @@ def _named_after_light(run: RunSummary, arrays: Mapping[str, maps.Image]) -> dic
         if relit is not None and run["light"]:
             found.setdefault(f"{side}/relit/{run['light']}", relit)
     return found
-
-
-def _in_order(kept: Iterable[tuple[int, str]]) -> list[tuple[str, int]]:
-    """Names of maps and views, in the order of ``maps.KINDS``; other arrays, such as the light, are left out."""
-    order = {kind: place for place, kind in enumerate(maps.KINDS)}
-    known = [(name, view) for view, name in kept if name.partition("/")[0] in order]
-    return sorted(known, key=lambda each: (order[each[0].partition("/")[0]], *each))

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from radiogs_core.own_files import fresh
 
 from .. import maps
 from ..summary import RunSummary
-from .assets import scripts, styles, templates
-from .embedding import content_security_policy, json_for_script
+from .assets import json_for_script, rendered, scripts, styles
 
 BUDGET = 12 * 2**20
 """Bytes of the packed surfels of all cells, as text."""
@@ -63,10 +61,11 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
     surfels = np.zeros(len(centre), PACKED)
     surfels["centre"] = np.rint((centre - low) / step)
     surfels["tangents"] = np.rint(tangents.reshape(-1, 6) / reach * 32767)
-    for name in ("opacity", "roughness"):
-        surfels[name] = _bytes(arrays[f"surfels/{name}"])
-    for name in ("radiance", "albedo"):
-        surfels[name] = _bytes(maps.display(np.clip(arrays[f"surfels/{name}"], 0, 1)))
+    for name in ("opacity", "roughness", "radiance", "albedo"):
+        shares = np.clip(arrays[f"surfels/{name}"], 0, 1)
+        if name in ("radiance", "albedo"):
+            shares = np.clip(maps.display(shares), 0, 1)
+        surfels[name] = np.rint(shares * 255)
     return {
         "low": low.tolist(),
         "step": step.tolist(),
@@ -79,10 +78,6 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
     }
 
 
-def _bytes(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.rint(np.clip(values, 0, 1) * 255)
-
-
 SCRIPTS = ("shared", "theme", "surfels")
 STYLES = ("page", "comparison")
 MODEL = "model"
@@ -90,20 +85,14 @@ MODEL = "model"
 
 def write_viewer(arrays: dict[str, NDArray], title: str, path: Path) -> Path:
     """Write the page of a model's arrays (``surfels/...``, as cells keep them); returns its path. Raises OSError."""
-    script, style = scripts(SCRIPTS), styles(STYLES)
     run = {"key": MODEL, "row": MODEL, "name": title}
-    text = (
-        templates()
-        .get_template("viewer.html")
-        .render(
-            title=title,
-            surfels={MODEL: packed(arrays)},
-            data=json_for_script({"rows": [{"key": MODEL, "text": title}], "runs": [run]}),
-            json_for_script=json_for_script,
-            policy=content_security_policy(script, style),
-            script=Markup(script),
-            style=Markup(style),
-        )
+    text = rendered(
+        "viewer.html",
+        scripts(SCRIPTS),
+        styles(STYLES),
+        title=title,
+        surfels={MODEL: packed(arrays)},
+        data=json_for_script({"rows": [{"key": MODEL, "text": title}], "runs": [run]}),
     )
     path = fresh(path, path.parent)
     path.write_text(text, encoding="utf-8", errors="backslashreplace")

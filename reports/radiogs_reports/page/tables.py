@@ -7,12 +7,7 @@ from ..analysis.samples import cost_of
 from ..summary import PaperTable, Summary, row_texts
 from ..tables.model import Column, PrintedCell, PrintedRow, Table, missing_cell
 from ..tables.paper import apart_table, paper_table
-from ..tables.suite import TRAINING, metric_columns, suite_table, training_cell, value_cell
-
-
-def means_table(summary: Summary) -> Table:
-    """The suite's own table, which has no title of its own; its rows follow the ticked cells."""
-    return replace(suite_table(summary), name="means", title="", caption=summary["title"])
+from ..tables.suite import TRAINING, training_cell, value_cell
 
 
 def paper_tables(stored: PaperTable, summary: Summary) -> list[Table]:
@@ -50,7 +45,7 @@ def cells_table(summary: Summary) -> Table:
     columns = [
         Column("scene", numeric=False),
         Column("seed"),
-        *metric_columns(summary["columns"]),
+        *(Column(**each) for each in summary["columns"]),
         TRAINING,
         Column("surfels"),
         Column("state", numeric=False),

@@ -1,7 +1,6 @@
 """The conditions of a run in plain text: its scenes, seeds and protocol, and the sources of its values."""
 
 import shlex
-from typing import Any
 
 from ..summary import Summary, protocol_title
 from ..wording import count_of, mean_over
@@ -59,7 +58,8 @@ def origin(summary: Summary) -> dict[str, str]:
     """
     sessions = [session for run in summary["runs"] for each in run["sessions"].values() for session in each]
     days = sorted({session["date"][:10] for session in sessions if session.get("date")})
-    commits = sorted({_commit(session["git"]) for session in sessions if session.get("git")})
+    known = [session["git"] for session in sessions if session.get("git")]
+    commits = sorted({f"{git['commit'][:SHORT]}{' with changes' if git.get('dirty') else ''}" for git in known})
     more = f" and {count_of(len(commits) - 2, 'other')}" if commits[2:] else ""
     versions = sorted({found for session in sessions if (found := session.get("versions", {}).get("radiogs-bench"))})
     texts = (
@@ -69,10 +69,6 @@ def origin(summary: Summary) -> dict[str, str]:
         command(summary),
     )
     return {heading: text for heading, text in zip(ORIGIN, texts, strict=True) if text}
-
-
-def _commit(git: dict[str, Any]) -> str:
-    return str(git["commit"])[:SHORT] + (" with changes" if git.get("dirty") else "")
 
 
 def command(summary: Summary) -> str:

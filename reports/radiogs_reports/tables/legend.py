@@ -34,18 +34,13 @@ def legend(table: Table, scenes: Sequence[str], coloured: bool) -> list[str]:
             "One scene with one seed: differences have no intervals. More seeds speak of this scene, more scenes of"
             " scenes like these."
         ]
+    scene = scenes[0] if len(scenes) == 1 else "one scene"
+    over = [population(*units, scene) for units in sorted({(each["over"], each["units"]) for each in tested})]
     return [
-        _intervals(scenes, tested),
+        f"Differences are paired by scene and seed, with 95 % t intervals {'; or '.join(over)}.",
         _resolved(table.columns, (COLOURS if coloured else WORDS).format(reference=repr(table.reference.text))),
         _power(table.columns, tested),
     ]
-
-
-def _intervals(scenes: Sequence[str], tested: Sequence[Interval]) -> str:
-    counted = sorted({(each["over"], each["units"]) for each in tested})
-    scene = scenes[0] if len(scenes) == 1 else "one scene"
-    texts = [population(over, units, scene) for over, units in counted]
-    return f"Differences are paired by scene and seed, with 95 % t intervals {'; or '.join(texts)}."
 
 
 def _resolved(columns: Sequence[Column], shown: str) -> str:

@@ -16,7 +16,16 @@ SIDE_BY_SIDE = ("views",)
 
 def paper_table(stored: PaperTable, summary: Summary) -> Table:
     """A table of the paper, with the lines and columns that the paper prints."""
-    rows = [_row(stored, row, summary) for row in stored["rows"]]
+    rows = [
+        PrintedRow(
+            row["text"],
+            [_cell(stored, row["key"], column, summary) for column in stored["columns"]],
+            row["key"],
+            ran=row.get("ran", ""),
+            remark=row["remark"],
+        )
+        for row in stored["rows"]
+    ]
     made = Table(
         stored["key"],
         stored["title"],
@@ -56,11 +65,6 @@ def _column(column: PaperColumn) -> Column:
         published_by=column.get("published_by", ""),
         smallest=None if column["direction"] == "none" else column.get("smallest"),
     )
-
-
-def _row(table: PaperTable, row: dict[str, str], summary: Summary) -> PrintedRow:
-    cells = [_cell(table, row["key"], column, summary) for column in table["columns"]]
-    return PrintedRow(row["text"], cells, row["key"], ran=row.get("ran", ""), remark=row["remark"])
 
 
 def _cell(table: PaperTable, row: str, column: PaperColumn, summary: Summary) -> PrintedCell:
@@ -114,11 +118,11 @@ def _reasons(table: Table) -> Iterator[str]:
 def _apart_title(table: PaperTable, summary: Summary) -> str:
     """The heading of published values that are by other conventions than the measured ones; empty if there are none."""
     others = {column["published_by"] for column in table["columns"] if "published_by" in column}
+    if not others:
+        return ""
     return (
         f"Published, by protocol {', '.join(sorted(others))}; measured values are by protocol {protocol_title(summary)}"
         " and are not to be compared with these"
-        if others
-        else ""
     )
 
 

@@ -1,6 +1,6 @@
 """The suite's own table: means, paired differences, published values, and seconds of training."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -51,18 +51,13 @@ def run_table(
     made = Table(
         name,
         run["title"],
-        [*metric_columns(run["columns"]), TRAINING],
+        [*(Column(**each) for each in run["columns"]), TRAINING],
         rows,
         caption=caption,
         reference=next((row for row in rows if row.key == run["reference"]), None),
         findings=sentences_of(compared),
     )
     return with_legend(replace(made, notes=made.reasons), run["scenes"])
-
-
-def metric_columns(columns: Sequence[ColumnSummary]) -> list[Column]:
-    """The columns of metrics."""
-    return [Column(**each) for each in columns]
 
 
 def _cell(summary: Summary, row: str, column: ColumnSummary) -> PrintedCell:

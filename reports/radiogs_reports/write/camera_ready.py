@@ -8,7 +8,7 @@ from ..tables.caption import preset_and_recipe, unfinished
 from ..tables.model import Column, PrintedCell, Table, stored_ranks
 from ..tables.suite import suite_table
 from ..wording import mean_over
-from .latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, as_formula, escape
+from .latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape
 
 MISSING = "--"
 
@@ -16,11 +16,6 @@ HIGHLIGHTS = (
     "Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a better mean"
     " (paired $t$ tests, Holm)."
 )
-
-
-def camera_ready_document(summary: Summary, keys: Sequence[str] = ()) -> str:
-    """A document of its own around ``camera_ready``, which pdflatex compiles."""
-    return f"{PREAMBLE}{camera_ready(summary, keys)}{END}"
 
 
 def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:

@@ -1,10 +1,11 @@
-"""Parts of every LaTeX report: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
+"""LaTeX of a whole run, and parts of every report: preamble, escapes, symbols, colours, notes, boxes that fit the page.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
 
 from ..analysis.findings import Sentence
-from ..summary import Verdict
+from ..summary import Summary, Verdict
 from ..wording import SYMBOL
 from .mathematics import GREEK, is_mathematics
 
@@ -66,6 +67,8 @@ SIGNS = {
     "…": r"\dots{}", "\u2018": "`", "\u2019": "'", "\u201c": "``", "\u201d": "''", "\u00a0": "~",
 }  # fmt: skip
 
+KNOWN = GREEK | SIGNS | SPECIAL
+
 LATIN = range(0xC0, 0x100)
 """Letters that pdflatex prints as they are, in the T1 encoding."""
 
@@ -76,13 +79,10 @@ def escape(text: str) -> str:
     A bracket or star in front would belong to the end of the line before, in a table.
     """
     guard = "{}" if text.startswith(("[", "*")) else ""
-    return guard + "".join(_escaped(character) for character in text)
+    return guard + "".join(KNOWN.get(each) or _printed(each) for each in text)
 
 
-def _escaped(character: str) -> str:
-    known = SPECIAL.get(character) or SIGNS.get(character) or GREEK.get(character)
-    if known is not None:
-        return known
+def _printed(character: str) -> str:
     if 32 <= ord(character) < 127 or ord(character) in LATIN:
         return character
     return rf"\texttt{{U+{ord(character):04X}}}"  # pdflatex has no glyph for it: print its code point, drop nothing
@@ -109,15 +109,17 @@ MINUS = "\u2212"
 HYPHEN = re.compile(r"(?<![\w.])-(?=\d)")
 """The sign of a number, which a line must not break behind."""
 
+TOGETHER = 20
+"""Most figures that LaTeX places at once: it holds back every figure that has no page yet, and stops at too many."""
+
 LONGEST = 1_000
 """Most characters of findings in a caption; longer ones are short there, and whole below the table."""
 
 
 def found_in_caption(findings: Sequence[Sentence]) -> list[str]:
     """The findings of a table as sentences of its caption, in short if they are long."""
-    whole = not _is_long(findings)
-    texts = [(each, each.text if whole else each.short) for each in findings]
-    return [_finding(each, text) for each, text in texts if text]
+    short = _is_long(findings)
+    return [_finding(each, text) for each in findings if (text := each.short if short else each.text)]
 
 
 def found_below(findings: Sequence[Sentence]) -> list[str]:
@@ -154,13 +156,34 @@ def colour_of(verdict: Verdict | None) -> str:
 def legend(sentences: Sequence[str]) -> list[str]:
     """The sentences below a table, a paragraph each; the colours are shown in front."""
     swatches = " ".join(rf"\colorbox[HTML]{{{code}}}{{{verdict}}}" for verdict, code in COLOURS.items())
-    first = [rf"{swatches} "] + [""] * max(0, len(sentences) - 1)
-    return [
-        rf"\par\smallskip\footnotesize {shown}{as_formula(each)}" for shown, each in zip(first, sentences, strict=False)
-    ]
+    shown = [f"{swatches} {as_formula(sentences[0])}", *map(as_formula, sentences[1:])] if sentences else []
+    return [rf"\par\smallskip\footnotesize {each}" for each in shown]
 
 
 def note_mark(index: int) -> str:
     """The superscript of a note: a to z, then aa and so on."""
     letters = chr(ord("a") + index % 26)
     return rf"$^{{{letters * (1 + index // 26)}}}$"
+
+
+def document(*parts: str) -> str:
+    """A document of its own around parts of LaTeX, which pdflatex compiles."""
+    return "".join([PREAMBLE, *parts, END])
+
+
+def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[tuple[str, str]]) -> str:
+    """A document that inputs the ``tables`` (file names) and includes the ``figures`` (file names, plain captions).
+
+    File names are relative to the document's folder. Tables and figures share pages, in their order. Compiles with
+    pdflatex, in one pass but for references.
+    """
+    parts = [f"% {escape(summary['title'])}\n"]
+    parts += [f"\\input{{{name}}}\n" for name in tables]
+    for place, (name, caption) in enumerate(figures, start=1):
+        parts.append(
+            "\\begin{figure}[tbp]\n\\centering\n"
+            f"\\includegraphics[width=\\linewidth,height=0.4\\textheight,keepaspectratio]{{{name}}}\n"
+            f"\\caption{{{escape(caption)}}}\n\\end{{figure}}\n"
+        )
+        parts += ["\\clearpage\n"] * (place % TOGETHER == 0)
+    return document(*parts)

@@ -4,14 +4,9 @@ from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import PrintedCell, PrintedRow, Table
 from .csv_text import csv_of, value_fields
-from .latex import ARROWS, END, PREAMBLE, colour_of, escape, found_below, label_of, note_mark, text_below
+from .latex import ARROWS, colour_of, escape, found_below, label_of, note_mark, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, TabularLine, difference_entry, environment, over
-
-
-def suite_document(table: Table) -> str:
-    """A document of its own around ``suite_latex``, which pdflatex compiles."""
-    return f"{PREAMBLE}{suite_latex(table)}{END}"
 
 
 def suite_latex(table: Table) -> str:
@@ -67,7 +62,9 @@ def suite_markdown(table: Table, note: str) -> str:
     ``note``: the conditions of the run (``tables.caption.run_note``).
     """
     lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings]), *means_markdown(table)]
-    below = [f"{_brackets(table)}{note}", *table.legend_in_words, *table.footnotes, *table.remarks]
+    reference = None if table.reference is None else table.reference.text
+    brackets = f"In brackets: paired difference to '{reference}', with its 95 % t interval. " if reference else ""
+    below = [f"{brackets}{note}", *table.legend_in_words, *table.footnotes, *table.remarks]
     return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
 
 
@@ -85,13 +82,6 @@ def means_markdown(table: Table) -> list[str]:
         printed = ["" if each is None else each.text for each in beside]
         lines.append(table_line([row.text, *map(_measured, row.cells), *printed]))
     return lines
-
-
-def _brackets(table: Table) -> str:
-    """A sentence on the values in brackets; empty without a reference row."""
-    if table.reference is None:
-        return ""
-    return f"In brackets: paired difference to '{table.reference.text}', with its 95 % t interval. "
 
 
 def _measured(cell: PrintedCell) -> str:

@@ -11,7 +11,7 @@ from compiled import pdflatex
 from made_up_run import summary
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.camera_ready import camera_ready_document
+from radiogs_reports.write.camera_ready import camera_ready
 from radiogs_reports.write.latex import END, LATIN, PREAMBLE, escape
 from radiogs_reports.write.mathematics import ACCENTS, FONTS, LETTERS, WIDE, is_mathematics
 
@@ -90,7 +90,7 @@ def test_a_label_that_is_more_than_mathematics_gives_way_to_the_text_of_its_row(
         row["latex"] = ""
     assert not is_mathematics(latex)
     assert texts(made) == texts(plain)
-    assert camera_ready_document(made) == camera_ready_document(plain)
+    assert camera_ready(made) == camera_ready(plain)
 
 
 @pytest.mark.parametrize("latex", MATHEMATICS)

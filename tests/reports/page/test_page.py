@@ -19,7 +19,7 @@ from radiogs_reports.figures.canvas import Drawn
 from radiogs_reports.maps import decoded, error, levels
 from radiogs_reports.page import sheets
 from radiogs_reports.page.assemble import page
-from radiogs_reports.page.embedding import json_for_script
+from radiogs_reports.page.assets import json_for_script
 from radiogs_reports.page.pictures import Album, album, reduced_by
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import PLAIN, Summary
