@@ -11,7 +11,8 @@ from torch import Tensor
 
 import radiogs
 import radiogs_core
-from radiogs_core.instruments import Instruments, count, current, fire, part, recording
+from elsewhere import elsewhere, registered
+from radiogs_core.instruments import Instruments, Tally, count, current, fire, part, recording
 
 
 def test_an_outer_recording_stands_still_while_an_inner_one_receives() -> None:
@@ -115,3 +116,15 @@ def test_no_backward_pass_counts_into_the_recording_of_its_own_thread() -> None:
                     assert "recording(ctx." in inner or not {"count(", "fire("} & {
                         f"{ast.unparse(call.func)}(" for call in ast.walk(node) if isinstance(call, ast.Call)
                     }, file
+
+
+def test_counts_of_host_and_device_add_up_and_are_awaited_once() -> None:
+    there, tally = registered(), Tally({"rays": 1})
+    with elsewhere() as account:
+        for amount in (2, 3):
+            tally.add({"rays": 10 * amount, "hits": torch.tensor(amount, device=there)})
+        tally.add({"lobes": torch.tensor(7, device=there)})
+        before = account.waits
+        found = dict(tally.read())
+        assert account.waits <= before + 1
+    assert found == {"rays": 51, "hits": 5, "lobes": 7}

@@ -26,18 +26,6 @@ def test_basis_is_scipys_up_to_the_sign_order_of_3dgs() -> None:
     np.testing.assert_allclose(harmonics(direction).numpy(), np.stack(expected, -1), atol=1e-12)
 
 
-def test_basis_is_orthonormal_over_the_sphere() -> None:
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    azimuth = torch.arange(16, dtype=torch.float64) * (2 * torch.pi / 16)
-    z = torch.tensor(nodes)[:, None].expand(8, 16)
-    sine = (1 - z.square()).sqrt()
-    direction = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), z], -1)
-    area = torch.tensor(weights)[:, None].expand(8, 16) * (2 * torch.pi / 16)
-    values = harmonics(direction)
-    gram = torch.einsum("abi,abj,ab->ij", values, values, area)
-    torch.testing.assert_close(gram, torch.eye(16, dtype=torch.float64), atol=1e-12, rtol=0)
-
-
 def test_radiance_is_never_negative_and_uses_the_direction_of_travel() -> None:
     sh = torch.zeros(1, 4, 3)
     sh[0, 2] = 1.0  # the z harmonic

@@ -3,9 +3,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
-from radiogs_core.kernels.surfel.footprint import EDGE_ON_COSINE, PIXEL_FILTER_VARIANCE, frames
+from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels import surfels as surfels_module
 from radiogs_core.surfels.harmonics import surfel_radiance
@@ -24,14 +23,6 @@ def _surfels(count: int = 20) -> Surfels:
     return surfels_at(points, torch.full((count,), 0.1, dtype=torch.float64), 5 * points, generator)
 
 
-def test_frame_is_the_rotation_of_the_quaternion_whatever_its_length() -> None:
-    surfels = _surfels()
-    expected = Rotation.from_quat(surfels.rotation.numpy(), scalar_first=True).as_matrix()
-    torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
-    surfels.rotation = 1e3 * surfels.rotation
-    torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
-
-
 def test_framed_surfels_compute_their_frames_once_and_pass_the_gradient_on(monkeypatch: pytest.MonkeyPatch) -> None:
     surfels, computed = _surfels(), []
     monkeypatch.setattr(surfels_module, "frames", lambda rotation: computed.append(1) or frames(rotation))
@@ -47,14 +38,6 @@ def test_framed_surfels_compute_their_frames_once_and_pass_the_gradient_on(monke
     torch.testing.assert_close(found, surfels.rotation.grad)
 
 
-def test_kernel_axes_are_dual_to_the_scaled_tangents() -> None:
-    surfels = _surfels()
-    geometry = surfels.geometry()
-    span = surfels.frame[..., :2] * surfels.scale[:, None]
-    axes = torch.stack([geometry.axis_u, geometry.axis_v], 1)
-    torch.testing.assert_close(axes @ span, torch.eye(2, dtype=torch.float64).expand(20, 2, 2))
-
-
 def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
     surfels = _surfels()
     camera = Camera(torch.eye(4, dtype=torch.float64), 50.0, 50.0, 32.0, 32.0, 64, 64)
@@ -67,22 +50,6 @@ def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
 
     torch.testing.assert_close(energy(own), energy(seen))
     assert (seen.axis_u.norm(dim=-1) < own.axis_u.norm(dim=-1)).all()
-
-
-def test_the_widened_covariance_is_the_surfels_own_and_that_of_the_footprint() -> None:
-    """diag(s^2) + variance (z / f)^2 (1 + w w^T / c^2) in the surfel's own plane."""
-    surfels = _surfels()
-    camera = Camera(torch.eye(4, dtype=torch.float64), 50.0, 50.0, 32.0, 32.0, 64, 64)
-    surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64)
-    seen, frame = surfels.geometry_for(camera), surfels.frame
-    to_kernel = torch.stack([seen.axis_u, seen.axis_v], 1) @ frame[..., :2]
-    root = torch.linalg.inv(to_kernel)
-    view = (torch.nn.functional.normalize(-surfels.centre, dim=-1)[:, None] @ frame)[:, 0]
-    width = PIXEL_FILTER_VARIANCE * (surfels.centre[:, 2] / 50).square()
-    tilt = view[:, :2, None] * view[:, None, :2] / view[:, 2].square().clamp(min=EDGE_ON_COSINE**2)[:, None, None]
-    identity = torch.eye(2, dtype=torch.float64)
-    expected = torch.diag_embed(surfels.scale.square()) + width[:, None, None] * (identity + tilt)
-    torch.testing.assert_close(root @ root.mT, expected)
 
 
 @pytest.mark.parametrize("degrees", [60.0, 80.0, 85.0])
