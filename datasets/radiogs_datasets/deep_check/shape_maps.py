@@ -74,7 +74,7 @@ class DepthMaps:
         )
 
     def readings(self) -> Iterator[tuple[str, list[Array]]]:
-        """What depth may be instead of z-depth, and the maps of z-depth if it is that."""
+        """Other readings of the stored depth, in words, and the maps of z-depth under each."""
         stored = self.maps
         lengths = [np.linalg.norm(truth.rays, axis=-1) for truth in self.truths]
         shorter = [depth / length for depth, length in zip(stored, lengths, strict=True)]
