@@ -74,7 +74,7 @@ class DepthMaps:
         )
 
     def readings(self) -> Iterator[tuple[str, list[Array]]]:
-        """Readings of depth other than z-depth, with the maps of z-depth under each."""
+        """Other readings of the stored depth, in words, and the maps of z-depth under each."""
         stored = self.maps
         lengths = [np.linalg.norm(truth.rays, axis=-1) for truth in self.truths]
         shorter = [depth / length for depth, length in zip(stored, lengths, strict=True)]
