@@ -41,11 +41,11 @@ HARNESS = "radiogs_bench"
 LIMITS: Mapping[str, int] = {
     "product files": 620,
     "files with one user": 90,
-    "arrows between folders of the harness": 60,
+    "arrows between folders of the harness": 61,
     "long functions of a thousand": 52,
     "lines of radiogs_core": 12_560, "functions of radiogs_core": 757,
     "lines of radiogs": 5_681, "functions of radiogs": 321,
-    "lines of radiogs_datasets": 11_499, "functions of radiogs_datasets": 642,
+    "lines of radiogs_datasets": 11_501, "functions of radiogs_datasets": 642,
     "lines of radiogs_baselines": 8_717, "functions of radiogs_baselines": 502,
     "lines of radiogs_reports": 9_306, "functions of radiogs_reports": 581,
     "lines of radiogs_bench": 26_105, "functions of radiogs_bench": 1_478,
