@@ -1,9 +1,12 @@
-"""The trail of a training: means of losses at geometric steps, the same if interrupted; scores change nothing."""
+"""The trail of a training, and its first steps: the same if interrupted, and nothing that is learnt changes."""
 
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 
 from bench.fake_method import CPU, SCENE, FakeSweep, FakeTrained, evaluate, fake_cell, method
 from radiogs_bench.errors import Interrupted
@@ -12,10 +15,14 @@ from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_checksum import checksum_now
 from radiogs_bench.runs.stages import Bench
 from radiogs_bench.runs.train import train_and_score
-from radiogs_bench.runs.training_curves import Trail, milestones
-from radiogs_bench.store.schema import Result
+from radiogs_bench.runs.training_curves import FIRST_STEPS, FirstSteps, Trail, milestones
+from radiogs_bench.store.schema import FirstStep, Result
 from radiogs_bench.suites.experiment import COST
+from radiogs_core.contract import Run
 from radiogs_core.instruments import count
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelVariant
+from scenes import sphere_scene
 
 CELL = fake_cell(experiment=COST)
 
@@ -100,3 +107,110 @@ def test_a_model_scored_along_the_way_is_another_product_but_shares_stage_one() 
     assert plain.training_key != CELL.training_key
     assert fake_cell(protocol="irgs").training_key == plain.training_key
     assert fake_cell(protocol="irgs", experiment=COST).training_key != CELL.training_key
+
+
+RATE = 0.1
+
+
+class Descent:
+    """Gradient descent on the sum of squares of three numbers."""
+
+    def __init__(self) -> None:
+        self.iteration, self.iterations = 0, 20
+        self.optimiser = self
+        self.tensors = {"place": torch.tensor([1.0, 2.0, 2.0], requires_grad=True), "held": torch.ones(2)}
+
+    def step(self) -> Mapping[str, float]:
+        loss = self.tensors["place"].square().sum()
+        loss.backward()
+        with torch.no_grad():
+            self.tensors["place"] -= RATE * self.tensors["place"].grad
+        self.tensors["place"].grad = None
+        self.iteration += 1
+        return {"squares": float(loss.detach())}
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        raise NotImplementedError
+
+    def product(self) -> dict[str, Any]:
+        return {}
+
+
+def recorded(stage: Any) -> list[FirstStep]:
+    first = FirstSteps()
+    while stage.iteration < stage.iterations:
+        with first.watching(stage) as lengths:
+            losses = stage.step()
+        first.add(stage.iteration, losses, lengths)
+    return first.steps
+
+
+def test_lengths_are_those_of_the_gradient_and_of_what_the_step_added() -> None:
+    steps = recorded(Descent())
+    assert [step["iteration"] for step in steps] == list(range(1, FIRST_STEPS + 1))
+    for number, step in enumerate(steps):
+        length = 3 * (1 - 2 * RATE) ** number
+        assert step["losses"] == {"squares": pytest.approx(length**2)}
+        assert step["gradients"] == {"place": pytest.approx(2 * length)}
+        assert step["updates"] == {"place": pytest.approx(2 * RATE * length), "held": 0.0}
+
+
+def test_a_stage_whose_optimiser_names_no_tensors_has_losses_alone() -> None:
+    stage = Descent()
+    stage.optimiser = torch.optim.SGD([stage.tensors["place"]], RATE)  # type: ignore[assignment]
+    steps = recorded(stage)
+    assert len(steps) == FIRST_STEPS
+    assert all(step["losses"] and step["gradients"] == step["updates"] == {} for step in steps)
+
+
+def geometry() -> FitGeometry:
+    variant, budget = SurfelVariant(), GEOMETRY_PRESETS["smoke"]
+    run = Run(sphere_scene(views=2, size=16), variant, budget, 0, CPU, Path())
+    return FitGeometry(run, variant.geometry, budget, 1.0, NoShading())
+
+
+def test_watching_a_stage_on_surfels_changes_no_bit() -> None:
+    watched, alone = geometry(), geometry()
+    first = FirstSteps()
+    for _ in range(FIRST_STEPS + 2):
+        with first.watching(watched) as lengths:
+            losses = watched.step()
+        first.add(watched.iteration, losses, lengths)
+        assert alone.step() == losses
+    assert len(first.steps) == FIRST_STEPS
+    assert all(step["gradients"]["sh"] > 0 for step in first.steps)
+    for name, value in watched.optimiser.tensors.items():
+        assert torch.equal(value, alone.optimiser.tensors[name]), name
+
+
+def stored_alone(sweep: FakeSweep) -> Result:
+    result = sweep.store.result(fake_cell().key)
+    assert result is not None
+    return result
+
+
+def test_an_interrupted_stage_has_the_same_first_steps(tmp_path: Path) -> None:
+    whole, stopped = FakeSweep(tmp_path / "whole"), FakeSweep(tmp_path / "stopped")
+    whole.run([fake_cell()])
+    stops = 0
+    while stopped.store.result(fake_cell().key) is None:
+        interruption = Interruption()
+        interruption.requested = stops < 4
+        bench = Bench(stopped.store, CPU, LogProgress(), interruption, method, checksum_now)
+        try:
+            train_and_score(bench, fake_cell(), whole.scenes["fake"], score=evaluate)  # type: ignore[arg-type]
+        except Interrupted:
+            stops += 1
+    assert stops == 4
+    assert stored_alone(stopped)["first_steps"] == stored_alone(whole)["first_steps"]
+    assert [len(steps) for steps in stored_alone(whole)["first_steps"].values()] == [3, 3]
+
+
+def test_every_training_stage_says_how_fast_the_machine_was(tmp_path: Path) -> None:
+    sweep = FakeSweep(tmp_path)
+    sweep.run([fake_cell()])
+    for stage in ("initialise", "invert"):
+        assert 0 < stored_alone(sweep)["sessions"][stage][-1]["yardstick"] < 1

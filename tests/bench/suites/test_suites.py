@@ -4,24 +4,32 @@ import json
 from collections import Counter
 from dataclasses import replace
 from importlib.resources import files
+from itertools import combinations
+from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from bench.chain_method import Chain
 from bench.fake_method import SCENE, asked
+from radiogs.recipes import PRINTED, RECIPES
 from radiogs.settings import PRESETS, Variant
 from radiogs_baselines.published import published, published_tables
 from radiogs_bench.fetching.catalogue import data_set
 from radiogs_bench.installed_methods import method_names, substitutes
-from radiogs_bench.methods import DEFAULT
+from radiogs_bench.methods import DEFAULT, method, variant_by_recipe
+from radiogs_bench.results.invariance import SAME, TOLERANCES, invariance_kept
 from radiogs_bench.runs.plan import planned
 from radiogs_bench.runs.rows import of_methods, with_effects, with_rows
 from radiogs_bench.runs.spec import RunSpec
+from radiogs_bench.runs.sweep import CellRef
 from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.baselines import BASELINES
-from radiogs_bench.suites.consistency import CLOSED
+from radiogs_bench.suites.consistency import CLOSED, CONSISTENCY_LENGTH, DEPARTURE_GROUPS, DEPARTURES, RIVALS
 from radiogs_bench.suites.data_sets import CAPTURES, as_published
+from radiogs_bench.suites.own import HARD_TRAINING
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
 from radiogs_bench.suites.suite import (
@@ -33,10 +41,12 @@ from radiogs_bench.suites.suite import (
     Suite,
 )
 from radiogs_core.contract import scaled
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import NumericalFailure, UsageError
+from radiogs_core.plain_values import flat, to_plain
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import known_names, load_scene
+from radiogs_datasets.hard_scenes import BASE, CONDITIONS
 
 OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
 WHOLE_TABLES = {
@@ -367,3 +377,109 @@ def test_some_rows_of_a_suite_keep_its_order_and_its_reference_row_if_it_is_amon
     assert with_rows(SUITES["ablations"], ["no-rad", "nvs-init"]).reference == "no-rad"
     with pytest.raises(UsageError, match="unknown row 'no-red' of suite 'ablations'\nDid you mean 'no-rad'"):
         with_rows(SUITES["ablations"], ["no-red"])
+
+
+def values_of(row: Row) -> dict[str, object]:
+    """The variant of a row by dotted names."""
+    return flat(to_plain(variant_by_recipe(method(row.method), row.recipe, "blender", "corner", row.variant)))
+
+
+def test_departures_begin_as_printed_and_end_as_recommended() -> None:
+    assert values_of(DEPARTURES.rows[0]) == values_of(Row("printed", "", "", recipe="printed"))
+    assert values_of(DEPARTURES.rows[-1]) == flat(to_plain(Variant()))
+    assert not RECIPES["recommended"].values
+
+
+def test_every_departure_is_in_one_group() -> None:
+    groups = [set(values) for _, values in DEPARTURE_GROUPS.values()]
+    assert not any(one & other for one, other in combinations(groups, 2))
+    assert set().union(*groups) == set(PRINTED)
+    assert len(groups) <= 10
+
+
+def test_rivals_and_lengths_have_every_setting_with_and_without_l_rad() -> None:
+    for each in (RIVALS, CONSISTENCY_LENGTH):
+        by_others: dict[str, set[object]] = {}
+        for row in each.rows:
+            values = values_of(row)
+            weight = values.pop("radiometric_weight")
+            by_others.setdefault(repr([values, row.budget]), set()).add(weight)
+        alone = [weights for weights in by_others.values() if weights != {0.0, 0.2}]
+        assert alone == ([{0.2}] * 2 if each is RIVALS else [])
+
+
+def test_a_row_whose_light_is_sought_has_no_other_light_in_its_place() -> None:
+    for row in RIVALS.rows:
+        values = values_of(row)
+        deviations = values["deviations"]
+        assert isinstance(deviations, list)
+        sought = values["materials.start.light"] != "constant"
+        assert not (sought and "start-light" in deviations), row.key
+        assert sought == ("constant" not in row.text and (row.recipe != "printed" or "sought" in row.text))
+
+
+def test_light_alone_differs_between_printed_and_a_light_that_is_sought() -> None:
+    rows = {row.key: values_of(row) for row in RIVALS.rows}
+    for key in ("printed-held", "printed-learnt"):
+        changed = {name for name, value in rows[key].items() if value != rows["printed"][name]}
+        assert changed <= {"materials.start.light", "deviations", "materials.rates.light"}
+        left = set(rows["printed"]["deviations"]) - set(rows[key]["deviations"])  # type: ignore[call-overload]
+        assert left == {"start-light"}
+
+
+def cells_with(values: dict[str, list[float | None]], monkeypatch: pytest.MonkeyPatch) -> list[CellRef]:
+    """Cells of one row by scene and seed, whose results have these PSNRs of new views."""
+    results: dict[str, Any] = {
+        f"{scene} {seed}": {"metrics": {"nvs/psnr": {"value": value}}}
+        for scene, each in values.items()
+        for seed, value in enumerate(each)
+    }
+    monkeypatch.setattr(Store, "result", lambda self, key: results.get(key))
+    keys = [*results, "unfinished 0"]
+    return [CellRef(row="ours", scene=key.split()[0], seed=int(key.split()[1]), key=key, stages=[]) for key in keys]
+
+
+def test_the_suite_has_the_miniature_and_every_condition() -> None:
+    assert HARD_TRAINING.scenes == (BASE, *CONDITIONS)
+    assert set(SAME) == {"hard-scale-1e-4", "hard-scale-1e4", "hard-distance-1e3"}
+
+
+def test_a_change_is_the_mean_over_shared_seeds_and_other_conditions_may_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cells = cells_with({BASE: [30.0, 31.0], SAME[0]: [31.5, 30.1, 99.0], "hard-black": [3.0, 3.0]}, monkeypatch)
+    said = invariance_kept(Store(tmp_path), cells)
+    assert f"ours, {SAME[0]}, nvs/psnr +0.30 dB." in said
+    assert "hard-black" not in said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_change_beyond_its_tolerance_fails_with_the_condition_and_the_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sign: int
+) -> None:
+    moved = 30.0 + sign * (TOLERANCES["nvs/psnr"] + 0.01)
+    cells = cells_with({BASE: [30.0], SAME[1]: [moved], SAME[2]: [30.0]}, monkeypatch)
+    with pytest.raises(NumericalFailure, match="1 of 2 metrics change") as caught:
+        invariance_kept(Store(tmp_path), cells)
+    assert f"ours, {SAME[1]}, nvs/psnr {moved - 30:+.2f} dB." in caught.value.why
+
+
+def test_without_the_miniature_itself_nothing_is_claimed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = cells_with({SAME[0]: [30.0], BASE: [None]}, monkeypatch)
+    assert "Invariance was not measured" in invariance_kept(Store(tmp_path), cells)
+
+
+def test_guards_are_counted_and_neither_ranked_nor_better_or_worse() -> None:
+    from radiogs_bench.results.summary import column_summary
+    from radiogs_bench.suites.suite import Metric
+    from radiogs_reports.analysis.comparisons import ranks, to_reference
+    from radiogs_reports.statistics import Origin
+
+    column = column_summary(Metric("guards", "fired"))
+    assert column["direction"] == "none"
+    samples = {
+        row: {Origin("s", seed, ""): first + seed for seed in range(4)} for row, first in (("a", 1.0), ("b", 9.0))
+    }
+    assert ranks(samples, "none") == {}
+    assert ranks(samples, "down") == {"a": 1, "b": 2}
+    assert to_reference(samples, "a", "none")["b"].verdict is None
