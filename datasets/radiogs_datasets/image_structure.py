@@ -31,6 +31,9 @@ ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 JPEG_START = b"\xff\xd8\xff"
+JPEG_END, JPEG_SCAN = 0xD9, 0xDA
+JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
+"""A marker that is not a byte of a scan, and not one at which a scan restarts."""
 
 RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
@@ -147,7 +150,21 @@ def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None]:
     require_size(path, photo.height, photo.width)
     if photo.layers not in (1, 3):
         raise DataError(f"{path} has {photo.layers} components", "It may be CMYK.", "Save it in sRGB.")
+    if not _has_its_end(data):
+        raise damaged(path, "it is cut off: its end marker is missing")
     return photo.height, photo.width, photo.info.get("icc_profile")
+
+
+def _has_its_end(data: bytes) -> bool:
+    """Whether the segments of a JPEG lead to its end marker.
+
+    The decoder reads on in bytes behind a photo that is cut off, such as a phone's video, as if they were its scan.
+    """
+    found = JPEG_MARKER.match(data, 2)
+    while found is not None and found[1][0] != JPEG_END:
+        end = found.end() + int.from_bytes(data[found.end() : found.end() + 2])
+        found = (JPEG_MARKER.search if found[1][0] == JPEG_SCAN else JPEG_MARKER.match)(data, end)
+    return found is not None
 
 
 def exr_size(path: Path, data: bytes) -> tuple[int, int]:

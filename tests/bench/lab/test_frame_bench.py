@@ -46,8 +46,8 @@ def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
 @pytest.mark.parametrize(
     ("wrong", "code", "said"),
     [
-        (["--spacings", "0"], 2, "no distance between surfels"),
-        (["--spacings", "wide"], 2, "no distance between surfels"),
+        (["--spacings", "0"], 2, "'0' is not a number above zero"),
+        (["--spacings", "wide"], 2, "'wide' is not a finite number"),
         (["--scene", "hard-cases"], 3, "the surfaces of scene 'hard-cases' are not known"),
     ],
 )

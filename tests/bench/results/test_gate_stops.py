@@ -36,7 +36,7 @@ CHANGES = {
         "changed: corner ours: stage invert: ",
     ),
     "L_rad towards the camera alone": (
-        "method/radiogs_core/kernels/shade/shade.inl",
+        "method/radiogs_core/kernels/shade/consistency.inl",
         "unit(any_side[0], any_side[1], any_side[2], wo_of_view + 3);",
         "for (int i = 0; i < 3; ++i) wo_of_view[3 + i] = zero;",
         "changed: corner ours: stage invert: ",

@@ -223,7 +223,7 @@ def test_the_command_s_mistakes_end_with_their_codes(
 ) -> None:
     assert said(str(tmp_path / "absent.blend"), "--out", str(tmp_path / "a"))[0] == 3
     code, printed = said(str(asked.file), "--out", str(tmp_path / "a"), "--layout", "nerf")
-    assert (code, "unknown layout to write 'nerf'" in printed) == (2, True)
+    assert (code, "'nerf' for --layout" in printed) == (2, True)
     assert said(str(asked.file), "--out", str(tmp_path / "a"), "--lights", str(tmp_path / "none"))[0] == 2
 
 
