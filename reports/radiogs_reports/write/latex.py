@@ -1,4 +1,4 @@
-"""LaTeX of a whole run, and parts of every report: preamble, escapes, symbols, colours, notes, boxes that fit the page."""
+"""LaTeX of a whole run, and parts of every report: preamble, escapes, symbols, colours, notes, boxes that fit."""
 
 import re
 from collections.abc import Mapping, Sequence
