@@ -29,7 +29,7 @@ OF_LINUX = {
 """Names of ``os`` and ``signal`` that macOS lacks."""
 
 HIDDEN = {
-    "memfd_create", "MFD_CLOEXEC", "process_cpu_count", "sched_getaffinity", "sched_setaffinity",
+    "memfd_create", "MFD_CLOEXEC", "process_cpu_count", "sched_getaffinity",
 }  # fmt: skip
 PLACES = {
     provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
