@@ -178,7 +178,7 @@ def count_samples(surfels: int, views: int, direction: Tensor, specular_at: Tens
 
 
 def shading_inputs(inputs: tuple[Tensor | None, ...]) -> list[Any]:
-    """The values of INPUTS for the tensors of ``shade`` in its order, contiguous; None for an absent one."""
+    """The values of the parameters ``inputs_of`` from the tensors of ``shade``, contiguous; None for an absent one."""
     outgoing, direction, environment, specular_at = inputs[3], inputs[4], inputs[8], inputs[9]
     assert direction is not None
     views, size = 0 if outgoing is None else outgoing.shape[1], (0, 0) if environment is None else environment.shape[:2]
