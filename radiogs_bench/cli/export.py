@@ -168,9 +168,9 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
 def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None:
     """Write the mesh and, beside it, its record as JSON; print its distances from the true shape if known."""
     from ..export.mesh import lattice_of, mesh_of, record_of, sentences_of, write_mesh
-    from ..export.views import prepared
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.rendering import prepared
     from ..store.folder import Store
     from ..store.seal import write_sealed
     from .reporter import say

@@ -142,8 +142,9 @@ def render(
     from radiogs_core.own_files import own_folder
     from radiogs_datasets.image_files import write_exr
 
-    from ..export.views import prepared, write_relit_views, write_views
+    from ..export.views import write_relit_views, write_views
     from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.rendering import prepared
     from ..store.folder import Store
     from .reporter import say
 

@@ -76,9 +76,10 @@ def relight(
     from radiogs_core.own_files import own_folder
     from radiogs_datasets.lights import read_light
 
-    from ..export.views import beyond_levels, count_levels, prepared, write_turntable, write_views
+    from ..export.views import beyond_levels, count_levels, write_turntable, write_views
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.rendering import prepared
     from ..store.folder import Store
     from .reporter import say
 

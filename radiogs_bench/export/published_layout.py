@@ -8,14 +8,13 @@ from torch import Tensor
 
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_baselines.outputs.writing import LayoutWriter
-from radiogs_core.contract import NotOffered, Prepared, Run, Trained
+from radiogs_core.contract import NotOffered, Run, Trained
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.scene.scene import View
 
-from ..method_calls import calling
 from ..scoring.evaluate import SCORES_ALONE, evaluate
 from ..scoring.metrics.protocol import Protocol
-from ..scoring.rendering import on_black
+from ..scoring.rendering import prepared, view_on_black
 from ..scoring.score_maps import coverage, lit_views
 
 PLAIN = "plain"
@@ -36,11 +35,10 @@ def write_as_published(
     the model does. Raises errors of the method as ``evaluate``.
     """
     scale = albedo_scale(model, run, method, rules, advance)
-    with calling(method, "prepare()"):
-        shown = model.prepare()
+    shown = prepared(method, model)
     further = ("incident",) if "incident" in shown.offers else ()
     for view in run.scene.test:
-        writer.write(view, _maps(shown, view, run, method, *further), coverage(view))
+        writer.write(view, view_on_black(shown, view, run.device, *further, method=method), coverage(view))
     for light, view, maps in relit_views(model, run, method, scale):
         writer.write_relit(light, view, maps, coverage(view))
     return len(writer.written)
@@ -64,19 +62,13 @@ def relit_views(
     scene = run.scene
     for light, views in {} if scene.surrounded else lit_views(scene, scene.test).items():
         try:
-            with calling(method, "prepare() for another light"):
-                relit = model.prepare(scene.lights[light], scale)
+            relit = prepared(method, model, scene.lights[light], scale)
         except NotOffered:
             continue
         for view in views:
-            maps = _maps(relit, view, run, method)
+            maps = view_on_black(relit, view, run.device, method=method)
             if "image" in maps:
                 yield light, view, maps
-
-
-def _maps(shown: Prepared, view: View, run: Run, method: str, *further: str) -> dict[str, Tensor]:
-    camera = view.camera.to(run.device, torch.float32)
-    return on_black(shown, camera, *further, method=method, view=view.name)
 
 
 def checked(code: str) -> str:

@@ -4,7 +4,6 @@ import statistics
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 from PIL import Image
@@ -14,7 +13,7 @@ from radiogs_core.contract import Prepared, Run, Trained
 from radiogs_core.own_files import fresh, own_folder
 from radiogs_datasets.image_files import write_exr, write_png
 
-from ..method_calls import calling, require
+from ..method_calls import calling
 from ..runs.progress import progress_for_stderr
 from ..scoring.metrics.protocols import protocol
 from ..scoring.rendering import frame_milliseconds, on_black
@@ -30,14 +29,6 @@ HALF_A_LEVEL = 0.5 / 255
 
 MANY_WHITE, MANY_BLACK = 0.2, 0.5
 """Shares of white and of black pixels in relit frames above which they are named."""
-
-
-def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
-    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo."""
-    with calling(method, "prepare()"):
-        ready = model.prepare(*lit)
-    require(method, ready, Prepared, "prepare()")
-    return ready
 
 
 def write_views(

@@ -19,8 +19,8 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from ..errors import Interrupted
-from ..method_calls import calling, own_camera, own_light, refused, require
-from ..scoring.rendering import on_black
+from ..method_calls import calling, own_camera, own_light, refused
+from ..scoring.rendering import on_black, prepared
 from ..scoring.score_maps import truth
 from ..store.folder import Store, product_name
 from .cell import Work, cell_of
@@ -234,7 +234,7 @@ def _check_model(method: Method, scene: Scene, model: Trained, second: Trained, 
     view = scene.test[0]
     facts_of(method.name, model)
     yield Finding("holds", "facts() are plain values")
-    shown = _prepared(method, model)
+    shown = prepared(method.name, model)
     maps = _maps(method, shown, view)
     yield Finding("holds", f"maps have the declared names, the camera's size and numbers: {', '.join(maps)}")
     yield _ranges(method, shown, view)
@@ -245,18 +245,11 @@ def _check_model(method: Method, scene: Scene, model: Trained, second: Trained, 
     for other in scene.test[1:2]:
         _maps(method, shown, other)
     yield _repeated(difference(maps, _maps(method, shown, view)), "a view rendered again, after another view")
-    again = _maps(method, _prepared(method, second), view)
+    again = _maps(method, prepared(method.name, second), view)
     yield _repeated(difference(maps, again), "the model that restore() makes a second time")
     yield from _relit(method, view, model, maps)
-    yield _repeated(difference(maps, _maps(method, _prepared(method, model), view)), "a view after relighting")
+    yield _repeated(difference(maps, _maps(method, prepared(method.name, model), view)), "a view after relighting")
     yield _exported(method, model, folder)
-
-
-def _prepared(method: Method, model: Trained, *lit: Any) -> Prepared:
-    with calling(method.name, "prepare()"):
-        shown = model.prepare(*lit)
-    require(method.name, shown, Prepared, "prepare()")
-    return shown
 
 
 def _maps(method: Method, shown: Prepared, view: View) -> dict[str, Tensor]:
@@ -318,7 +311,7 @@ def _relit(method: Method, view: View, model: Trained, maps: Mapping[str, Tensor
     images = []
     for factor in (1.0, 0.5):
         try:
-            lit = _prepared(method, model, own_light(light), torch.full((3,), factor))
+            lit = prepared(method.name, model, own_light(light), torch.full((3,), factor))
         except NotOffered as refusal:
             yield Finding("note", f"relighting is not offered: {refusal.what}")
             return

@@ -26,7 +26,7 @@ from .metrics.protocol import Protocol
 from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .recovered_light import score_constant_light, score_light, withhold_light
-from .rendering import Maps, frame_milliseconds, on_black
+from .rendering import Maps, frame_milliseconds, view_on_black
 from .report_arrays import ARRIVING, ReportArrays, surfel_arrays
 from .score_maps import (  # fmt: skip
     against_reference,
@@ -182,8 +182,7 @@ class _Evaluator:
 
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
         """The maps of a view, on black, on the CPU."""
-        camera = view.camera.to(self.device, torch.float32)
-        return on_black(prepared, camera, *further, method=self.method, view=view.name)
+        return view_on_black(prepared, view, self.device, *further, method=self.method)
 
     def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
         """Measure ``task/ms`` of each view and ``task/megabytes`` (10^6 bytes), the most that any of its frames took.

@@ -2,17 +2,19 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Prepared
+from radiogs_core.contract import MapKind, Prepared, Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.scene import View
 
-from ..method_calls import calling, own_camera, refused
+from ..method_calls import calling, own_camera, refused, require
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
@@ -50,6 +52,24 @@ def on_black(
                 f"{int((~finite).sum())} of its {finite.numel()} values are NaN or infinite.",
             )
     return {name: _shown(name, image, prepared.offers[name], maps.get("alpha")) for name, image in maps.items()}
+
+
+def view_on_black(
+    prepared: Prepared, view: View, device: torch.device, *further: str, method: str = "the method"
+) -> dict[str, Tensor]:
+    """The maps of a view as ``on_black`` gives them, rendered on the model's device."""
+    return on_black(prepared, view.camera.to(device, torch.float32), *further, method=method, view=view.name)
+
+
+def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
+    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo.
+
+    Raises MethodFailed for an exception of the method, and for an object that cannot be rendered.
+    """
+    with calling(method, "prepare() for another light" if lit else "prepare()"):
+        ready = model.prepare(*lit)
+    require(method, ready, Prepared, "prepare()")
+    return ready
 
 
 WARM_UP = 3
