@@ -40,8 +40,6 @@ PIXEL_SHARE = 0.25
 MOST_OBLONG = 16
 """Times the shorter side of an image that the longer one may have."""
 
-SHOWN = 3
-
 
 def require_placed(scene: Scene) -> None:
     """Raise DataError for cameras out of all proportion, and for a scene too small, too large or too far away."""
@@ -53,7 +51,7 @@ def require_placed(scene: Scene) -> None:
     middle = float(away.median())
     lost = [place for place, distance in enumerate(away.tolist()) if distance > OUTLIER * middle > 0]
     if lost:
-        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:SHOWN])
+        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:3])
         raise DataError(
             f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
             f"The others are about {middle:.3g} world units from their middle.",
