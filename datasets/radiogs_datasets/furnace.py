@@ -17,7 +17,7 @@ from radiogs_core.scene.surfaces import SurfaceSamples
 
 from .generate.materials import Material
 from .generate.solids import Box
-from .generate.surfaces import surfaces_of, turned
+from .generate.surfaces import surfaces_of
 
 EMISSION = 0.1
 """Radiance that the walls emit: with it the brightest room below is not yet clipped in display colour."""
@@ -50,9 +50,11 @@ def furnace(name: str) -> Scene:
 
 def walls(albedo: float, spacing: float, half_side: float = HALF_SIDE) -> SurfaceSamples:
     """Samples about ``spacing`` apart over the walls of a cube around the origin, which face inwards and emit light."""
-    low, high = (-half_side,) * 3, (half_side,) * 3
-    inwards = turned(surfaces_of([Box(low, high, Material((albedo, albedo, albedo), ROUGHNESS))], spacing))
-    return replace(inwards, emission=torch.full_like(inwards.centre, EMISSION), specular=False)
+    wall = Material((albedo, albedo, albedo), ROUGHNESS)
+    box = surfaces_of([Box((-half_side,) * 3, (half_side,) * 3, wall)], spacing)
+    first, second, normal = box.frame.unbind(-1)
+    inwards, emission = torch.stack([second, first, -normal], -1), torch.full_like(box.centre, EMISSION)
+    return replace(box, frame=inwards, size=box.size.flip(-1), emission=emission, specular=False)
 
 
 def _view(name: str, turn: float, albedo: float) -> View:

@@ -1,7 +1,7 @@
 """Reads the headers of image files before a decoder does, which would take all the memory that a header claims.
 
-PNG and Radiance files are checked as a whole: their decoder fills what a cut-off file lacks with black. Damage behind
-the header of JPEG and OpenEXR files is reported by their decoders (``image_files``).
+PNG and Radiance files are checked as a whole, and JPEG files must have an end: decoders fill what a cut-off file lacks.
+Damage to pixels of JPEG and OpenEXR files is reported by their decoders (``image_files``).
 """
 
 import io
@@ -79,8 +79,7 @@ def image_size(path: Path, data: bytes) -> tuple[int, int]:
         case ".hdr":
             return radiance_size(path, data)
         case ".jpg" | ".jpeg":
-            height, width, _ = jpeg_header(path, data)
-            return height, width
+            return jpeg_header(path, data)[:2]
     raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr, .hdr and .jpg.")
 
 
@@ -139,7 +138,7 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
 def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None]:
     """Height, width and ICC profile of a JPEG, by Pillow.
 
-    Raises DataError for a damaged header, and for colours that are neither grey nor three (CMYK).
+    Raises DataError for a damaged header, a missing end, and colours that are neither grey nor three (CMYK).
     """
     if not data.startswith(JPEG_START):
         raise damaged(path, "it does not begin like a JPEG file")

@@ -40,8 +40,6 @@ PIXEL_SHARE = 0.25
 MOST_OBLONG = 16
 """Times the shorter side of an image that the longer one may have."""
 
-SHOWN = 3
-
 
 def require_placed(scene: Scene) -> None:
     """Raise DataError for cameras out of all proportion, and for a scene too small, too large or too far away."""
@@ -53,7 +51,7 @@ def require_placed(scene: Scene) -> None:
     middle = float(away.median())
     lost = [place for place, distance in enumerate(away.tolist()) if distance > OUTLIER * middle > 0]
     if lost:
-        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:SHOWN])
+        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:3])
         raise DataError(
             f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
             f"The others are about {middle:.3g} world units from their middle.",
@@ -236,13 +234,13 @@ def doubtful_coverage(scene: Scene, frames: Sequence[Frame]) -> Iterator[str]:
     around = [frame.border > 0.5 for frame in frames]
     hollow = [frame.border > 0.5 > frame.middle for frame in frames]
     holes = sum(1 - frame.whole for frame in frames) / len(frames)
-    if _share(hollow) >= MOST_VIEWS:
+    if sum(hollow) / len(frames) >= MOST_VIEWS:
         yield (
             f"coverage reaches the border of {sum(around)} of {len(frames)} views and misses the middle: if black masks"
             " the object, they are inverted: exchange black and white; if it hides what does not belong to the scene,"
             " say --masks ignore"
         )
-    elif _share(around) >= MOST_VIEWS and holes > FEWEST_HOLES and "masks" not in scene.options:
+    elif sum(around) / len(frames) >= MOST_VIEWS and holes > FEWEST_HOLES and "masks" not in scene.options:
         yield (
             f"coverage reaches the border of {sum(around)} of {len(frames)} views and has holes: does black in masks"
             " hide what does not belong to the scene (--masks ignore), or is nothing there (--masks object)?"
@@ -265,10 +263,6 @@ def _flat_ground(frames: Sequence[Frame]) -> Iterator[str]:
         " is learnt as surfaces around the object, which cannot be relit; give masks (--mask-folder DIR), or images"
         " with an alpha"
     )
-
-
-def _share(found: Sequence[bool]) -> float:
-    return sum(found) / len(found)
 
 
 def _views(count: int) -> str:

@@ -135,10 +135,8 @@ def _kind(path: Path) -> str:
 def _other_images(left: list[Path]) -> Iterator[str]:
     if left:
         counts = Counter(path.parent.as_posix() for path in left)
-        places = shown(
-            [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
-        )
-        yield f"{_count(left, 'other image')} {_are(left)} not used: {places}"
+        places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
+        yield f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"
 
 
 def _count(things: list[Path], word: str) -> str:

@@ -94,11 +94,6 @@ class Truth:
         return stacked([self.camera])
 
     @cached_property
-    def place(self) -> Array:
-        """The camera's centre in the world."""
-        return self.seen_by.centre[0]
-
-    @cached_property
     def rays(self) -> Array:
         """World directions of z-depth 1 through the pixels of the maps [height, width, 3]."""
         height, width = self.maps["image"].shape[:2]
@@ -109,7 +104,7 @@ class Truth:
     @cached_property
     def points(self) -> Array:
         """World points that the depth map shows [height, width, 3]."""
-        return np.asarray(self.place + self.rays * self.maps["depth"])
+        return np.asarray(self.seen_by.centre[0] + self.rays * self.maps["depth"])
 
     @cached_property
     def derived_normals(self) -> Array:

@@ -100,13 +100,13 @@ class DepthMaps:
         """Relative difference of one depth map's points from the depth maps of the views that they face."""
         truth, facing = self.truths[place], self.facing[place]
         at = some_pixels(self.kept[place], POINTS)
-        points = truth.place + truth.rays[at] * self.maps[place][at][:, None]
+        points = truth.seen_by.centre[0] + truth.rays[at] * self.maps[place][at][:, None]
         costs = []
         for other, depth, inside in zip(self.truths, self.maps, self.kept, strict=True):
             if other is truth:
                 continue
             image_points, z = (each[0] for each in other.seen_by.project(points))
-            towards = other.place - points
+            towards = other.seen_by.centre[0] - points
             compared = at_points(inside.astype(np.float32), image_points)[:, 0] > 0.999
             turned = (facing[at] * towards).sum(1)
             compared &= (turned > 0.2 * np.linalg.norm(towards, axis=1)) | ~facing.any()

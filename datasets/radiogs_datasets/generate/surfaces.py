@@ -7,7 +7,7 @@ true geometry.
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -90,12 +90,6 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
         albedo=values[:, :3],
         roughness=values[:, 3],
     )
-
-
-def turned(samples: SurfaceSamples) -> SurfaceSamples:
-    """The same surfaces, facing the other way."""
-    patch = _Patch(samples.centre, samples.frame, samples.size).turned()
-    return replace(samples, frame=patch.frame, size=patch.size)
 
 
 @dataclass(frozen=True)
