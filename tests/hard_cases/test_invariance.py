@@ -216,14 +216,6 @@ scenes = st.builds(_scene, seed=seeds, count=st.integers(0, 24), spread=st.float
 cameras = st.builds(_camera, width=st.integers(1, 12), height=st.integers(1, 12), focal=st.floats(2, 30))
 
 
-@pytest.mark.case(46)
-@REPEATABLE
-@given(scenes, cameras, seeds)
-def test_the_order_of_the_surfels_is_not_seen(surfels: Surfels, camera: Camera, seed: int) -> None:
-    shuffle = torch.randperm(len(surfels), generator=torch.Generator().manual_seed(seed))
-    assert_near(seen(camera, surfels.take(shuffle)), seen(camera, surfels), 1e-12)
-
-
 @pytest.mark.case(19)
 @REPEATABLE
 @given(scenes, cameras, st.floats(-12, 12))
