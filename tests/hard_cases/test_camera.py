@@ -105,17 +105,6 @@ def test_empty_and_nearly_empty_scenes_render_and_take_gradients(kind: str) -> N
         assert bool((maps["indirect"] == 0).all())
 
 
-@pytest.mark.case(21)
-def test_a_training_step_on_surfels_out_of_view_moves_nothing() -> None:
-    surfels, camera = raw_surfels(5), looking_along_z()
-    surfels.centre = (surfels.centre - torch.tensor([0.0, 0.0, 20.0])).requires_grad_()
-    before = surfels.centre.detach().clone()
-    optimiser = torch.optim.Adam([surfels.centre], lr=0.1)
-    (seen(camera, surfels)[0] - 1).square().mean().backward()
-    optimiser.step()
-    assert torch.equal(surfels.centre.detach(), before)
-
-
 @pytest.mark.case(23)
 def test_more_pairs_than_an_index_holds_are_counted_in_64_bits_and_refused() -> None:
     """Ten surfels over an image of 10^12 pixels: 6.25e11 pairs, of which nothing is allocated."""
