@@ -136,7 +136,7 @@ CASES = (
     ),
     Case(
         22, "image shapes", "camera and scene", "1x1, 1x17, 17x1, 15x33, 4096x1",
-        "the dense image in float64", "1e-10", (),
+        "the dense image in float64", "1e-11", (),
         ("method/core/kernels/test_rasterize.py::test_any_image_shape_is_covered",),
     ),
     Case(

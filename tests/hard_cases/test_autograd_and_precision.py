@@ -1,4 +1,4 @@
-"""Cases 39, 40 and 42 to 44: gradients where forward values hide a division by zero, finite differences, precision, repetition."""
+"""Cases 39, 40 and 42 to 44: divisions by zero behind sound values, finite differences, precision, repetition."""
 
 from collections.abc import Callable
 
