@@ -130,16 +130,6 @@ def test_no_message_promises_that_a_command_makes_again_what_only_run_makes(
     assert "and is not used" in caplog.text
 
 
-@pytest.mark.parametrize("name", ["..", ".", ".hidden", "a/b", "a" * 200])
-def test_a_suite_s_name_is_no_path(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Audit M18."""
-    file = tmp_path / "suite.toml"
-    file.write_text(f'name = "{name}"\ntitle = "t"\nreference = "a"\ncolumns = ["nvs/psnr"]\nscenes = ["corner"]\n'
-                    '[[rows]]\nkey = "a"\ntext = "a"\n')  # fmt: skip
-    assert main(["run", str(file), "--dry-run", "--out", str(tmp_path / "out")]) == 2
-    assert "suite.name" in capsys.readouterr().err
-
-
 def test_an_unexpected_error_is_neither_a_failed_cell_nor_a_regression(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

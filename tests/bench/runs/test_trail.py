@@ -192,23 +192,6 @@ def stored_alone(sweep: FakeSweep) -> Result:
     return result
 
 
-def test_an_interrupted_stage_has_the_same_first_steps(tmp_path: Path) -> None:
-    whole, stopped = FakeSweep(tmp_path / "whole"), FakeSweep(tmp_path / "stopped")
-    whole.run([fake_cell()])
-    stops = 0
-    while stopped.store.result(fake_cell().key) is None:
-        interruption = Interruption()
-        interruption.requested = stops < 4
-        bench = Bench(stopped.store, CPU, LogProgress(), interruption, method, checksum_now)
-        try:
-            train_and_score(bench, fake_cell(), whole.scenes["fake"], score=evaluate)  # type: ignore[arg-type]
-        except Interrupted:
-            stops += 1
-    assert stops == 4
-    assert stored_alone(stopped)["first_steps"] == stored_alone(whole)["first_steps"]
-    assert [len(steps) for steps in stored_alone(whole)["first_steps"].values()] == [3, 3]
-
-
 def test_every_training_stage_says_how_fast_the_machine_was(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
     sweep.run([fake_cell()])

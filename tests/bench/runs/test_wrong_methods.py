@@ -499,16 +499,6 @@ def test_an_error_s_text_cannot_command_the_terminal(tmp_path: Path, capsys: pyt
     assert "\x1b" not in said
 
 
-def test_a_repaired_method_runs_and_its_failure_is_removed(tmp_path: Path) -> None:
-    store, wrong = Store(tmp_path), Wrong(step=fails(ValueError, "x"))
-    assert len(run_all(store, wrong)) == 1
-    wrong.what = {}
-    assert run_all(store, wrong) == []
-    (cell,) = cells_of(wrong)
-    assert store.failure(cell.key) is None
-    assert wrong.begun.count("coarse") == 1, "the stage before it was kept"
-
-
 @pytest.mark.parametrize("error", [NotOffered("not this"), UsageError("a", "b"), NumericalFailure("c")])
 def test_explained_errors_of_a_method_pass_unchanged(error: ExplainedError) -> None:
     with pytest.raises(type(error)) as raised, calling("x", "step()"):

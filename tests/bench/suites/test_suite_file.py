@@ -124,7 +124,10 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ('key = "b"', 'key = "a"', "rows of the same key: a"),
         ('"ablation"', '"ablations"', "there is no published table 'ablations'\nDid you mean 'ablation'"),
         ('name = "mine"', 'name = "ablations"', "is a suite that comes with the package"),
-        ('name = "mine"', 'name = "../mine"', "is not a name of at most 120 letters"),
+        *(
+            ('name = "mine"', f'name = "{name}"', "suite.name: .*is not a name of at most 120 letters")
+            for name in ("../mine", "..", ".", ".hidden", "a" * 200)
+        ),
         ('name = "mine"', "name = ", "is no TOML"),
         ("scenes =", 'experiment = "trainig"\nscenes =', "there is no experiment 'trainig'\nDid you mean 'training'"),
     ],

@@ -105,6 +105,8 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
     assert resumed["work"] == whole["work"]
     assert resumed["parts"] == whole["parts"]
     assert resumed["parts"]["invert"] == {"probe": 1 + 2 + 3}
+    assert resumed["first_steps"] == whole["first_steps"]
+    assert [len(steps) for steps in whole["first_steps"].values()] == [3, 3]
     assert len(resumed["sessions"]["initialise"]) == 3
     assert not list(tmp_path.rglob("*.checkpoint.pt"))
 

@@ -145,7 +145,7 @@ def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
 
 
 @in_every_arrangement
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 17), (17, 1), (15, 33)])
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 17), (17, 1), (15, 33), (4096, 1)])
 def test_any_image_shape_is_covered(width: int, height: int) -> None:
     given, view = random_surfels(20, channels=1), camera(width, height)
     assert_same(fast(given, view), dense(given, view))
