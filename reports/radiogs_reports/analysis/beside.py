@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
 from ..wording import count_of, heading
-from .comparisons import ERROR_RATE, better_or_worse, holm, upwards
+from .comparisons import better_or_worse, resolved, upwards
 from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, flat, made_from, runs_of, values_of
 
@@ -91,9 +91,9 @@ def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterato
         gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)))
         if difference is not None and gain is not None:
             found[row] = here, there, difference, gain
-    adjusted = holm({row: gain.p_value for row, (*_, gain) in found.items() if gain.p_value is not None})
+    told = resolved({row: gain for row, (*_, gain) in found.items()})
     for row, (here, there, difference, gain) in found.items():
-        verdict = better_or_worse(gain) if adjusted.get(row, 1.0) <= ERROR_RATE else None
+        verdict = better_or_worse(gain) if row in told else None
         yield Beside(row, column, mean_of(there), mean_of(here), difference, verdict, here == there)
 
 

@@ -3,13 +3,13 @@
 Such pairs tell whether a part does what another one does as well: then it is worth less beside that one.
 """
 
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 from ..statistics import Estimate, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
-from .comparisons import ERROR_RATE, holm
+from .comparisons import resolved
 from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, name_item
 from .samples import changed_fields, flat, made_from, values_of
 
@@ -41,7 +41,11 @@ def crossed_report(summary: Summary) -> Report | None:
     sentences, records = list[str](), list[Record]()
     lines: list[list[Item]] = []
     for crossed in found:
-        worth = {column["key"]: _differences(summary, crossed, column["key"]) for column in columns}
+        worth: dict[str, dict[tuple[str, str], Estimate]] = {column["key"]: {} for column in columns}
+        for key, pair in product(worth, crossed.pairs):
+            difference = paired_difference(*(values_of(summary, row, key) for row in pair))
+            if difference is not None:
+                worth[key][pair] = difference
         sentences += [_sentence(summary, crossed, each, own) for each in columns if (own := worth[each["key"]])]
         for pair in crossed.pairs:
             items = [estimate_item(worth[each["key"]].get(pair), each["decimals"]) for each in columns]
@@ -82,20 +86,13 @@ def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any
     return (names[0], (left.get(names[0]), right.get(names[0]))) if len(names) == 1 else None
 
 
-def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[str, str], Estimate]:
-    """First row less second row, for each pair that shares a scene and seed."""
-    found = {pair: paired_difference(*(values_of(summary, row, column) for row in pair)) for pair in crossed.pairs}
-    return {pair: difference for pair, difference in found.items() if difference is not None}
-
-
 def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Estimate]) -> str:
     doubted = doubted_rows(summary, column["key"])
-    known = {pair: found.p_value for pair, found in own.items() if found.p_value is not None}
-    resolved = [pair for pair, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint(pair)]
+    told = [pair for pair in resolved(own) if doubted.isdisjoint(pair)]
     means = [found.mean for found in own.values()]
     return (
         f"{crossed.text}, {label_with_unit(column)}: from {signed(min(means), column['decimals'])} to"
-        f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(resolved)}."
+        f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(told)}."
     )
 
 

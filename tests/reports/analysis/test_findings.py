@@ -16,7 +16,7 @@ from radiogs_reports.analysis.findings import (
     MeasuredDifference,
     Outcome,
     compared_paper,
-    compared_suite,
+    compared_run,
     differences_of,
     sentences_of,
 )
@@ -39,11 +39,11 @@ def difference(made: Summary, row: str, column: str) -> Interval:
 
 
 def findings(made: Summary) -> list[MeasuredDifference]:
-    return differences_of(compared_suite(made))
+    return differences_of(compared_run(made))
 
 
 def sentences(made: Summary) -> list[str]:
-    return [each.plain for each in sentences_of(compared_suite(made))]
+    return [each.plain for each in sentences_of(compared_run(made))]
 
 
 def three_rows() -> Summary:
