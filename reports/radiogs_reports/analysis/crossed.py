@@ -3,7 +3,7 @@
 Such pairs tell whether a part does what another one does as well: then it is worth less beside that one.
 """
 
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any, NamedTuple
 
 from ..statistics import Estimate, paired_difference
@@ -41,11 +41,7 @@ def crossed_report(summary: Summary) -> Report | None:
     sentences, records = list[str](), list[Record]()
     lines: list[list[Item]] = []
     for crossed in found:
-        worth: dict[str, dict[tuple[str, str], Estimate]] = {column["key"]: {} for column in columns}
-        for key, pair in product(worth, crossed.pairs):
-            difference = paired_difference(*(values_of(summary, row, key) for row in pair))
-            if difference is not None:
-                worth[key][pair] = difference
+        worth = {column["key"]: _differences(summary, crossed, column["key"]) for column in columns}
         sentences += [_sentence(summary, crossed, each, own) for each in columns if (own := worth[each["key"]])]
         for pair in crossed.pairs:
             items = [estimate_item(worth[each["key"]].get(pair), each["decimals"]) for each in columns]
@@ -84,6 +80,12 @@ def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any
     left, right = flat(one["variant"]), flat(other["variant"])
     names = list(changed_fields(left, right))
     return (names[0], (left.get(names[0]), right.get(names[0]))) if len(names) == 1 else None
+
+
+def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[str, str], Estimate]:
+    """First row less second row, for each pair that shares a scene and seed."""
+    found = {pair: paired_difference(*(values_of(summary, row, column) for row in pair)) for pair in crossed.pairs}
+    return {pair: difference for pair, difference in found.items() if difference is not None}
 
 
 def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Estimate]) -> str:
