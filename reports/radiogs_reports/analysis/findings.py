@@ -7,7 +7,7 @@ the measured difference. Its own sign holds where the measured one is resolved i
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 from ..summary import (
     CellSummary,
@@ -105,7 +105,7 @@ class ComparedTable(NamedTuple):
 def compared_run(run: Summary | RecordedRun) -> ComparedTable:
     """The table of a run's suite, or of a recorded run."""
     if "runs" in run:
-        doubted = _doubted(run, run["rows"], run["columns"])
+        doubted = _doubted(cast(Summary, run), run["rows"], run["columns"])
     else:
         doubted = {(row, key) for row, cells in run["cells"].items() for key, cell in cells.items() if cell["doubted"]}
     return ComparedTable(
