@@ -17,7 +17,7 @@ from radiogs_core.plain_values import to_plain
 from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference, smallest_of
 from radiogs_reports.statistics import Origin, Sample, differences, mean_of
-from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
+from radiogs_reports.summary import CellSummary, ColumnSummary, Interval, PaperColumn, PaperTable
 
 from ..methods import budget_of, mark, method, nearest_recipe, variant_by_recipe
 from ..runs.rows_from_files import measured
@@ -69,8 +69,9 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
                 for row in sweep["rows"]
             }
         else:
-            shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
-            rows = as_published(shared, published(key), rows_of(suite))
+            theirs = rows_of(suite)
+            shared = rows_by_content(made_alike, theirs.values(), sweep["preset"])
+            rows = {row: of for row, of in shared.items() if all_as_published(of, published(key), theirs[row])}
         table = filled(key, published(key), MeasuredRows(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
@@ -121,11 +122,6 @@ def _layout(result: Result) -> str:
     return data["layout"] if data is not None else ""
 
 
-def as_published(rows: Rows, table: PublishedTable, by_key: Mapping[str, Row]) -> Rows:
-    """The rows whose results are of the table's scenes, image size and budget."""
-    return {row: results for row, results in rows.items() if all_as_published(results, table, by_key[row])}
-
-
 def rows_of(suite: Suite | None) -> dict[str, Row]:
     """Rows of the suite that reproduces a table, by key."""
     return {row.key: row for row in (suite.rows if suite else (OURS,))}
@@ -170,23 +166,16 @@ def filled(key: str, table: PublishedTable, found: MeasuredRows) -> PaperTable:
 def _fill_column(
     made: PaperTable, column: PaperColumn, table: PublishedTable, found: MeasuredRows, reference: str
 ) -> None:
-    """The values of a column with their ranks and differences to the reference row, and what it could have shown."""
-    key, direction = column["key"], column["direction"]
+    """The values of a column, measured and published."""
+    key = column["key"]
     samples = {row: sample(found, row, key) for row in table.labels}
-    compared = to_reference(samples, reference, direction) if reference in samples else {}
-    places = {} if direction == "none" else ranks(samples, direction)
-    for row, values in samples.items():
-        mean = mean_of(values)
-        made["cells"][row][key] = PaperValue(
-            mean=None if mean is None else mean.mean,
-            count=0 if mean is None else mean.values,
-            difference=interval(compared, row),
-            reason=None if mean is not None else why_not(found.rows, row, key, found.suite),
-            published=table.printed[row].get(key),
-            absent=table.absent.get(row, {}).get(key),
-            rank=places.get(row),
-        )
-    column["smallest"] = smallest_difference(compared)
+    for row, cell in fill_column(column, samples, reference).items():
+        made["cells"][row][key] = {
+            **cell,
+            "reason": why_not(found.rows, row, key, found.suite) if cell["mean"] is None else None,
+            "published": table.printed[row].get(key),
+            "absent": table.absent.get(row, {}).get(key),
+        }
 
 
 def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
@@ -328,13 +317,31 @@ def _sizes(results: Sequence[Result]) -> str:
     return " to ".join(dict.fromkeys(f"{width} x {height}" for width, height in (found[0], found[-1])))
 
 
-def interval(column: Mapping[str, Comparison], row: str) -> Interval | None:
-    """A row's difference to the reference row as summaries hold it; None for a row that is not compared."""
-    if row not in column:
-        return None
-    compared, difference = column[row], column[row].difference
+def fill_column(
+    column: ColumnSummary | PaperColumn, samples: Mapping[str, Sample], reference: str | None
+) -> dict[str, CellSummary]:
+    """The mean of each row with its rank and its difference to the reference row; sets what the column could show."""
+    direction = column["direction"]
+    compared = {} if reference not in samples or reference is None else to_reference(samples, reference, direction)
+    column["smallest"] = smallest_difference(compared)
+    places, cells = ranks(samples, direction), dict[str, CellSummary]()
+    for row, values in samples.items():
+        mean = mean_of(values)
+        cells[row] = CellSummary(
+            mean=None if mean is None else mean.mean,
+            count=0 if mean is None else mean.values,
+            difference=interval(compared[row], len(compared)) if row in compared else None,
+            reason=None,
+            rank=places.get(row),
+        )
+    return cells
+
+
+def interval(compared: Comparison, comparisons: int) -> Interval:
+    """A row's difference to the reference row as summaries hold it. ``comparisons``: rows that are compared."""
+    difference = compared.difference
     return Interval(
         mean=difference.mean, low=difference.low, high=difference.high, over=difference.over, units=difference.units,
-        p_value=compared.p_value, verdict=compared.verdict, smallest=smallest_of(difference, len(column)),
+        p_value=compared.p_value, verdict=compared.verdict, smallest=smallest_of(difference, comparisons),
         spread=compared.parts,
     )  # fmt: skip

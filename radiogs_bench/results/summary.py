@@ -10,17 +10,13 @@ import numpy as np
 from radiogs_baselines.published import published as published_table
 from radiogs_core.contract import Method
 from radiogs_core.errors import DataError, UsageError
-from radiogs_reports.analysis.comparisons import ranks, to_reference
-from radiogs_reports.analysis.power import smallest_difference
 from radiogs_reports.analysis.settling import settling
 from radiogs_reports.statistics import Origin, Sample, mean_of
 from radiogs_reports.summary import (
     SCHEMA,
-    CellSummary,
     ColumnSummary,
     Doubt,
     ErrorParts,
-    Interval,
     ModesSummary,
     PlanSummary,
     RowSummary,
@@ -41,7 +37,7 @@ from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.experiment import COST
 from ..suites.suite import COLUMNS, TASKS, Metric
 from .doubts import doubts, labels, title_of
-from .paper_tables import interval, paper_tables
+from .paper_tables import fill_column, paper_tables
 
 Finished = Sequence[tuple[CellRef, Result | None]]
 """Every cell of the sweep, with its result or None."""
@@ -84,7 +80,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         conventions=finished[0][1]["protocol"] if finished else {},
     )
     for column in made["columns"]:
-        fill_column(made, column, cells, sweep)
+        _fill_column(made, column, cells, sweep)
     leave_out_without_weights(made)
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
@@ -200,22 +196,15 @@ def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> Ro
     return row
 
 
-def fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sweep) -> None:
-    """The values of a column with their ranks and differences to the reference row, and what it could have shown."""
-    key, reference, kinds = column["key"], sweep["reference"], sweep.get("kinds", {})
-    found = {line["key"]: sample(cells, line["key"], key, kinds) for line in sweep["rows"]}
-    samples = {row: values for row, (values, _) in found.items()}
-    places = ranks(samples, column["direction"])
-    compared = {} if reference is None else to_reference(samples, reference, column["direction"])
+def _fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sweep) -> None:
+    """The values of a column, and why some are missing."""
+    found = {line["key"]: sample(cells, line["key"], column["key"], sweep.get("kinds", {})) for line in sweep["rows"]}
+    filled = fill_column(column, {row: values for row, (values, _) in found.items()}, sweep["reference"])
     for line in sweep["rows"]:
-        row = line["key"]
-        values, reason = found[row]
+        row, reason = line["key"], found[line["key"]][1]
         if "files" in line:
             reason = lacking(cells, sweep, line) or reason
-        cell = cell_summary(values, line.get("refused", reason), interval(compared, row))
-        cell["rank"] = places.get(row)
-        made["cells"][row][key] = cell
-    column["smallest"] = smallest_difference(compared)
+        made["cells"][row][column["key"]] = {**filled[row], "reason": line.get("refused", reason)}
 
 
 def leave_out_without_weights(made: Summary) -> None:
@@ -228,14 +217,6 @@ def leave_out_without_weights(made: Summary) -> None:
             made["columns"].remove(column)
             text = f"{column['label']} is left out: {reason}."
             made["doubts"].append(Doubt(column="", rows=[], text=text))
-
-
-def cell_summary(values: Sample, reason: str | None, difference: Interval | None) -> CellSummary:
-    """The mean of a metric over a row's scenes and seeds, and its paired difference to the reference row."""
-    mean = mean_of(values)
-    if mean is None:
-        return CellSummary(mean=None, count=0, difference=None, reason=reason)
-    return CellSummary(mean=mean.mean, count=mean.values, difference=difference, reason=reason)
 
 
 def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> tuple[Sample, str | None]:

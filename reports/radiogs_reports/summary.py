@@ -378,8 +378,7 @@ class Summary(RunTable):
     beside: NotRequired[OtherRun]
     """The run that this one is compared with; absent unless one was named."""
     left_out: NotRequired[list[str]]
-    """Scenes of the run that the summary leaves out, such as those whose cells are still to come; absent without any.
-    """
+    """Scenes of the run that the summary leaves out, such as those with cells still to come; absent without any."""
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
     seal: NotRequired[str]

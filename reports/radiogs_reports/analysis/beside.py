@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
 from ..wording import count_of, heading
-from .comparisons import ERROR_RATE, better_or_worse, holm, upwards
-from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
+from .comparisons import better_or_worse, resolved, upwards
+from .report import Grid, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, flat, made_from, runs_of, values_of
 
 MOST_CHANGES = 8
@@ -68,18 +68,18 @@ def beside_report(summary: Summary) -> Report | None:
     about = f"Other run: {other['name']} ({known})."
     values = compared_values(summary, other)
     sentences = [about, *_paired(summary, other), *_in_words(summary, values), *_changes(summary, other)]
-    return Report(sentences, [_grid(summary, other, values)], [_record(each) for each in values])
+    records = [
+        {"row": each.row, "metric": each.column["key"]}
+        | estimate_fields(there=each.there, here=each.here, difference=each.difference)
+        | {"verdict": each.verdict, "equal": each.equal}
+        for each in values
+    ]
+    return Report(sentences, [_grid(summary, other, values)], records)
 
 
 def compared_values(summary: Summary, other: OtherRun) -> list[Beside]:
     """The values of all rows that share a scene and seed with the other run, column by column."""
     return [each for column in summary["columns"] for each in _column(summary, other, column)]
-
-
-def _record(each: Beside) -> Record:
-    named: Record = {"row": each.row, "metric": each.column["key"]}
-    estimates = estimate_fields(there=each.there, here=each.here, difference=each.difference)
-    return named | estimates | {"verdict": each.verdict, "equal": each.equal}
 
 
 def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
@@ -91,9 +91,9 @@ def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterato
         gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)))
         if difference is not None and gain is not None:
             found[row] = here, there, difference, gain
-    adjusted = holm({row: gain.p_value for row, (*_, gain) in found.items() if gain.p_value is not None})
+    told = resolved({row: gain for row, (*_, gain) in found.items()})
     for row, (here, there, difference, gain) in found.items():
-        verdict = better_or_worse(gain) if adjusted.get(row, 1.0) <= ERROR_RATE else None
+        verdict = better_or_worse(gain) if row in told else None
         yield Beside(row, column, mean_of(there), mean_of(here), difference, verdict, here == there)
 
 

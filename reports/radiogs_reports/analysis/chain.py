@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ..statistics import Estimate, Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
-from .comparisons import ERROR_RATE, holm
+from .comparisons import resolved
 from .report import Grid, Item, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, costs_of, made_from, values_of
 
@@ -76,13 +76,10 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
 
 def _worth(summary: Summary, rows: list[str], column: ColumnSummary, values: Mapping[str, Sample]) -> Worth:
     steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
-    known = {row: step.p_value for row, step in steps.items() if step is not None and step.p_value is not None}
-    before = dict(zip(rows[1:], rows, strict=False))
     doubted = doubted_rows(summary, column["key"])
-    resolved = frozenset(
-        row for row, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint((before[row], row))
-    )
-    return Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, resolved)
+    trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}
+    told = frozenset(resolved(steps) & trusted)
+    return Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, told)
 
 
 def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:

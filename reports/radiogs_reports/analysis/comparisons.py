@@ -41,6 +41,16 @@ def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:
     return adjusted
 
 
+def adjusted_p_values(found: Mapping[Key, Estimate | None]) -> dict[Key, float]:
+    """The p values of a family of estimates by ``holm``; estimates of a single unit have none."""
+    return holm({key: each.p_value for key, each in found.items() if each is not None and each.p_value is not None})
+
+
+def resolved(found: Mapping[Key, Estimate | None]) -> set[Key]:
+    """The estimates of a family that differ from zero."""
+    return {key for key, adjusted in adjusted_p_values(found).items() if adjusted <= ERROR_RATE}
+
+
 def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
     """Every other row that shares a scene and seed with the reference row, compared with it."""
     base, found = samples[reference], {}
@@ -49,7 +59,7 @@ def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direc
         gain = paired_difference(upwards(sample, direction), upwards(base, direction))
         if row != reference and difference is not None and gain is not None:
             found[row] = difference, gain
-    adjusted = holm({row: gain.p_value for row, (_, gain) in found.items() if gain.p_value is not None})
+    adjusted = adjusted_p_values({row: gain for row, (_, gain) in found.items()})
     compared = {}
     for row, (difference, gain) in found.items():
         p_value, verdict = adjusted.get(row), None
@@ -80,13 +90,12 @@ def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set
         return None
     upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
     pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
-    tested = {pair: gain for pair, gain in pairs.items() if gain is not None and gain.p_value is not None}
-    if not tested:
+    if not adjusted_p_values(pairs):
         return None
-    adjusted = holm({pair: gain.p_value for pair, gain in tested.items() if gain.p_value is not None})
     found: dict[str, set[str]] = {row: set() for row in upward}
-    for (one, other), gain in tested.items():
-        if adjusted[one, other] <= ERROR_RATE:
+    told = resolved(pairs)
+    for (one, other), gain in pairs.items():
+        if gain is not None and (one, other) in told:
             better, worse = (one, other) if gain.mean > 0 else (other, one)
             found[better].add(worse)
     return found

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from ..statistics import Estimate, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
-from .comparisons import ERROR_RATE, holm
+from .comparisons import resolved
 from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, name_item
 from .samples import changed_fields, flat, made_from, values_of
 
@@ -90,12 +90,11 @@ def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[
 
 def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Estimate]) -> str:
     doubted = doubted_rows(summary, column["key"])
-    known = {pair: found.p_value for pair, found in own.items() if found.p_value is not None}
-    resolved = [pair for pair, adjusted in holm(known).items() if adjusted < ERROR_RATE and doubted.isdisjoint(pair)]
+    told = [pair for pair in resolved(own) if doubted.isdisjoint(pair)]
     means = [found.mean for found in own.values()]
     return (
         f"{crossed.text}, {label_with_unit(column)}: from {signed(min(means), column['decimals'])} to"
-        f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(resolved)}."
+        f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(told)}."
     )
 
 

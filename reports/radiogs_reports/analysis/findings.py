@@ -7,7 +7,7 @@ the measured difference. Its own sign holds where the measured one is resolved i
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 from ..summary import (
     CellSummary,
@@ -102,17 +102,12 @@ class ComparedTable(NamedTuple):
     """Rows and columns of the values that a footnote concerns, their own or the reference row's."""
 
 
-def compared_suite(summary: Summary) -> ComparedTable:
-    """The table of a run's suite."""
-    return ComparedTable(
-        summary["reference"], summary["rows"], summary["columns"], summary["cells"], summary["published"],
-        summary["published_data"], summary["scenes"], _doubted(summary, summary["rows"], summary["columns"]),
-    )  # fmt: skip
-
-
-def compared_record(run: RecordedRun) -> ComparedTable:
-    """The table of a recorded run."""
-    doubted = {(row, key) for row, cells in run["cells"].items() for key, cell in cells.items() if cell["doubted"]}
+def compared_run(run: Summary | RecordedRun) -> ComparedTable:
+    """The table of a run's suite, or of a recorded run."""
+    if "runs" in run:
+        doubted = _doubted(cast(Summary, run), run["rows"], run["columns"])
+    else:
+        doubted = {(row, key) for row, cells in run["cells"].items() for key, cell in cells.items() if cell["doubted"]}
     return ComparedTable(
         run["reference"], run["rows"], run["columns"], run["cells"], run["published"], run["published_data"],
         run["scenes"], doubted,
@@ -121,7 +116,11 @@ def compared_record(run: RecordedRun) -> ComparedTable:
 
 def compared_paper(table: PaperTable, summary: Summary) -> ComparedTable:
     """A table of the paper, with its own reference row, without settings, in which no value is better."""
-    columns = [_metric(each) for each in table["columns"] if each["direction"] != "none"]
+    columns: list[PaperColumn] = [
+        {**each, "label": f"{each['group']} {each['label']}".strip()}
+        for each in table["columns"]
+        if each["direction"] != "none"
+    ]
     rows = [RowSummary(key=each["key"], latex="", text=each["text"], seconds=None) for each in table["rows"]]
     published = {
         row: {key: float(value["published"]) for key, value in cells.items() if value["published"] is not None}
@@ -136,16 +135,6 @@ def compared_paper(table: PaperTable, summary: Summary) -> ComparedTable:
 def _doubted(summary: Summary, rows: Sequence[RowSummary], columns: Sequence[ColumnSummary]) -> set[tuple[str, str]]:
     places = ((row["key"], column["key"]) for row in rows for column in columns)
     return {(row, column) for row, column in places if is_doubted(summary, row, column)}
-
-
-def _metric(printed: PaperColumn) -> ColumnSummary:
-    column = ColumnSummary(
-        key=printed["key"], label=f"{printed['group']} {printed['label']}".strip(), unit=printed["unit"],
-        direction=printed["direction"], decimals=printed["decimals"],
-    )  # fmt: skip
-    if "published_by" in printed:
-        column["published_by"] = printed["published_by"]
-    return column
 
 
 def differences_of(table: ComparedTable) -> list[MeasuredDifference]:

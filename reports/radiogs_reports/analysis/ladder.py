@@ -17,8 +17,7 @@ ENDS = ("first in", "last out")
 OWN: Mapping[str, str] = {
     "geometry": "normal", "light": "environment", "albedo": "albedo", "roughness": "roughness",
 }  # fmt: skip
-"""The task of the metrics that measure a part itself: giving the part settles them, however good the other parts are.
-"""
+"""The task of the metrics that measure a part itself: giving the part settles them, however good the others are."""
 
 WHAT_THEY_MEAN = (
     "First in: what a metric gains when this part alone is given, compared with nothing given. Last out: what it loses"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from scipy.stats import kendalltau
 
-from ..statistics import Estimate, Origin, mean_of, paired_difference
+from ..statistics import Estimate, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import beaten, upwards
@@ -34,7 +34,7 @@ class Reversal(NamedTuple):
     gain: Estimate
     """Difference of ``better`` and ``worse`` here, in the direction of better values."""
     published: tuple[float, float]
-    """Published values of ``better`` and ``worse``, with the sign that makes larger ones better."""
+    """Published values of ``better`` and ``worse``."""
 
 
 class Order(NamedTuple):
@@ -99,27 +99,15 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
     told = [pair for pair in combinations(alike, 2) if published[pair[0]] != published[pair[1]]]
     ordered = [(one, other) if published[one] > published[other] else (other, one) for one, other in told]
     confirmed = sum(second in worse.get(first, set()) for first, second in ordered)
+    printed = {row: summary["published"][row][column["key"]] for row in published}
     reversals = [
-        _reversal(column, alike, published, better=second, worse=first)
-        for first, second in ordered
-        if first in worse.get(second, set())
+        Reversal(better, other, gain, (printed[better], printed[other]))
+        for other, better in ordered
+        if other in worse.get(better, set()) and (gain := paired_difference(alike[better], alike[other]))
     ]
     scale = math.sqrt(math.comb(len(published), 2) * len(ordered))  # of tau-b
     low, high = (2 * confirmed - len(ordered)) / scale, (len(ordered) - 2 * len(reversals)) / scale
     return Order(column, len(alike), float(whole.statistic), low, high, float(whole.pvalue), confirmed, reversals)
-
-
-def _reversal(
-    column: ColumnSummary,
-    samples: Mapping[str, Mapping[Origin, float]],
-    published: Mapping[str, float],
-    better: str,
-    worse: str,
-) -> Reversal:
-    sign = 1.0 if column["direction"] == "up" else -1.0
-    gain = paired_difference(samples[better], samples[worse])
-    assert gain is not None
-    return Reversal(better, worse, gain, (sign * published[better], sign * published[worse]))
 
 
 def _sentence(order: Order, reversal: Reversal, texts: Mapping[str, str]) -> str:

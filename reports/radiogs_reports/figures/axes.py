@@ -46,15 +46,18 @@ def add_grid(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def better_is_up(axes: Axes, qualities: Sequence[float], column: ColumnSummary) -> None:
-    """Limit the y axis to the qualities with some room, upside down where smaller is better."""
+def quality_over_cost(
+    axes: Axes, column: ColumnSummary, qualities: Sequence[float], costs: Sequence[float], logarithmic_from: float
+) -> None:
+    """The look of a panel of a metric over costs: the qualities with some room, upside down where smaller is better.
+
+    The costs are logarithmic if the largest is at least ``logarithmic_from`` times the smallest.
+    """
     low, high = min(qualities), max(qualities)
     room = MARGIN * (high - low or abs(high) or 1.0)
     low, high = low - room, high + room
     axes.set_ylim((high, low) if column["direction"] == "down" else (low, high))
-
-
-def cost_axis(axes: Axes, costs: Sequence[float], logarithmic_from: float) -> None:
-    """Make the x axis logarithmic if the largest cost is at least ``logarithmic_from`` times the smallest."""
     if max(costs) / min(costs) >= logarithmic_from:
         logarithmic(axes, "x")
+    axes.set_title(metric_title(column))
+    add_grid(axes)

@@ -54,6 +54,8 @@ ALL = "all rows"
 CHARACTERS_PER_TILE = 20
 """Characters of a title that fit over a tile."""
 
+LEGEND_LINE = 0.17
+"""Inches that a line of a legend takes."""
 
 INCHES_PER_CHARACTER = 0.065
 """Mean width of a legend's characters."""

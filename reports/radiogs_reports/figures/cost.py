@@ -11,14 +11,12 @@ from ..analysis.pareto import CostPoint, points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
 from ..wording import ARROWS, mean_over, population_of
-from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
-from .canvas import COLOURS, MARKERS, Sketch, legend_columns, panels, plain
+from .axes import GRID, quality_over_cost
+from .canvas import COLOURS, LEGEND_LINE, MARKERS, Sketch, legend_columns, panels, plain
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
 MOST_COLUMNS = 5
-LEGEND_LINE = 0.17
-"""Inches that a line of the legend takes."""
 
 ALIKE = 0.05
 """Costs that differ by at most this share are alike: a figure against them would show nothing but noise."""
@@ -81,10 +79,7 @@ def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found
     for point in found:
         place = places[point.row]
         _mark(axes, point, MARKERS[place], COLOURS[place], 6, 0.8)
-    better_is_up(axes, qualities, column)
-    cost_axis(axes, costs, LOGARITHMIC_FROM)
-    axes.set_title(metric_title(column))
-    add_grid(axes)
+    quality_over_cost(axes, column, qualities, costs, LOGARITHMIC_FROM)
 
 
 KNOB_PANELS_ACROSS = 2
@@ -145,10 +140,8 @@ def _knob_panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: li
         _mark(axes, point, MARKERS[1 + place % 7], OTHER, 5)
     if reference in by_row:
         _mark(axes, by_row[reference], "*", "#000000", 9)
-    better_is_up(axes, [point.quality for point in found], column)
-    cost_axis(axes, [point.cost for point in found], KNOBS_LOGARITHMIC_FROM)
-    axes.set_title(metric_title(column))
-    add_grid(axes)
+    qualities, costs = [point.quality for point in found], [point.cost for point in found]
+    quality_over_cost(axes, column, qualities, costs, KNOBS_LOGARITHMIC_FROM)
 
 
 def _mark(axes: Axes, point: CostPoint, marker: str, colour: str, size: float, line_width: float = 0.5) -> None:

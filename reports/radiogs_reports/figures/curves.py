@@ -16,7 +16,7 @@ from ..analysis.cost_knobs import COMPARED, label_of
 from ..analysis.samples import flat, made_from, values_of
 from ..summary import ColumnSummary, Summary
 from .axes import metric_over_numbers
-from .canvas import COLOURS, MARKERS, Sketch, file_name, legend_columns, panels, plain
+from .canvas import COLOURS, LEGEND_LINE, MARKERS, Sketch, file_name, legend_columns, panels, plain
 
 FEWEST = 3
 """Settings that make a curve."""
@@ -24,8 +24,6 @@ FEWEST = 3
 ACROSS = 4
 PANEL = (2.1, 1.9)
 MOST_COLUMNS = 4
-LEGEND_LINE = 0.17
-"""Inches that a line of the legend takes."""
 
 
 class Curves(NamedTuple):

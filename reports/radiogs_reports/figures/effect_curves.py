@@ -15,14 +15,12 @@ from ..statistics import Estimate, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary
 from ..wording import mean_over, population_of
 from .axes import metric_over_numbers
-from .canvas import COLOURS, Sketch, blank, hide_empty
+from .canvas import COLOURS, LEGEND_LINE, Sketch, blank, hide_empty
 from .curves import FEWEST, Curves, curves_of
 
 ACROSS = 4
 PANEL = (2.1, 2.7)
 """Width and height in inches of the two panels of a metric, one above the other."""
-LEGEND_LINE = 0.17
-"""Inches that a line of the legend takes."""
 LINES: tuple[Literal["-"], Literal["--"]] = ("-", "--")
 """Styles of the two curves of a pair."""
 
@@ -68,7 +66,11 @@ def _sketch(summary: Summary, curves: Curves, crossed: Crossed, pairs: Sequence[
         above, below = grid[2 * (place // across) : 2 * (place // across) + 2, place % across]
         for number, pair in enumerate(pairs):
             _draw(summary, column, pair, above, below, COLOURS[number % len(COLOURS)])
-        _finish(column, above, below)
+        for axes in (above, below):
+            metric_over_numbers(axes, column)
+        below.set_title("")
+        below.axhline(0, color="black", linewidth=0.6)
+        below.tick_params(labelbottom=True)
         below.set_xlabel(curves.text)
     hide_empty(grid.ravel())
     handles = [
@@ -104,11 +106,3 @@ def _draw(summary: Summary, column: ColumnSummary, pair: CurvePair, above: Axes,
     bands = [(each.mean, each.half_width or 0.0) for each in differences]
     low, high = [mean - half for mean, half in bands], [mean + half for mean, half in bands]
     below.fill_between(numbers, low, high, color=colour, alpha=0.2, linewidth=0)
-
-
-def _finish(column: ColumnSummary, above: Axes, below: Axes) -> None:
-    for axes in (above, below):
-        metric_over_numbers(axes, column)
-    below.set_title("")
-    below.axhline(0, color="black", linewidth=0.6)
-    below.tick_params(labelbottom=True)

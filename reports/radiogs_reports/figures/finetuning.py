@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ..analysis.samples import flat, made_from
+from ..analysis.samples import changed_fields, flat, made_from
 from ..maps import Image
 from ..summary import ColumnSummary, ModesSummary, Summary, reference_of, row_texts
 from ..wording import count_of, mean_over, population_of
@@ -177,7 +177,7 @@ def _crossover(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
     figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), frameon=False)
     known = _modes_and_content(summary, reference_of(summary))
     assert known is not None  # else no row is fine-tuned
-    untuned = known[1]["variant"][known[0]["field"]]
+    untuned = flat(known[1]["variant"])[known[0]["field"]]
     caption = (
         "When fine-tuning pays: total seconds for a number of frames under one light, preparation included (times per"
         f" light and per frame are means over {mean_over(summary)}, on {summary['machine']}). Points: where a"
@@ -263,18 +263,29 @@ def tunings(summary: Summary) -> list[Tuned]:
     if known is None:
         return []
     modes, base = known
-    if base["variant"].get(modes["field"]) in (None, *modes["by_steps"]):
+    if flat(base["variant"]).get(modes["field"]) in (None, *modes["by_steps"]):
         return []
     found = []
     for row in summary["rows"]:
-        content = _content(summary, row["key"])
-        if content is not None and _without_tuning(content, modes) == _without_tuning(base, modes):
-            mode, iterations = content["variant"].get(modes["field"]), content["budget"].get(modes["steps"])
+        content = made_from(summary, row["key"])
+        if content is not None and _is_tuned_alone(content, base, modes):
+            mode, iterations = flat(content["variant"]).get(modes["field"]), flat(content["budget"]).get(modes["steps"])
             if mode in modes["by_steps"] and iterations is not None:
                 title = modes["titles"].get(mode, mode)
                 found.append(Tuned(row["key"], Mode(modes["by_steps"].index(mode), title), iterations))
     kept = [each for each in found if sum(each.mode == other.mode for other in found) > 1]
     return sorted(kept, key=lambda each: (each.mode, each.iterations))
+
+
+def _is_tuned_alone(content: dict[str, Any], base: dict[str, Any], modes: ModesSummary) -> bool:
+    """Whether the content of a cell's key differs from another in its way of relighting alone."""
+    if not {"variant", "budget"} <= content.keys() or any(content.get(part) != base.get(part) for part in SHARED):
+        return False
+    variant, budget = (changed_fields(content[part], base[part]) for part in ("variant", "budget"))
+    return variant <= {modes["field"]} and budget <= {modes["steps"], "name"}
+
+
+SHARED = ("method", "settings")
 
 
 def times_of(summary: Summary, row: str) -> RelightTimes | None:
@@ -285,23 +296,8 @@ def times_of(summary: Summary, row: str) -> RelightTimes | None:
     return RelightTimes(*known) if len(known) == len(MILLISECONDS) else None
 
 
-def _content(summary: Summary, row: str) -> dict[str, Any] | None:
-    """The content of a row's cell keys, variant and budget by dotted names; None without a finished cell."""
-    content = made_from(summary, row)
-    if content is None or not {"variant", "budget"} <= content.keys():
-        return None
-    return {**content, "variant": flat(content["variant"]), "budget": flat(content["budget"])}
-
-
 def _modes_and_content(summary: Summary, row: str) -> tuple[ModesSummary, dict[str, Any]] | None:
     """The relighting modes of a row's method, and what its cells are made of; None for a method without modes."""
-    content = _content(summary, row)
-    modes = None if content is None else summary.get("relighting", {}).get(content.get("method", ""))
-    return None if content is None or modes is None else (modes, content)
-
-
-def _without_tuning(content: dict[str, Any], modes: ModesSummary) -> list[Any]:
-    """The content of a cell's key without the way of relighting."""
-    dropped = {"variant": (modes["field"],), "budget": (modes["steps"], "name")}
-    kept = [{key: each for key, each in content[part].items() if key not in names} for part, names in dropped.items()]
-    return [*kept, content.get("settings"), content.get("method")]
+    content = made_from(summary, row) or {}
+    modes = summary.get("relighting", {}).get(content.get("method", ""))
+    return None if modes is None or not {"variant", "budget"} <= content.keys() else (modes, content)

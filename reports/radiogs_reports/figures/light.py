@@ -1,8 +1,10 @@
 """Figures of light: recovered environment maps, the parts of a view's light, and a view under several lights."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .. import maps
@@ -12,6 +14,9 @@ from .views import SceneViews, scene_views
 
 WIDTH = 2.6
 ACROSS = 3
+Parts = dict[str, maps.Image]
+"""Maps by name."""
+
 KEY = 0.36
 """Displayed value of the true map's mean log-luminance, before tone mapping: twice a middle grey."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -113,7 +118,7 @@ def components(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
     return parts
 
 
-def indirect_as_incident(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
+def indirect_as_incident(found: Parts) -> Parts:
     """The maps with the one called indirect named incident: arriving light, which is no part of the image."""
     return {("incident" if name == "indirect" else name): image for name, image in found.items()}
 
@@ -123,21 +128,8 @@ def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
     truth = components(indirect_as_incident(views.truth) if truth_is_incident else views.truth)
     rows = [components(found) for _, found in views.rows]
     names = [name for name in COMPONENTS if all(name in parts for parts in rows)]
-    bands, true = views.bands(), len(truth) > 1
-    figure, grid = tiles(len(bands), len(names), len(bands[0].rows) + true, 0.4)
-    for axes, band in zip(grid, bands, strict=True):
-        columns = [("truth", truth)] if true else []
-        columns += [(label, components(found)) for label, found in band.rows]
-        for place, (label, parts) in enumerate(columns):
-            axes[0, place].set_title(wrapped(label))
-            for line, name in zip(axes[:, place], names, strict=True):
-                if name in parts:
-                    show(line, parts[name])
-                else:
-                    show_absence(line, parts["image"])
-        for line, name in zip(axes[:, 0], names, strict=True):
-            line.set_ylabel(LABELS.get(name) or maps.KINDS[name].label)
-    hide_empty(grid)
+    labels = {name: LABELS.get(name) or maps.KINDS[name].label for name in names}
+    figure = _lines(views, labels, truth if len(truth) > 1 else None, components)
     caption = (
         f"Illumination of {views.scene}, view {views.view}. Direct: the image less its indirect part, in linear"
         " radiance; a lower bound where the image is clipped."
@@ -146,6 +138,28 @@ def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
         caption += " Incident: mean indirect radiance over each surfel's hemisphere"
         caption += ", and mean visible light." if "incident_direct" in names else "."
     return Sketch(file_name(views.scene, "illumination"), caption, figure)
+
+
+def _lines(
+    views: SceneViews, labels: dict[str, str], truth: Parts | None, parts_of: Callable[[Parts], Parts]
+) -> Figure:
+    """A line of pictures for each label, by its part: the truth, then what ``parts_of`` makes of each row's maps."""
+    bands = views.bands()
+    figure, grid = tiles(len(bands), len(labels), len(bands[0].rows) + (truth is not None), 0.4)
+    for axes, band in zip(grid, bands, strict=True):
+        columns = [] if truth is None else [("truth", truth)]
+        columns += [(label, parts_of(found)) for label, found in band.rows]
+        for place, (label, parts) in enumerate(columns):
+            axes[0, place].set_title(wrapped(label))
+            for line, name in zip(axes[:, place], labels, strict=True):
+                if name in parts:
+                    show(line, parts[name])
+                else:
+                    show_absence(line, parts["image"])
+        for line, label in zip(axes[:, 0], labels.values(), strict=True):
+            line.set_ylabel(label)
+    hide_empty(grid)
+    return figure
 
 
 RELIT, RELIT_INDIRECT = "relit", "relit_indirect"
@@ -173,16 +187,11 @@ def lights(views: SceneViews, kind: str) -> list[str]:
 
 def _relit(views: SceneViews, kind: str) -> Sketch:
     names = lights(views, kind)
-    bands, shown = views.bands(), maps.KINDS[kind].shown
-    figure, grid = tiles(len(bands), len(names), len(bands[0].rows) + 1, 0.4)
-    for axes, band in zip(grid, bands, strict=True):
-        for column, (label, found) in enumerate([("truth", band.truth), *band.rows]):
-            axes[0, column].set_title(wrapped(label))
-            for line, light in zip(axes[:, column], names, strict=True):
-                show(line, shown(found[f"{kind}/{light}"]))
-        for line, light in zip(axes[:, 0], names, strict=True):
-            line.set_ylabel(plain(light))
-    hide_empty(grid)
+
+    def shown(found: Parts) -> Parts:
+        return {light: maps.KINDS[kind].shown(found[f"{kind}/{light}"]) for light in names}
+
+    figure = _lines(views, {light: plain(light) for light in names}, shown(views.truth), shown)
     caption = (
         f"{views.scene}, view {views.view}, {maps.KINDS[kind].label}: a line per light, none of them the light of the"
         " training views. Where the true albedo is known, albedo is aligned with it first, as for the values of the"

@@ -37,8 +37,7 @@ class ComparedMap:
     window: Window
     """The window of the crops."""
     errors: list[maps.Image]
-    """Errors of each row in [0, 1], [height, width, 1]: mean absolute differences over the channels, in display units.
-    """
+    """Errors of each row in [0, 1], [height, width, 1]: mean absolute differences over the channels, as displayed."""
 
 
 def overview_figures(summary: Summary, out: Path) -> list[Sketch]:

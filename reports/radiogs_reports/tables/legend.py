@@ -15,15 +15,13 @@ WORDS = "Better, or worse, than {reference}, where that is resolved; values with
 
 def with_legend(table: Table, scenes: Sequence[str]) -> Table:
     """The table of these scenes with the sentences of its legend, for reports with and without colours."""
-    return replace(
-        table, legend=legend(table, scenes, coloured=True), legend_in_words=legend(table, scenes, coloured=False)
-    )
+    return replace(table, legend=legend(table, scenes, COLOURS), legend_in_words=legend(table, scenes, WORDS))
 
 
-def legend(table: Table, scenes: Sequence[str], coloured: bool) -> list[str]:
+def legend(table: Table, scenes: Sequence[str], shown: str) -> list[str]:
     """The sentences of a table of these scenes; none without a reference row or without measured differences.
 
-    ``coloured``: colours show what is resolved; otherwise words do.
+    ``shown``: how a report shows what is resolved, ``COLOURS`` or ``WORDS``.
     """
     intervals = [cell.difference.interval for cell in table.cells if cell.difference is not None]
     if table.reference is None or not intervals:
@@ -38,7 +36,7 @@ def legend(table: Table, scenes: Sequence[str], coloured: bool) -> list[str]:
     over = [population(*units, scene) for units in sorted({(each["over"], each["units"]) for each in tested})]
     return [
         f"Differences are paired by scene and seed, with 95 % t intervals {'; or '.join(over)}.",
-        _resolved(table.columns, (COLOURS if coloured else WORDS).format(reference=repr(table.reference.text))),
+        _resolved(table.columns, shown.format(reference=repr(table.reference.text))),
         _power(table.columns, tested),
     ]
 

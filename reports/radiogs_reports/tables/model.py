@@ -234,6 +234,11 @@ class Table:
         ]
 
     @property
-    def differs(self) -> bool:
-        """Whether any value has a difference."""
-        return any(cell.difference for cell in self.cells)
+    def differences(self) -> dict[tuple[str, str], Difference]:
+        """The differences to the reference row, by the keys of their row and column."""
+        return {
+            (row.key, column.key): cell.difference
+            for row in self.rows
+            for column, cell in zip(self.columns, row.cells, strict=True)
+            if cell.difference is not None
+        }

@@ -5,14 +5,13 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from ..analysis.findings import MeasuredDifference, compared_record, differences_of, measured
+from ..analysis.findings import MeasuredDifference, compared_run, differences_of, measured
 from ..analysis.report import Grid, Item, name_item
 from ..summary import ColumnSummary, RecordedRun, Summary
 from ..wording import heading, mean_over, number, signed
 from .caption import ORIGIN
-from .doubts import shown_verdict
 from .model import Difference, PrintedCell, Table, difference_of, rank_in_words, stored_ranks
-from .suite import run_table, value_cell
+from .suite import run_table, suite_table, value_cell
 
 HEADING = "Record of a longer run, committed with the project (not measured here)"
 
@@ -64,14 +63,12 @@ class RecordReport(NamedTuple):
 
 def record_reports(summary: Summary) -> list[RecordReport]:
     """The record of a run's suite, each of its runs compared with this run; empty where the project has none."""
-    return [
-        record_report(run, f"record-{number}", list(agreements(summary, run)))
-        for number, run in enumerate(summary.get("longer_runs", []))
-    ]
+    here = suite_table(summary)
+    return [record_report(run, f"record-{place}", here) for place, run in enumerate(summary.get("longer_runs", []))]
 
 
-def record_report(run: RecordedRun, name: str, compared: Sequence[Agreement] = ()) -> RecordReport:
-    """A recorded run as it is shown. ``name``: of its table. ``compared``: its agreements with another run."""
+def record_report(run: RecordedRun, name: str, here: Table | None = None) -> RecordReport:
+    """A recorded run as it is shown. ``name``: of its table. ``here``: the table of a run to compare with it."""
     facts = {
         **{name: run["origin"].get(name, "") for name in ORIGIN},
         "Machine": run["machine"],
@@ -82,28 +79,25 @@ def record_report(run: RecordedRun, name: str, compared: Sequence[Agreement] = (
         "Seeds": ", ".join(map(str, run["seeds"])),
         "Mean over": mean_over(run, named=False),
     }
-    known = {name: text for name, text in facts.items() if text}
-    return RecordReport(run["title"], known, recorded_table(run, name), compared, by_scene(run, f"{name}-scenes"))
+    known, table = {name: text for name, text in facts.items() if text}, recorded_table(run, name)
+    compared = [] if here is None else list(agreements(here, table))
+    return RecordReport(run["title"], known, table, compared, by_scene(run, f"{name}-scenes"))
 
 
 def recorded_table(run: RecordedRun, name: str) -> Table:
     """Means and differences of a recorded run."""
     caption = f"{HEADING}: {run['title']}. Mean over {mean_over(run, named=False)}; preset {run['preset']}."
-    return run_table(run, name, partial(_cell, run), caption, compared_record(run))
+    return run_table(run, name, partial(_cell, run), caption)
 
 
 def _cell(run: RecordedRun, row: str, column: ColumnSummary) -> PrintedCell:
     stored = run["cells"][row][column["key"]]
+    interval = stored["difference"]
     return replace(
         value_cell(stored["mean"], column, stored["reason"]),
         rank=rank_in_words(stored_ranks(run["cells"], column["key"], column["direction"]).get(row)),
-        difference=_recorded(run, row, column),
+        difference=difference_of(interval, column["decimals"], None if interval is None else interval["verdict"]),
     )
-
-
-def _recorded(run: RecordedRun, row: str, column: ColumnSummary) -> Difference | None:
-    interval = run["cells"][row][column["key"]]["difference"]
-    return difference_of(interval, column["decimals"], None if interval is None else interval["verdict"])
 
 
 def claims(runs: Sequence[RecordedRun]) -> Grid | None:
@@ -114,7 +108,7 @@ def claims(runs: Sequence[RecordedRun]) -> Grid | None:
     for run in runs:
         texts = {row["key"]: row["text"] for row in run["rows"]}
         columns = {column["key"]: column for column in run["columns"]}
-        for found in differences_of(compared_record(run)):
+        for found in differences_of(compared_run(run)):
             if found.published is not None:
                 column = columns[found.column]
                 paper = Item(signed(found.published, column["decimals"]), found.published)
@@ -164,21 +158,16 @@ def by_scene(run: RecordedRun, name: str) -> Grid:
     return Grid(name, "Differences scene by scene", note, ["row", "metric", *run["scenes"]], rows)
 
 
-def agreements(summary: Summary, run: RecordedRun) -> Iterator[Agreement]:
-    """Whether each difference of this run agrees with that of the record, where both have one."""
-    texts = {row["key"]: row["text"] for row in run["rows"]}
-    columns = {column["key"]: column for column in run["columns"]}
-    for row in (each["key"] for each in summary["rows"] if each["key"] in texts):
-        for column in (each for each in summary["columns"] if each["key"] in columns):
-            interval = summary["cells"][row][column["key"]]["difference"]
-            verdict = shown_verdict(summary, row, column["key"], interval)
-            here = difference_of(interval, column["decimals"], verdict)
-            there = _recorded(run, row, columns[column["key"]])
-            if here is not None and there is not None:
-                outcome, name = _outcome(here, there), f"{texts[row]}, {column['label']}"
-                both = [_in_words(each, column["unit"]) for each in (here, there)]
-                sentence = f"{name}: {outcome}. Here {both[0]}, in the record {both[1]}."
-                yield Agreement(texts[row], column["label"], outcome, sentence)
+def agreements(here: Table, recorded: Table) -> Iterator[Agreement]:
+    """Whether each difference of a run agrees with the recorded one, where both have one."""
+    labels = {row.key: row.text for row in recorded.rows}
+    known = recorded.differences
+    for (row, column), mine in here.differences.items():
+        if (theirs := known.get((row, column))) is not None:
+            (found,) = (each for each in here.columns if each.key == column)
+            outcome, both = _outcome(mine, theirs), [_in_words(each, found.unit) for each in (mine, theirs)]
+            sentence = f"{labels[row]}, {found.label}: {outcome}. Here {both[0]}, in the record {both[1]}."
+            yield Agreement(labels[row], found.label, outcome, sentence)
 
 
 def _outcome(here: Difference, there: Difference) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from ..analysis.findings import ComparedTable, compared_suite, sentences_of
+from ..analysis.findings import compared_run, sentences_of
 from ..summary import CellSummary, ColumnSummary, RecordedRun, Summary, protocol_title
 from ..wording import mean_over, number
 from .caption import preset_and_recipe, unfinished
@@ -18,7 +18,7 @@ TRAINING = Column("Training", "s", "down", 1, key="seconds")
 
 def suite_table(summary: Summary) -> Table:
     """The table of a run's suite, with the seconds of training in the last column."""
-    made = run_table(summary, summary["suite"], partial(_cell, summary), _caption(summary), compared_suite(summary))
+    made = run_table(summary, summary["suite"], partial(_cell, summary), _caption(summary))
     return replace(
         made,
         source=f"made by radiogs-bench from the results {', '.join(summary['keys'])}",
@@ -33,7 +33,6 @@ def run_table(
     name: str,
     cell_of: Callable[[str, ColumnSummary], PrintedCell],
     caption: str,
-    compared: ComparedTable,
 ) -> Table:
     """The table of a run's metrics with the seconds of training in the last column, its findings and its legend.
 
@@ -55,7 +54,7 @@ def run_table(
         rows,
         caption=caption,
         reference=next((row for row in rows if row.key == run["reference"]), None),
-        findings=sentences_of(compared),
+        findings=sentences_of(compared_run(run)),
     )
     return with_legend(replace(made, notes=made.reasons), run["scenes"])
 

@@ -3,7 +3,7 @@
 from ..analysis.report import Grid, Report
 from ..summary import Summary
 from ..tables.caption import run_note
-from .latex import BOX_BEGIN, BOX_END, as_formula, escape
+from .latex import as_formula, escape, tabular
 from .markdown import table_head, table_line
 
 ROWS_PER_PAGE = 32
@@ -47,19 +47,16 @@ def grid_latex(grid: Grid) -> list[str]:
 
 
 def _table(grid: Grid, caption: str, label: str) -> str:
-    lines = [
-        r"\begin{table}[tbp]",
-        r"\centering",
-        f"\\caption{{{as_formula(caption)}}}{label}",
-        BOX_BEGIN,
-        f"\\begin{{tabular}}{{{'l' * len(grid.heads)}}}",
-        r"\toprule",
-        f"{' & '.join(map(as_formula, grid.heads))} \\\\",
-        r"\midrule",
-        *(f"{' & '.join(as_formula(item.text) for item in row)} \\\\" for row in grid.rows),
-        r"\bottomrule",
-        r"\end{tabular}}",
-        BOX_END,
-        r"\end{table}",
-    ]
-    return "\n".join(lines)
+    head, *lines = (
+        rf"{' & '.join(map(as_formula, texts))} \\"
+        for texts in (grid.heads, *([item.text for item in row] for row in grid.rows))
+    )
+    return "\n".join(
+        [
+            r"\begin{table}[tbp]",
+            r"\centering",
+            rf"\caption{{{as_formula(caption)}}}{label}",
+            *tabular("l" * len(grid.heads), [head], lines),
+            r"\end{table}",
+        ]
+    )

@@ -8,7 +8,7 @@ from ..tables.caption import preset_and_recipe, unfinished
 from ..tables.model import Column, PrintedCell, Table, stored_ranks
 from ..tables.suite import suite_table
 from ..wording import mean_over
-from .latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape
+from .latex import ARROWS, as_formula, escape, tabular
 
 MISSING = "--"
 
@@ -29,7 +29,9 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
     chosen = [at[key] for key in (keys or [key for key in at if key in has_value])]
     columns = [table.columns[place] for place in chosen]
     printed = [_column(summary, table, place) for place in chosen]
-    lines = [" & ".join([as_formula(row.text), *values]) for row, *values in zip(table.rows, *printed, strict=True)]
+    lines = [
+        rf"{' & '.join([as_formula(row.text), *values])} \\" for row, *values in zip(table.rows, *printed, strict=True)
+    ]
     marks = {mark for row in table.rows for place in chosen for mark in row.cells[place].marks}
     below = [escape(line) for line in table.footnotes if line[:1] in marks]
     return "\n".join(
@@ -38,15 +40,7 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
             r"\centering",
             rf"\caption{{{_caption(summary)}}}",
             rf"\label{{tab:{table.name}-paper}}",
-            BOX_BEGIN,
-            rf"\begin{{tabular}}{{l{'c' * len(columns)}}}",
-            r"\toprule",
-            *_headings(columns),
-            r"\midrule",
-            *(rf"{line} \\" for line in lines),
-            r"\bottomrule",
-            r"\end{tabular}}",
-            BOX_END,
+            *tabular(f"l{'c' * len(columns)}", _headings(columns), lines),
             *(rf"\par\smallskip\footnotesize {line}" for line in below),
             r"\end{table}",
             "",

@@ -1,4 +1,4 @@
-"""LaTeX of a whole run, and parts of every report: preamble, escapes, symbols, colours, notes, boxes that fit."""
+"""LaTeX of a whole run, and parts of all reports: preamble, escapes, symbols, colours, notes, and tabulars."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -21,6 +21,13 @@ BOX_END = (
 )
 """Together with ``BOX_BEGIN`` around a tabular: shrinks it to the line's width and the page's height, never enlarges
 it."""
+
+
+def tabular(layout: str, heads: Sequence[str], lines: Sequence[str]) -> list[str]:
+    """A tabular of heads and lines (LaTeX), shrunk to the width of the line and the height of the page."""
+    begin = rf"\begin{{tabular}}{{{layout}}}"
+    return [BOX_BEGIN, begin, r"\toprule", *heads, r"\midrule", *lines, r"\bottomrule", r"\end{tabular}}", BOX_END]
+
 
 LEFT = r"\par\raggedright"
 """Precedes the notes below a table."""

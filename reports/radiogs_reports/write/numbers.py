@@ -5,20 +5,16 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from ..tables.model import Difference, Table
-from .latex import BOX_BEGIN, BOX_END, LEFT, as_formula, escape, found_in_caption, legend, note_mark
+from .latex import LEFT, as_formula, escape, found_in_caption, legend, note_mark, tabular
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
-"""Numbers that siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column.
-"""
+"""Numbers that siunitx aligns; anything else, such as n/a or an exponent, is text in the middle of the column."""
 
 SETUP = r"\sisetup{group-minimum-digits=9,retain-explicit-plus=true}"
-"""Precedes a tabular: digits are not grouped, and a gain keeps its plus, so that a number is printed as it was given.
-"""
-
+"""Precedes a tabular: digits are not grouped, and a gain keeps its plus; a number is printed as it was given."""
 
 MOST_ACROSS = 6
 """Most numbers side by side; more continue in a tabular below, because print would make them too small to read."""
-
 
 MOST_LINES = 40
 """Most lines of a table on one page, without its heads; further parts are a table of their own."""
@@ -124,9 +120,8 @@ def tabulars(
         held += height
         columns = zip(*(line.entries for group in cut for line in group.lines), strict=True)
         aligned = "".join(map(layout, columns))
-        lines += [BOX_BEGIN, f"\\begin{{tabular}}{{{lead}{aligned}}}", r"\toprule", *heads(part), r"\midrule"]
-        lines += _body([group for group in cut if group.lines], len(lead) + 2 * (part.stop - part.start))
-        lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
+        body = _body([group for group in cut if group.lines], len(lead) + 2 * (part.stop - part.start))
+        lines += tabular(lead + aligned, heads(part), body)
     return lines
 
 

@@ -21,7 +21,13 @@ def paper_latex(table: Table) -> str:
     """
     groups = [Group(_row_lines(table, row)) for row in table.rows]
     if table.apart_title:
-        groups.append(Group(_apart(table), f"{as_formula(table.apart_title)}:"))
+        apart = [
+            TabularLine(
+                _paper_label(table, row.text, row.remark), [_published(table, each.apart) for each in row.cells]
+            )
+            for row in table.rows
+        ]
+        groups.append(Group(apart, f"{as_formula(table.apart_title)}:"))
     caption, label = as_formula(table.caption), f"measured:{table.name}"
     lines = environment(table, label, caption, "ll", lambda part: _heads(table.columns[part]), groups)
     return "\n".join([*lines, *text_below(label, found_below(table.findings)), ""])
@@ -53,14 +59,6 @@ def _row_lines(table: Table, row: PrintedRow) -> list[TabularLine]:
         published = [_published(table, cell.published) for cell in row.cells]
         lines.append(TabularLine(_paper_label(table, row.published_label, row.remark), published))
     return lines
-
-
-def _apart(table: Table) -> list[TabularLine]:
-    """Lines of published values by other conventions."""
-    return [
-        TabularLine(_paper_label(table, row.text, row.remark), [_published(table, cell.apart) for cell in row.cells])
-        for row in table.rows
-    ]
 
 
 def _paper_label(table: Table, label: str, remark: str) -> str:

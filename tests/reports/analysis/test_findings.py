@@ -16,7 +16,7 @@ from radiogs_reports.analysis.findings import (
     MeasuredDifference,
     Outcome,
     compared_paper,
-    compared_suite,
+    compared_run,
     differences_of,
     sentences_of,
 )
@@ -39,11 +39,11 @@ def difference(made: Summary, row: str, column: str) -> Interval:
 
 
 def findings(made: Summary) -> list[MeasuredDifference]:
-    return differences_of(compared_suite(made))
+    return differences_of(compared_run(made))
 
 
 def sentences(made: Summary) -> list[str]:
-    return [each.plain for each in sentences_of(compared_suite(made))]
+    return [each.plain for each in sentences_of(compared_run(made))]
 
 
 def three_rows() -> Summary:
@@ -114,7 +114,7 @@ def test_the_papers_sign_is_compared_in_the_direction_of_better_values(
     made["columns"][0]["direction"] = direction
     made["published"] = {"ours": {"nvs/psnr": 20.0}, "no-rad": {"nvs/psnr": published}}
     compared = to_reference({"ours": ours, "no-rad": row}, "ours", direction)
-    made["cells"]["no-rad"]["nvs/psnr"]["difference"] = interval(compared, "no-rad")
+    made["cells"]["no-rad"]["nvs/psnr"]["difference"] = interval(compared["no-rad"], len(compared))
     found = next(each for each in findings(made) if each.column == "nvs/psnr")
     assert (found.row, found.verdict, found.resolved) == ("no-rad", expected, shifts is not NEAR)
     assert found.published == published - 20.0
