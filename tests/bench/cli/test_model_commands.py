@@ -105,12 +105,6 @@ def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
-    assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path)]) == 0
-    assert not (tmp_path / "score.json").exists()
-
-
-@pytest.mark.slow
 def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
     """The scene's options are kept beside the model: `render` has no such option."""
     out = tmp_path / "small"

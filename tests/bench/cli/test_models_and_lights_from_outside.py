@@ -36,6 +36,7 @@ CPU = torch.device("cpu")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("outside") / "model"
     assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(out)]) == 0
+    assert not (out / "score.json").exists()
     return out
 
 

@@ -16,10 +16,10 @@ from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.values import setting
 from radiogs_bench.installed_methods import substitutes
-from radiogs_bench.methods import budget_of, marks_of, method, settable, settings_of
+from radiogs_bench.methods import budget_of, method, settable, settings_of
 from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.runs.rows import with_settings
-from radiogs_bench.runs.sweep import preset_text, read_sweep, shown_preset
+from radiogs_bench.runs.sweep import read_sweep, shown_preset
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.suites.paper import ABLATIONS, NS
 from radiogs_bench.suites.suite import Row, with_numbers
@@ -213,11 +213,6 @@ def test_factors_of_a_row_multiply_the_number_that_is_set() -> None:
     assert line["text"].endswith("(incident_samples = 16)")
     names = {cell.budget.name for place, cell in request.cells if place["row"] == half.key}
     assert names == {"smoke, incident_samples = 16, consistency_surfels x 0.5, incident_samples x 0.5"}
-
-
-def test_a_preset_with_settings_is_told_from_the_plain_one() -> None:
-    assert preset_text("tiny", marks_of({"b": "x", "a.c": 0.5})) == "tiny with a.c = 0.5, b = x"
-    assert preset_text("tiny", marks_of({})) == "tiny"
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ import pytest
 
 import radiogs_bench as rb
 from bench.fake_method import asked
-from radiogs_bench.cli import main
 from radiogs_bench.runs.plan import resolve
 from radiogs_bench.runs.spec import RunSpec
 from radiogs_bench.runs.sweep import read_sweep, shown_preset
@@ -118,8 +117,3 @@ def test_a_run_from_python_loads_no_parser_of_command_lines(tmp_path: Path) -> N
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout == "[]\n"
-
-
-def test_the_shell_and_python_refuse_alike(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "ablations", "--seeds", "10001", "--scenes", "corner", "--dry-run"]) == 2
-    assert "10000" in capsys.readouterr().err

@@ -322,14 +322,10 @@ def cloud(data: bytes) -> Callable[[Path], object]:
 PLY = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
 COLOURED = PLY + b"property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
 WHITE = np.full((HEIGHT, WIDTH), 255, np.uint8)
-NAN, INF = math.nan, math.inf
 MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
-    "NaN distortion": (with_field(k1=NAN), "'k1' is nan"),
     "distortion as text": (with_field(k1="0.1"), "'k1' is '0.1'"),
     "distortion of 1e300": (with_field(k2=1e300), "beyond 1e+06"),
-    "a frame's NaN distortion": (with_frame(p1=NAN), "frame 2 (./images/02.png): 'p1' is nan"),
-    "distortion of no lens": (with_field(k1=-1e4), "is that of no lens"),
-    "an unknown camera model": (with_field(camera_model="EQUIRECTANGULAR"), "'camera_model' is 'EQUIRECTANGULAR'"),
+    "a frame's NaN distortion": (with_frame(p1=math.nan), "frame 2 (./images/02.png): 'p1' is nan"),
     "a camera model that is a number": (with_field(camera_model=4), "'camera_model' is 4"),
     "a camera model that is a list": (with_field(camera_model=["OPENCV"]), "'camera_model' is ['OPENCV']"),
     "a pinhole that distorts": (with_field(camera_model="PINHOLE", k1=0.1), "'k1' is 0.1, which model PINHOLE"),
@@ -337,12 +333,9 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a rolling shutter": (with_field(rolling_shutter=[0, 0, 0, 1]), "'rolling_shutter'"),
     "an f-theta lens": (with_field(ftheta_p0=0.1), "'ftheta_p0'"),
     "parallel rays": (with_field(orthographic=True), "'orthographic'"),
-    "infinite width": (with_field(w=INF), "fl_x, fl_y, cx, cy, w, h are"),
     "half a pixel of width": (with_field(w=320.5), "whole numbers of pixels"),
-    "a focal length of 400 digits": (with_field(fl_x=10**400), "fl_x, fl_y, cx, cy, w, h are"),
     "a frame's focal length of zero": (with_frame(fl_x=0), "frame 2 (./images/02.png): fl_x"),
     "a frame's size that is not its image's": (with_frame(w=640), "is written for images of 640 x 240 pixels"),
-    "a frame's angle of zero": (with_frame(camera_angle_x=0), "'camera_angle_x' is 0"),
     "a pose of 400 digits": (with_frame(transform_matrix=[[10**400] * 4] * 4), "4 rows of 4 finite numbers"),
     "a turn of the world that is none": (with_field(applied_transform=[[2, 0, 0, 0]] * 3), "not a rigid motion"),
     "a turn of the world that is flat": (with_field(applied_transform=[1] * 12), "'applied_transform' is not 4 rows"),
@@ -361,7 +354,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "depth of 8 bits": (beside("d.png", png(WHITE), depth_file_path="d.png"), "is a depth map of 8 bits"),
     "depth of another size in numbers": (lambda f: npy(f, np.ones((4, 5))), "is no depth of its photo"),
     "negative depth": (lambda f: npy(f, -np.ones((HEIGHT, WIDTH))), "is no depth of its photo"),
-    "NaN depth": (lambda f: npy(f, np.full((HEIGHT, WIDTH), NAN)), "values that are NaN, infinite"),
+    "NaN depth": (lambda f: npy(f, np.full((HEIGHT, WIDTH), math.nan)), "values that are NaN, infinite"),
     "depth of objects": (lambda f: npy(f, np.full((HEIGHT, WIDTH), None)), "cannot read"),
     "depth in one row": (lambda f: npy(f, np.ones(5)), "is no map of numbers"),
     "a level of no depth": (with_field(depth_unit_scale_factor=0), "'depth_unit_scale_factor' is 0"),

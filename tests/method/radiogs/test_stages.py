@@ -15,7 +15,7 @@ from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
 from radiogs.settings import INVERSE_ONLY, Budget, Variant
 from radiogs.start import make_start
-from radiogs_core.contract import Run, Stage
+from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
@@ -92,14 +92,6 @@ def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, 
     assert instruments.parts == taken
 
 
-def test_initialisation_learns_the_images() -> None:
-    longer = with_values(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
-    stage = Initialisation(Run(SCENE, Variant(), longer, 0, CPU))
-    history = [stage.step()["radiance"] for _ in range(120)]
-    # Eight steps are every view on both backgrounds.
-    assert sum(history[-8:]) < 0.7 * sum(history[:8])
-
-
 @pytest.mark.parametrize(
     ("variant", "learns"),
     [
@@ -136,12 +128,6 @@ def test_without_radiometric_weight_there_is_no_gradient_but_the_cache_is_update
     assert not torch.equal(before, stage.shader.cache.incident.direction)
 
 
-def test_novel_view_initialisation_has_no_loss_of_shading() -> None:
-    losses = Initialisation(Run(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU)).step()
-    assert "shaded" not in losses
-    assert "consistency" not in losses
-
-
 def test_a_nan_in_one_surfel_is_named_with_its_iteration(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised)
     stage.step()
@@ -175,13 +161,6 @@ def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], vari
     assert list(restored.evidence) == list(stage.model.evidence)
     for name, value in restored.surfels.parameters().items():
         assert torch.equal(value, stage.model.surfels.parameters()[name]), name
-
-
-def test_both_stages_implement_the_stage_protocol(initialised: dict[str, Any]) -> None:
-    first = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
-    second = inverse(first.product())
-    assert isinstance(first, Stage)
-    assert isinstance(second, Stage)
 
 
 def begun(initialised: dict[str, Any], **changed: Any) -> InverseRendering:
