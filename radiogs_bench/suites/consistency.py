@@ -10,7 +10,7 @@ from typing import Any
 
 from .own import EVERY_PART
 from .paper import ABLATIONS
-from .suite import Metric, Row, Suite
+from .suite import Row, Suite, metrics
 
 SCENES = ("corner", "front_plain", "lamps")
 """Three kinds with much indirect light."""
@@ -196,7 +196,7 @@ CLOSED = Suite(
     published="ablation",
     reference="ours",
     rows=ABLATIONS.rows[:2],
-    columns=(*EVERY_PART, Metric("environment", "error"), Metric("scale", "factor")),
+    columns=(*EVERY_PART, *metrics("environment/error", "scale/factor")),
     scenes=ABLATIONS.scenes,
     recipe=PRINTED,
 )
