@@ -15,7 +15,9 @@ from cyclopts import App, Parameter
 from radiogs_core.errors import UsageError
 from radiogs_datasets.options import AS_STORED
 
+from ..runs.progress import progress_for_stderr
 from .options import OPTIONS, Count, Data, DataSetName, Device, Json, Names, Opened, SceneName
+from .reporter import complain, say, say_whole
 
 if TYPE_CHECKING:
     from ..fetching.catalogue import DataSet
@@ -46,8 +48,6 @@ def list_scenes() -> None:
     """
     from radiogs_datasets import scene_names
 
-    from .reporter import say
-
     for name in scene_names():
         say(name)
 
@@ -74,9 +74,6 @@ def check(
 
     from radiogs_datasets import scene_choices, scene_kind
     from radiogs_datasets.check import check_scene
-
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say, say_whole
 
     with progress_for_stderr() as progress:
         report = check_scene(scene, opened, partial(progress.advance, "checking"), deep)
@@ -123,9 +120,6 @@ def convert(
     from radiogs_datasets.reduction import every as every_nth
     from radiogs_datasets.writing import convert as write
 
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
-
     read = every_nth(load_scene(scene, options=opened), every)
     with progress_for_stderr() as progress:
         lost = write(read, out, to, partial(progress.advance, "converting"))
@@ -168,9 +162,6 @@ def generate(
     """
     from radiogs_datasets.generate import Pictures, generate_scene
 
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
-
     if not recipes:
         raise UsageError("no scene was named", "", "Name a recipe:  radiogs-bench datasets generate corner")
     for name in recipes:
@@ -191,8 +182,6 @@ def _converted(made: Path, folder: Path, layout: str) -> None:
     from radiogs_datasets import load_scene
     from radiogs_datasets.writing import convert as write
 
-    from .reporter import say
-
     if made != folder:
         for line in write(load_scene(str(made)), folder, layout):
             say(line)
@@ -209,9 +198,7 @@ def weights(*, to: Path | None = None, nets: Names = ()) -> None:
     """
     from ..fetching.lpips_weights import fetch as fetch_weights
     from ..fetching.lpips_weights import sources
-    from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.weights import WEIGHTS_VARIABLE, weights_folder
-    from .reporter import say
 
     folder = to or weights_folder()
     for source in sources(nets or None):
@@ -274,8 +261,6 @@ def blend(
     from radiogs_datasets.lights import OWN_LIGHTS
 
     from ..device import usable_cores
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
 
     made = _before_conversion(out, layout)
     request = Request(file, **{**vars(rendered), "lights": rendered.lights or OWN_LIGHTS})
@@ -323,8 +308,6 @@ def fetch(*data_sets: DataSetName, root: Annotated[Path | None, Parameter(name="
     from ..errors import NotFetched
     from ..fetching.catalogue import DATA_SETS, data_set
     from ..fetching.fetch import fetch_data_set
-    from ..runs.progress import progress_for_stderr
-    from .reporter import complain, say
 
     if not data_sets:
         for each in DATA_SETS.values():

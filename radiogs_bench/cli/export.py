@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from ..runs.progress import progress_for_stderr
 from .options import AS_TRAINED, CodeName, Opening, ProtocolName
+from .reporter import say, say_aside
 from .values import factor, from_text
 
 if TYPE_CHECKING:
@@ -98,7 +100,6 @@ def _run(folder: Path, out: Path | None, to: str) -> None:
     from ..export.records import export as write
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from .reporter import say, say_aside
 
     sweep = read_sweep(folder)  # says what to do where there is no run
     store = Store(folder)
@@ -125,7 +126,6 @@ def _surfels(folder: Path, path: Path, row: str | None, form: str) -> None:
 
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..store.atomic import explained
-    from .reporter import say
 
     surfels = surfels_in(folder, row)
     if not len(surfels):
@@ -144,11 +144,9 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
     from radiogs_core.own_files import require_own_folders
 
     from ..export.published_layout import checked, write_as_published
-    from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.metrics.protocols import protocol
     from ..store.folder import Store
-    from .reporter import say
 
     if out is None:
         require_own_folders(folder, code)
@@ -168,12 +166,10 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
 def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None:
     """Write the mesh and, beside it, its record as JSON; print its distances from the true shape if known."""
     from ..export.mesh import lattice_of, mesh_of, record_of, sentences_of, write_mesh
-    from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
     from ..store.folder import Store
     from ..store.seal import write_sealed
-    from .reporter import say
 
     with Store(folder).keeping_tracebacks(), progress_for_stderr() as progress:
         run, model = read_trained(folder, device)

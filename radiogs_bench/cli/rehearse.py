@@ -26,6 +26,7 @@ from .options import (
     SuiteOrScene,
     Trust,
 )
+from .reporter import say, say_whole
 from .values import factor, from_text, names, positive
 
 if TYPE_CHECKING:
@@ -120,7 +121,6 @@ def rehearse(
     from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
     from ..store.seal import write_sealed
-    from .reporter import say, say_whole
 
     plan = _plan(subject, asked, opened, on)
     folder = asked.out or Path("out") / f"rehearse-{plan.name}"

@@ -14,6 +14,7 @@ from radiogs_core.errors import UsageError
 
 from .lights import AS_IT_LIES, Placing, placed
 from .options import AS_TRAINED, EffectsChoice, MaybeCount, Opening, no_effects
+from .reporter import say
 from .values import from_text
 
 if TYPE_CHECKING:
@@ -81,7 +82,6 @@ def relight(
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
     from ..store.folder import Store
-    from .reporter import say
 
     device, lit = opening.use(), lit_folder(envmap) + placing.marks
     light, repairs = read_light(envmap)
@@ -111,7 +111,6 @@ def relight(
 def _placed(placing: Placing, scene: "Scene", light: "EnvironmentMap", name: str) -> "EnvironmentMap":
     """The light in the scene's world; prints how it lies there."""
     from ..scoring.recovered_light import NOT_DISTANT
-    from .reporter import say
 
     if scene.surrounded:
         say(f"relighting means little here: {NOT_DISTANT}")

@@ -193,18 +193,18 @@ def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: boo
     to = Audience(partial(say_line, as_json=as_json), complain, table=not as_json)
     if as_json:
         to = replace(to, progress=lambda store, cells: EventProgress(store, [ref for ref, _ in cells]))
-    ended = carry_out(plan, store, engine, to, words)
+    code, manifest = carry_out(plan, store, engine, to, words)
     from .showing import write, write_and_show  # not before there are results: errors need not wait for its tables
 
     if as_json:
-        for path in write(store, ended.manifest)[1]:
+        for path in write(store, manifest)[1]:
             emit("written", path=str(path))
     else:
-        write_and_show(store, ended.manifest)
-        if remark := other_run(store, ended.manifest):
+        write_and_show(store, manifest)
+        if remark := other_run(store, manifest):
             say(remark)
     say_lines(verdicts(plan, store), as_json)
-    return ended.code
+    return code
 
 
 def _list(name: str | None, as_json: bool) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..durations import time_left
 from .options import Json, MaybeCount
+from .reporter import console, say, say_aside, say_whole
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -46,7 +47,6 @@ def status(
     from ..results.standing import standing_of
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
-    from .reporter import say_aside
 
     every = None if watch is None else (*watch, EVERY_SECONDS)[0]
     if not has_sweep(out) and is_training(out):
@@ -81,7 +81,6 @@ def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
     from rich.live import Live
 
     from ..results.standing import standing_of
-    from .reporter import console
 
     out = console()
     with Live(console=out, auto_refresh=False, vertical_overflow="visible") as screen:
@@ -96,7 +95,6 @@ def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
 
 
 def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
-    from .reporter import console
 
     out = console()
     out.print(_picture(standing, store, sweep, out.width))
@@ -172,7 +170,6 @@ def show_training(folder: Path, plain: bool, every: int | None) -> None:
     """Print how far a training is, as a line or (``plain``) a JSON object, at intervals until it has ended."""
     from ..store.folder import Store
     from ..store.pace import paces
-    from .reporter import say, say_whole
 
     while True:
         working = paces(Store(folder))

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from radiogs_core.errors import DataError, UsageError
 
 from .options import Count
+from .reporter import say
 from .values import from_text, pixels
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.surface_distance import pyvista
     from ..scoring.report_arrays import arrays_of
-    from .reporter import say
 
     if drawing.window:
         require_screen()

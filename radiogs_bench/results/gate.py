@@ -56,7 +56,10 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     changes += [Change(name, "is not in the baseline", "warning") for name in stored.results.keys() - cells.keys()]
     changes += [Change(name, "has no finished result") for name in cells if name not in found]
     both = {name: result for name, result in found.items() if name in cells}
-    same = {group: _is_same_machine(both, names, baseline) for group, names in groups_of(both).items()}
+    same = {
+        group: all(machine_of([both[name]]) == baseline["machine"] for name in names)
+        for group, names in groups_of(both).items()
+    }
     trained = list(compare_training(both, baseline, same))
     otherwise = {each.cell for each in trained if each.severity != "remark"}
     repeated = {group for group, names in groups_of(both).items()
@@ -68,10 +71,6 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     for name, result in both.items():
         changes += _remark(name, settled(result), cells[name].get("settled", {}), same[group_of(name)])
     return sorted(changes, key=lambda each: (SEVERITIES.index(each.severity), each.cell))
-
-
-def _is_same_machine(found: Mapping[str, Result], names: list[str], baseline: Mapping[str, Any]) -> bool:
-    return all(machine_of([found[name]]) == baseline["machine"] for name in names)
 
 
 def _same_work(found: Mapping[str, Result], names: list[str], cells: Mapping[str, Mapping[str, Any]]) -> bool:

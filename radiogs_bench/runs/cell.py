@@ -33,7 +33,7 @@ class StageKey:
 
 @dataclass(frozen=True)
 class Work:
-    """The settings of a cell that do not depend on its scene or method; the fields are those of ``Cell``."""
+    """The settings of a cell that do not depend on its scene or method."""
 
     variant: Any
     budget: Any
@@ -44,8 +44,8 @@ class Work:
     settings: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Cell:
+@dataclass(frozen=True, kw_only=True)
+class Cell(Work):
     """One training and its evaluation: scene x method x variant x budget x seed, scored under a protocol.
 
     ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
@@ -62,16 +62,9 @@ class Cell:
     checksum: str
     loader: str
     method: str
-    variant: Any
-    budget: Any
-    seed: int
-    device: str
-    protocol: str
     stages: tuple[StageKey, ...]
     method_code: str
     evaluation_code: str
-    experiment: str = TRAINING
-    settings: Mapping[str, float] = field(default_factory=dict)
     found_as: str = ""
 
     @property
@@ -134,23 +127,16 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
         if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
             depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
         stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends), start))
+    sources = {source for spec in specs for source in spec.sources}
     return Cell(
+        **vars(work),
         scene=scene.name,
         checksum=scene.checksum,
         loader=loader,
         method=method.name,
-        variant=work.variant,
-        budget=work.budget,
-        seed=work.seed,
-        device=work.device,
-        protocol=work.protocol,
         stages=tuple(stages),
-        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources)
-        if specs
-        else "",
+        method_code=code_digest(*sources, *method.sources) if specs else "",
         evaluation_code=evaluation,
-        experiment=work.experiment,
-        settings=work.settings,
         found_as=found_as or method.name,
     )
 

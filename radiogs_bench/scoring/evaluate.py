@@ -16,6 +16,7 @@ from radiogs_core.contract import NotOffered, Prepared, Trained
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
+from ..device import wait_for
 from ..errors import MethodFailed
 from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling, own_camera, own_light, refused, require
@@ -249,8 +250,7 @@ class _Evaluator:
             except NotOffered as cannot:
                 self._withhold_relit(views, cannot.what)
                 continue
-            if self.device.type == "cuda":
-                torch.cuda.synchronize(self.device)
+            wait_for(self.device)
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
             self.measure("render", relit, views)

@@ -14,6 +14,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import View
 
+from ..device import wait_for
 from ..method_calls import calling, own_camera, refused, require
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
@@ -80,19 +81,14 @@ def frame_milliseconds(
     render: Callable[[Camera], object], cameras: Sequence[Camera], device: torch.device
 ) -> list[float]:
     """Wall-clock milliseconds of one rendering per camera; the device is idle before and after."""
-
-    def finish() -> None:
-        if device.type == "cuda":
-            torch.cuda.synchronize(device)
-
     for index in range(WARM_UP):
         render(cameras[index % len(cameras)])
     times = []
     for camera in cameras:
-        finish()
+        wait_for(device)
         started = time.perf_counter()
         render(camera)
-        finish()
+        wait_for(device)
         times.append(1e3 * (time.perf_counter() - started))
     return times
 

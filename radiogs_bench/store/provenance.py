@@ -140,6 +140,11 @@ def _peaks(device: torch.device) -> dict[str, int]:
     return peaks
 
 
+def resident() -> int:
+    """Resident set of this process now, bytes."""
+    return int(psutil.Process().memory_info().rss)
+
+
 def resident_peak() -> int:
     """Peak resident set, bytes. VmHWM where there is one, because getrusage cannot be reset."""
     if PROCESS_STATUS.exists():

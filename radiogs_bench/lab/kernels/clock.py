@@ -1,26 +1,24 @@
 """Measures seconds and peak memory of a function."""
 
-import ctypes
 import resource
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import torch
 
 from radiogs_core.errors import UsageError
 
-STATUS = Path("/proc/self/status")
-CLEAR_PEAK = Path("/proc/self/clear_refs")
+from ...device import wait_for
+from ...store import provenance
 
 
 def seconds(work: Callable[[], object], device: torch.device) -> float:
     """Seconds of the function: on the CPU processor time of this process, unaffected by others; on CUDA wall time."""
     clock = time.perf_counter if device.type == "cuda" else processor_seconds
-    _wait(device)
+    wait_for(device)
     start = clock()
     work()
-    _wait(device)
+    wait_for(device)
     return clock() - start
 
 
@@ -55,22 +53,11 @@ def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
         before = torch.cuda.memory_allocated(device)
         work()
         return torch.cuda.max_memory_allocated(device) - before
-    if not CLEAR_PEAK.exists():
+    if not provenance.PEAK_RESET.exists():
         raise UsageError(
             "peak memory cannot be measured here", "Only Linux resets a process's peak (/proc/self/clear_refs)."
         )
-    ctypes.CDLL(None).malloc_trim(0)
-    CLEAR_PEAK.write_text("5")  # Linux: sets the peak of the resident set back to its present size
-    before = _status("VmRSS")
+    provenance.reset_peaks(device)
+    before = provenance.resident()
     work()
-    return _status("VmHWM") - before
-
-
-def _status(field: str) -> int:
-    line = next(line for line in STATUS.read_text().splitlines() if line.startswith(f"{field}:"))
-    return int(line.split()[1]) * 1024
-
-
-def _wait(device: torch.device) -> None:
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
+    return provenance.resident_peak() - before

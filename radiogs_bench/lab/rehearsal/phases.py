@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import torch
 
+from ...device import wait_for
 from ...store.provenance import peak_memory, reset_peaks
 
 Result = TypeVar("Result")
@@ -80,7 +81,7 @@ class Phases:
 
     def timed(self, title: str, do: Callable[[], Result]) -> tuple[Result, float]:
         """The result and the seconds, with the device idle before and after. Raises TooLarge."""
-        self._finish()
+        wait_for(self.device)
         started = self.clock()
         try:
             result = do()
@@ -88,17 +89,13 @@ class Phases:
             if of_memory(error):
                 raise TooLarge(title) from error
             raise
-        self._finish()
+        wait_for(self.device)
         return result, self.clock() - started
 
     def end(self, title: str, key: str, whole: int, seconds: Sequence[float]) -> None:
         """Keep a phase whose peaks are those since ``begin``."""
         self.done.append(Phase(title, key, tuple(seconds), whole, peak_memory(self.device)))
         self.say(f"{title}: {self.done[-1].mean:.2f} s, {self.done[-1].peaks['host'] / 2**30:.2f} GiB")
-
-    def _finish(self) -> None:
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
 
 
 def of_memory(error: BaseException | None) -> bool:

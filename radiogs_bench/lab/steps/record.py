@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import UsageError
 
-from ...store.seal import Broken, OtherSchema, read_sealed
+from ...store.seal import read_kept
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -77,15 +77,8 @@ def as_table(name: str, size: Mapping[str, Any]) -> "Table":
 
 def read_record(path: Path) -> Plain:
     """A record of ``bench steps --json``. Raises DataError for any other file."""
-    make = "Make one:  radiogs-bench bench steps --json FILE"
-    try:
-        return read_sealed(path, SCHEMA, ("machine", "method", "scene", "sizes"))
-    except FileNotFoundError:
-        raise DataError(f"there is no record {path}", "", make) from None
-    except OtherSchema as error:
-        raise DataError(f"{path} is no record of this version ({SCHEMA})", error.what, make) from error
-    except Broken as broken:
-        raise DataError(f"cannot use the record {path}: {broken.reason}", "", make) from broken
+    keys = ("machine", "method", "scene", "sizes")
+    return read_kept(path, "record", SCHEMA, keys, "Make one:  radiogs-bench bench steps --json FILE")
 
 
 def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted: Collection[str]) -> dict[str, Plain]:

@@ -9,8 +9,6 @@ Name = Literal["inprocess", "pool", "ray"]
 ONE_THREAD = 1
 """Default threads per cell on a cluster: with one, a cluster's cores are used best."""
 
-ENGINES: tuple[Name, ...] = ("inprocess", "pool", "ray")
-
 
 @dataclass(frozen=True)
 class Engine:
