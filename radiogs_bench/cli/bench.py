@@ -186,8 +186,7 @@ def bench_steps(
         found = measured(subject_at, size, passes or size.passes, stages, complain)
         record["sizes"][size.name] = found
         show(recorded.as_table(size.name, found))
-        for sentence in recorded.frames_said(found):
-            say(sentence)
+        say(*recorded.frames_said(found))
     _write(at.record, record)
     for name, before in earlier.items():
         show(recorded.ratio_table(name, record["sizes"][name], before))

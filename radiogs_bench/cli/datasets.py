@@ -48,8 +48,7 @@ def list_scenes() -> None:
     """
     from radiogs_datasets import scene_names
 
-    for name in scene_names():
-        say(name)
+    say(*scene_names())
 
 
 @datasets.command
@@ -123,8 +122,7 @@ def convert(
     read = every_nth(load_scene(scene, options=opened), every)
     with progress_for_stderr() as progress:
         lost = write(read, out, to, partial(progress.advance, "converting"))
-    for line in (*read.repairs, *lost):
-        say(line)
+    say(*read.repairs, *lost)
     say(f"{out}: {len(read.train)} training and {len(read.test)} test views, layout {to}")
 
 
@@ -183,8 +181,7 @@ def _converted(made: Path, folder: Path, layout: str) -> None:
     from radiogs_datasets.writing import convert as write
 
     if made != folder:
-        for line in write(load_scene(str(made)), folder, layout):
-            say(line)
+        say(*write(load_scene(str(made)), folder, layout))
 
 
 @datasets.command
@@ -267,8 +264,7 @@ def blend(
     threads = max(1, usable_cores() // workers)
     with progress_for_stderr() as progress:
         metadata = write_scene(request, made, workers, threads, partial(progress.advance, "rendering"))
-    for line in remarks(metadata):
-        say(line)
+    say(*remarks(metadata))
     _converted(made, out, layout)
     say(f"{out}: {layout}, rendered by Blender {metadata['versions']['blender']}")
 
@@ -311,8 +307,7 @@ def fetch(*data_sets: DataSetName, root: Annotated[Path | None, Parameter(name="
 
     if not data_sets:
         for each in DATA_SETS.values():
-            for line in described(each):
-                say(line)
+            say(*described(each))
         return
     wanted = [data_set(name) for name in data_sets]
     place = root or data_root()

@@ -183,5 +183,4 @@ def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, by.views)
     write_sealed(path.with_suffix(".json"), record)
-    for line in sentences_of(record["shape"]):
-        say(line)
+    say(*sentences_of(record["shape"]))

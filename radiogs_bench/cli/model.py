@@ -76,8 +76,7 @@ def train(
     written = [path.name for path in model.files]
     size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
     say(f"{model.run.scene.name}: {size}{model.seconds:.0f} s")
-    for remark in model.facts.get("remarks", ()):
-        say(remark)
+    say(*model.facts.get("remarks", ()))
     if not asked.no_score:
         _score(model, folder, folder / "score.json")
         written.append("score.json")

@@ -64,10 +64,8 @@ def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted:
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
-        for sentence in recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]):
-            say(sentence)
-    for sentence in power_sentences(plan, store, wanted):
-        say(sentence)
+        say(*recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]))
+    say(*power_sentences(plan, store, wanted))
 
 
 def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:

@@ -80,8 +80,7 @@ def probe(
             f"there is no folder {picture.parent}", "The picture could not be written there.", "Make it first."
         )
     light, repairs = read_light(envmap) if envmap else (None, [])
-    for repair in [] if asked.as_json else repairs:
-        say(repair)
+    say(*([] if asked.as_json else repairs))
     with working(f"probing {subject}"):
         name, found = _probed(
             subject, asked, opened, lambda scene: None if light is None else placed(placing, scene, light)[0]

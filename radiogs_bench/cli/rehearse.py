@@ -133,8 +133,7 @@ def rehearse(
     if asked.as_json:
         say_whole(json.dumps(record, allow_nan=False))
     else:
-        for line in [*lines_of(record), f"wrote {folder / 'rehearsal.json'}"]:
-            say(line)
+        say(*lines_of(record), f"wrote {folder / 'rehearsal.json'}")
     if climbed.stopped:
         return STOPPED
     return 0 if fits(record) else 1

@@ -85,8 +85,7 @@ def relight(
 
     device, lit = opening.use(), lit_folder(envmap) + placing.marks
     light, repairs = read_light(envmap)
-    for repair in repairs:
-        say(repair)
+    say(*repairs)
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
     with Store(folder).keeping_tracebacks():
@@ -94,15 +93,13 @@ def relight(
         light = _placed(placing, run.scene, light, envmap.name)
         with working(f"preparing {envmap.name}"):
             relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
-        for remark in relit.remarks if isinstance(relit, Remarking) else ():
-            say(remark)
+        say(*(relit.remarks if isinstance(relit, Remarking) else ()))
         place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
         say(write_views(
             name, relit, run, asked.views, place,
             lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", partial(count_levels, levels),
         ))  # fmt: skip
-        for sentence in beyond_levels(levels):
-            say(sentence)
+        say(*beyond_levels(levels))
         if asked.turntable is not None:
             frames = (*asked.turntable, FRAMES)[0]
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")

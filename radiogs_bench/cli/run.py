@@ -218,8 +218,7 @@ def _list(name: str | None, as_json: bool) -> None:
         for each in suites:
             emit_suite(each)
     elif name:
-        for line in describe(suites[0]):
-            say(line)
+        say(*describe(suites[0]))
     else:
         width = max(len(each.name) for each in suites)
         for each in suites:

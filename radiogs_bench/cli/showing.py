@@ -37,15 +37,13 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
     table = suite_table(summary)
     for part in parts_of(table, title_of(summary), console(width).width):
         show(part, width)
-    for sentence in below(table):
-        say(sentence)
+    say(*below(table))
     say_remarks(table)
     say(f"Mean over {mean_over(summary)}.")
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, width)
     if (compared := beside_report(summary)) is not None:
-        for sentence in compared.sentences:
-            say(sentence)
+        say(*compared.sentences)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
 
@@ -73,8 +71,7 @@ def show_records(summary: Summary, width: int | None) -> None:
         for part in parts_of(report.table, f"Record: {report.title}", console(width).width):
             show(part, width)
         found = [each.plain for each in report.table.findings]
-        for sentence in (*found, *report.table.legend_in_words, *report.rows_in_words):
-            say(sentence)
+        say(*found, *report.table.legend_in_words, *report.rows_in_words)
     if others:
         say(f"\nThe page also shows {count_of(others, 'longer run')} by other recipes, committed with the project.")
 

@@ -149,8 +149,7 @@ def gate(
             "Add --update, or leave --rerun out.",
         )
     if gating.power:
-        for line in power_lines(read_baseline(baseline)):
-            say(line)
+        say(*power_lines(read_baseline(baseline)))
         return 0
     if out is None:
         raise UsageError("no run was named", "", "Name its folder:  radiogs-bench gate OUT --baseline FILE")

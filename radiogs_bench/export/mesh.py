@@ -58,8 +58,7 @@ class Mesh:
     def face_vectors(self) -> Float[np.ndarray, "faces 3"]:
         """Outward normals of the faces, as long as twice their area."""
         first, second, third = (self.vertices[self.faces[:, corner]] for corner in range(3))
-        vectors: Float[np.ndarray, "faces 3"] = np.cross(second - first, third - first)
-        return vectors
+        return np.asarray(np.cross(second - first, third - first))
 
     @property
     def normals(self) -> Float[np.ndarray, "vertices 3"]:
@@ -69,8 +68,7 @@ class Mesh:
         for corner in range(3):
             np.add.at(total, self.faces[:, corner], vectors)
         length = np.linalg.norm(total, axis=-1, keepdims=True)
-        unit: Float[np.ndarray, "vertices 3"] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
-        return unit
+        return np.asarray(np.divide(total, length, out=np.zeros_like(total), where=length > 0))
 
     @property
     def area(self) -> float:

@@ -17,7 +17,7 @@ from radiogs_reports.summary import Doubt
 from ..runs.sweep import CellRef, Sweep
 from ..scoring.metrics.protocols import PROTOCOLS
 from ..scoring.what_images_determine import STEPS, shown_by_images
-from ..store.schema import Determined, Result
+from ..store.schema import Determined, Result, known_values
 
 Finished = Sequence[tuple[CellRef, Result]]
 """Finished cells with their results."""
@@ -75,16 +75,12 @@ def over_fewer(finished: Finished, column: str, sweep: Sweep) -> list[Doubt]:
     found = []
     for row in (line for line in sweep["rows"] if "files" in line):
         own = [(ref, result) for ref, result in finished if ref["row"] == row["key"]]
-        there = [(ref["scene"], ref["seed"]) for ref, result in own if _value(result, column) is not None]
+        there = [(ref["scene"], ref["seed"]) for ref, result in own if column in known_values(result["metrics"])]
         if there and len(there) < len(every):
             cells = ", ".join(scene if len(sweep["seeds"]) == 1 else f"{scene} seed {seed}" for scene, seed in there)
             text = f"{row['text']}: over {cells} alone, {len(there)} of {len(every)} scenes and seeds."
             found.append(Doubt(column=column, rows=[row["key"]], text=text))
     return found
-
-
-def _value(result: Result, column: str) -> float | None:
-    return result["metrics"].get(column, {"value": None})["value"]
 
 
 def title_of(result: Result) -> str:
@@ -228,9 +224,9 @@ def _by_row(finished: Finished) -> dict[str, list[Result]]:
 
 def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[tuple[float, float]]:
     for result in results:
-        own, constant = _value(result, column), _value(result, reference)
-        if own is not None and constant is not None:
-            yield own, constant
+        values = known_values(result["metrics"])
+        if column in values and reference in values:
+            yield values[column], values[reference]
 
 
 def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:

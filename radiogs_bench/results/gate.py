@@ -16,7 +16,7 @@ from ..runs.result import EVALUATE
 from ..runs.sweep import Sweep
 from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
-from ..store.schema import Result
+from ..store.schema import Result, known_values
 from .baseline import FLOOR, MAKE_ONE, gain, group_of, groups_of, machine_of, require_whole, settings_of, settled
 from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
 from .paired import BAND, ERROR_RATE, Paired, detectable
@@ -106,8 +106,9 @@ def _compare_metrics(
     tested: dict[tuple[str, str], Paired] = {}
     for group, names in groups_of(found).items():
         kept = {name: baseline["cells"][name]["metrics"] for name in names}
+        has = {name: known_values(found[name]["metrics"]) for name in names}
         for metric in dict.fromkeys(metric for metrics in kept.values() for metric in metrics):
-            values = {name: (kept[name][metric], _value(found[name], metric)) for name in names if metric in kept[name]}
+            values = {name: (kept[name][metric], has[name].get(metric)) for name in names if metric in kept[name]}
             yield from (
                 Change(name, f"{metric}: {before:.6g} -> n/a") for name, (before, now) in values.items() if now is None
             )
@@ -121,21 +122,12 @@ def _compare_metrics(
             elif there:
                 gains = [_gained(metric, before, now) for before, now in there.values()]
                 tested[group, metric] = Paired(gains, baseline["noise"]["metrics"][group][metric])
-        new = sorted({
-            metric
-            for name in names
-            for metric, each in found[name]["metrics"].items()
-            if each["value"] is not None and metric not in kept[name]
-        })  # fmt: skip
+        new = sorted({metric for name in names for metric in has[name].keys() - kept[name].keys()})
         if new:
             yield Change(group, f"not in the baseline: {', '.join(new)}", "warning")
     if not baseline["reruns"] and found:
         yield Change("the baseline", NO_RERUN, "warning")
     yield from _judged(tested, found, baseline)
-
-
-def _value(result: Result, metric: str) -> float | None:
-    return result["metrics"][metric]["value"] if metric in result["metrics"] else None
 
 
 def _gained(metric: str, before: float, now: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from radiogs_core.contract import Method, Run, StageSpec
+from radiogs_core.contract import Method, Run
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -113,15 +113,11 @@ def _warm_up(method: Method, run: Run) -> None:
         specs = method.stages(run.variant, run.budget)
     needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
     for spec in specs[:needed]:
-        product = _warmed(method.name, spec, run, product)
-
-
-def _warmed(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
-    stage = begun(method, spec, run, before)
-    try:
-        with calling(method, f"the first step of stage '{spec.name}'"):
-            if spec.compiles:
-                stage.step()
-            return dict(stage.product())
-    finally:
-        close_stage(method, stage)
+        stage = begun(method.name, spec, run, product)
+        try:
+            with calling(method.name, f"the first step of stage '{spec.name}'"):
+                if spec.compiles:
+                    stage.step()
+                product = dict(stage.product())
+        finally:
+            close_stage(method.name, stage)

@@ -14,7 +14,7 @@ from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_vi
 from ..scoring.metrics.protocols import protocol
 from ..scoring.what_images_determine import determined
 from ..store.provenance import reset_peaks, session
-from ..store.schema import MetricValue, Result
+from ..store.schema import MetricValue, Result, known_values
 from ..suites.experiment import RELIGHTING
 from .cell import Cell
 from .result import EVALUATE, add_stage, data_of, empty_result
@@ -99,7 +99,7 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
         found = evaluate(
             model, few, rules, bench.device, lambda done, total: None, scope=SCORES_ALONE, method=cell.method
         )
-        return {name: each["value"] for name, each in found.metrics.items() if each["value"] is not None}
+        return known_values(found.metrics)
 
     train_and_score(bench, cell, scene, along_the_way=score)
 
