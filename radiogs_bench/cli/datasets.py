@@ -1,8 +1,4 @@
-"""``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS.
-
-``generate`` and ``blend`` make scenes with complete ground truth: the former path-traces miniatures, the latter renders
-a .blend file with Blender Cycles.
-"""
+"""``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

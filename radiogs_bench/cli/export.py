@@ -1,8 +1,4 @@
-"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form.
-
-A trained model becomes a file of surfels as another program reads them (``--to``), a triangle mesh with its distance
-from the true shape (``--mesh``), or its test views as a public code writes its own (``--layout-of``).
-"""
+"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -130,10 +130,7 @@ def needs(of: Planned) -> str:
 
 
 def power_of(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
-    """The differences that each column of the run could resolve; empty where no run of this suite is stored.
-
-    Raises UsageError for a wanted difference in a column that the suite does not have.
-    """
+    """The differences that each column of the run could resolve; empty without a stored run. Raises UsageError."""
     columns = [metric.key for metric in plan.suite.columns]
     for name in wanted:
         if name not in columns:

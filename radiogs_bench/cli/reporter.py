@@ -1,7 +1,4 @@
-"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal (``errors.visible``).
-
-On a terminal, sentences are wrapped between words: no number is cut, and no command that is to be copied.
-"""
+"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal."""
 
 import logging
 import shutil

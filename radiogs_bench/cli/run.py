@@ -1,7 +1,4 @@
-"""``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table.
-
-The module is imported for ``--help``: what computes is imported by the functions that need it.
-"""
+"""``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -182,10 +179,7 @@ def _run(spec: "RunSpec", asked: Asked, where: Where, words: Sequence[str]) -> i
 
 
 def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: bool, words: Sequence[str]) -> int:
-    """Run the missing cells, and write and print the reports. Returns the exit code.
-
-    Raises NumericalFailure where suite ``stability`` or ``hard-training`` exceeds its tolerances.
-    """
+    """Run the missing cells, and write and print the reports; returns the exit code. Raises as ``verdicts`` does."""
     from ..results.reports import verdicts
     from ..whole_runs import Audience, carry_out, other_run
     from .events import EventProgress, emit

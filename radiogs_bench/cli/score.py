@@ -1,7 +1,4 @@
-"""``radiogs-bench score``: score a trained model, or another code's output folder, under a named protocol.
-
-With ``--into OUT``, what anybody's files score becomes a row of a finished run.
-"""
+"""``radiogs-bench score``: score a trained model, or another code's output folder, under a named protocol."""
 
 import json
 from collections.abc import Sequence
@@ -229,10 +226,7 @@ def not_predicted(pairs: "Sequence[Pair]") -> list[tuple[str, str, str]]:
 
 
 def score_into(into: Path, as_row: AsRow, folder: Path, compared: Compared, opened: SceneOptions) -> None:
-    """Score the folder, enter the row into the run in ``into``, and rebuild and print the run's reports.
-
-    Raises UsageError for a row without a name or a scene, and for another protocol than the run's.
-    """
+    """Score the folder, enter the row into the run in ``into``, and rebuild and print its reports."""
     from radiogs_datasets import load_scene
 
     from ..runs.rows_from_files import NewRow, add_row, require_room, row_key, scene_in_run

@@ -1,7 +1,4 @@
-"""Shows a run that has results on the terminal: its reports and their table; and the table of a score.
-
-A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
-"""
+"""Shows a run that has results on the terminal: its reports and their table; and the table of a score."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,4 @@
-"""``radiogs-bench status``: how far a run is, now or until it has ended.
-
-Where no run has left its manifest, it says how far the training is that fills the folder.
-"""
+"""``radiogs-bench status``: how far a run, or a training, is, now or until it has ended."""
 
 import json
 import sys

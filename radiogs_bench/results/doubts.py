@@ -1,10 +1,7 @@
 """Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
-Five kinds of doubt: a row from files lacks some of the run's scenes; the images do not determine the quantity, or, with
-everything else as it was recovered, the views do not agree on what was recovered (both by
-``scoring.what_images_determine``); a map scores no better than the best one that is the same everywhere; seeds find
-values far apart. Methods state their differences as labels among a model's facts. A remark has the error that
-resolution alone costs recovered light.
+Whether images determine a quantity is measured by ``scoring.what_images_determine``; methods state their differences as
+labels among a model's facts.
 """
 
 import math
@@ -132,10 +129,7 @@ def _doubt(
     applies: Callable[[Determined], bool],
     sentence: Callable[[str, Sequence[Determined], int], str],
 ) -> list[Doubt]:
-    """One doubt with a sentence for each quantity that has cells to which it applies; none if there are no such cells.
-
-    ``sentence`` takes the quantity, the records of these cells, and the number of measured cells in their rows.
-    """
+    """One doubt with a sentence for each quantity that has cells to which it applies; none without such cells."""
     rows: list[str] = []
     sentences = []
     for quantity in quantities:

@@ -99,10 +99,7 @@ def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping
 def _compare_metrics(
     found: Mapping[str, Result], baseline: Mapping[str, Any], repeated: Collection[str]
 ) -> Iterator[Change]:
-    """Metrics of each row on each scene.
-
-    ``repeated``: those whose training repeats on the baseline's machine. There no metric differs by rounding.
-    """
+    """Metrics of each row on each scene; where its training is ``repeated``, none differs by rounding."""
     tested: dict[tuple[str, str], Paired] = {}
     for group, names in groups_of(found).items():
         kept = {name: baseline["cells"][name]["metrics"] for name in names}

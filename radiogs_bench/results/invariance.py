@@ -22,10 +22,7 @@ SAME = tuple(name for name, condition in CONDITIONS.items() if condition.same)
 
 
 def invariance_kept(store: Store, cells: Iterable[CellRef]) -> str:
-    """A sentence on how much metrics change under conditions that should change nothing.
-
-    Raises NumericalFailure, with every change beyond its tolerance, if there is one.
-    """
+    """A sentence on how much metrics change under these conditions. Raises NumericalFailure if any changes too much."""
     changes = _changes(store, cells)
     beyond = [text for text, share in changes if not share < 1]
     if beyond:

@@ -49,10 +49,7 @@ Rows = Mapping[str, list[Result]]
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper with at least one measured value, in the order of their keys.
-
-    Rows that were scored from files are in none: the paper's rows name budgets, and theirs are not known.
-    """
+    """Every table of the paper with a measured value, in the order of keys; rows from files, of unknown budgets, apart."""
     sweep = measured(sweep)
     own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())
@@ -287,11 +284,7 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
 
 
 def _changes(results: Sequence[Result], row: Row) -> list[str]:
-    """Differences of a run from the published row, in words.
-
-    Another method than the row's; another recipe than the published one; the fields of the variant that the run has set
-    beside those of the recipe and of the row.
-    """
+    """Differences of a run from the published row in words: method, recipe, and fields that the run has set."""
     cell, used = results[0]["cell"], method(row.method)
     if cell["method"] != used.name:
         return [f"method {cell['method']}"]  # it need not be installed here, nor have the row's fields

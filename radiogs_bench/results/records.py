@@ -46,10 +46,7 @@ RECORDS = Path(__file__).parents[1] / "records"
 
 
 def record_of(store: Store, sweep: Sweep) -> RecordedRun:
-    """The record of a run. Raises DataError unless every cell is finished.
-
-    Rows that were scored from files are left out: this code did not make them.
-    """
+    """The record of a run, without rows that were scored from files. Raises DataError unless every cell is finished."""
     own = measured(sweep)
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))

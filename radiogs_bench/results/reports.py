@@ -71,10 +71,7 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
 
 
 def run_beside(summary: Summary, folder: Path) -> OtherRun:
-    """The run in ``folder``, from its stored results, to be compared with another run.
-
-    Raises UsageError for results of another metric protocol, and where the two share no cell.
-    """
+    """The run in ``folder``, to be compared with another. Raises UsageError for another protocol, or no common cell."""
     sweep = read_sweep(folder)
     other = summarise(Store(folder), sweep, *values_beside(sweep["published"], sweep["columns"]))
     here, there = protocol_title(summary), protocol_title(other)
@@ -153,10 +150,7 @@ def _is_own_file(folder: Path, name: str) -> bool:
 
 
 def verdicts(plan: RunPlan, store: Store) -> list[str]:
-    """The sentences with which suites ``stability`` and ``hard-training`` end; none for others.
-
-    Raises NumericalFailure where errors, or changes of metrics, exceed their tolerances.
-    """
+    """The last sentences of suites ``stability`` and ``hard-training``. Raises NumericalFailure beyond tolerances."""
     if plan.suite.experiment == STABILITY:
         return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
     if plan.suite.name == HARD_TRAINING.name:

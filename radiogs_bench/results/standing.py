@@ -1,7 +1,4 @@
-"""Where a run stands: the state of each of its cells, what works on it, and how long the rest will take.
-
-The rest is estimated from the seconds of finished cells.
-"""
+"""Where a run stands: the state of each of its cells, what works on it, and how long the rest will take."""
 
 import math
 from collections.abc import Container, Mapping, Sequence

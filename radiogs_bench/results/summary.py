@@ -268,10 +268,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 
 
 def why_absent(scene: str, result: Result, column: str) -> str:
-    """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
-
-    For rows that were scored from files, only the maps in the files are known.
-    """
+    """Why a result lacks a metric: the method or the files have no such map, or the scene has no truth for it."""
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)
     if is_from_files(result):
@@ -311,10 +308,7 @@ def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | 
 
 
 def machines(results: Sequence[Result]) -> str:
-    """The machines that made the results, all of them, because seconds of different machines are not comparable.
-
-    Those that scored files are left out: such rows have no seconds.
-    """
+    """All machines that trained for the results: seconds of different machines are not comparable."""
     cards = {
         f"{card['gpu'] or card['cpu']}, {card['threads']} thread{'' if card['threads'] == 1 else 's'}"
         for result in results

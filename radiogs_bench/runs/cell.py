@@ -19,10 +19,7 @@ from ..suites.experiment import EXPERIMENTS, TRAINING, Experiment
 
 @dataclass(frozen=True)
 class StageKey:
-    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product.
-
-    ``start``: key of what it begins with, if that is stored too, for other cells (``contract.SharedStart``).
-    """
+    """A stage of a cell: name, title, steps, key of its product, and of its start if that is shared."""
 
     name: str
     title: str

@@ -56,10 +56,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 def axis_and_points(settings: Mapping[str, float]) -> tuple[Axis, int]:
-    """The axis that a row's settings name, and the number of points of its curves.
-
-    Raises UsageError for anything else.
-    """
+    """The axis that a row's settings name, and the number of points of its curves. Raises UsageError."""
     if len(settings) != 1:
         raise UsageError(
             f"a row of experiment 'stability' has the settings {dict(settings)}",

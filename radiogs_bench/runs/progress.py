@@ -1,7 +1,4 @@
-"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer.
-
-Bars are drawn so that no number is cut, however narrow the terminal is.
-"""
+"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer."""
 
 import sys
 import time

@@ -16,10 +16,7 @@ from .spec import RunSpec
 
 
 def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]]:
-    """The suite with what a spec changes in its rows, and remarks on the rows that stay as they are. Raises UsageError.
-
-    ``preset``: the preset whose numbers ``spec.settings`` replaces.
-    """
+    """The suite with what a spec changes in its rows, and remarks on rows that stay as they are. Raises UsageError."""
     remarks: list[str] = []
     if spec.methods:
         suite = of_methods(suite, spec.methods)
@@ -76,10 +73,7 @@ def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
 
 
 def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
-    """The suite with a recipe for all rows that name none, and remarks on the rows that do not run by it.
-
-    Raises UsageError for a recipe that no row's method offers.
-    """
+    """The suite with a recipe for rows that name none, and remarks on rows that do not run by it. Raises UsageError."""
     refused: dict[str, UsageError] = {}
     for used in dict.fromkeys(row.method for row in suite.rows):
         try:

@@ -1,10 +1,7 @@
 """Scores a recovered environment map: its texels, and the light that it sends to the surfaces of the test views.
 
 The error of texels is dominated by the sun, whose sharpness diffuse surfaces hide and whose texels a coarse map cannot
-hold. ``environment/floor`` is that error for the true light, averaged to the resolution of the recovered map.
-``environment/irradiance`` and ``environment/reflection`` compare what surfaces receive instead, and
-``environment/constant`` is the error of the best light that is the same from all directions: a recovered light with
-that error carries no information.
+hold; the light that surfaces receive is compared, too.
 """
 
 import math

@@ -63,10 +63,7 @@ def view_on_black(
 
 
 def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
-    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo.
-
-    Raises MethodFailed for an exception of the method, and for an object that cannot be rendered.
-    """
+    """The model, ready to be rendered, under its own light or another with a factor of albedo. Raises MethodFailed."""
     with calling(method, "prepare() for another light" if lit else "prepare()"):
         ready = model.prepare(*lit)
     require(method, ready, Prepared, "prepare()")

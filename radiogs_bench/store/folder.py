@@ -107,10 +107,7 @@ class Store:
             return None
 
     def sealed_result(self, key: str) -> Result:
-        """The result of a cell, whose seal and key agree; nothing is moved.
-
-        Raises FileNotFoundError, Broken, OtherSchema, StoreError.
-        """
+        """The result of a cell, unmoved. Raises FileNotFoundError, Broken, OtherSchema, StoreError."""
         stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")

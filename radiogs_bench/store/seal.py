@@ -49,10 +49,7 @@ def strict_json(content: Mapping[str, Any]) -> bytes:
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> None:
-    """Write plain content with its seal, whole or not at all (``atomic.write_atomically``).
-
-    Raises StoreError where the file cannot be written, ValueError for NaN, which JSON does not know.
-    """
+    """Write plain content with its seal, whole or not at all. Raises StoreError, and ValueError for NaN."""
     write_atomically(path, strict_json(sealed(content)))
 
 

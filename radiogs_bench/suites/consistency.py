@@ -1,9 +1,4 @@
-"""Suites of the question what radiometric consistency, L_rad, is worth, and on what else that depends.
-
-``departures`` leads from RadioGS as printed to RadioGS as recommended, one group of settings after another. ``rivals``
-crosses L_rad with the parts that may do the same, from both recipes. ``consistency-length`` runs with and without L_rad
-for more and more steps. ``closed`` has the paper's rates and losses alone.
-"""
+"""Suites of the question what radiometric consistency, L_rad, is worth, and on what else that depends."""
 
 from collections.abc import Mapping
 from typing import Any

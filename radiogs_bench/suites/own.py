@@ -1,10 +1,4 @@
-"""Suites without a table in the paper: cost, length, the audit of effect plans, hard trainings, the oracle ladder.
-
-``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time, ``length`` the steps of stage 2.
-``effects`` trains with only the effects that a scene needs, against training with all. ``hard-training`` trains under
-hard conditions.
-``oracles`` replaces parts of what a method finds by the truth, to see what each is responsible for.
-"""
+"""Suites without a table in the paper: cost, length, the audit of effect plans, hard trainings, the oracle ladder."""
 
 from collections.abc import Sequence
 

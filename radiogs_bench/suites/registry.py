@@ -53,10 +53,7 @@ SUITES: Mapping[str, Suite] = {
 
 
 def suite(name: str) -> Suite:
-    """The suite of that name, or in the TOML file of that path (``read_suite``).
-
-    Raises UsageError for an unknown name, with the nearest.
-    """
+    """The suite of that name, or in the TOML file of that path. Raises UsageError for an unknown name."""
     if name.endswith(".toml"):
         return read_suite(Path(name))
     if name not in SUITES:

@@ -57,10 +57,7 @@ def _place(suite: Suite, name: str) -> str | None:
 
 
 def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:
-    """Scenes by their own names, opened as the options say.
-
-    Raises DataError for a missing scene, UsageError if two have the same name, or the same files under two names.
-    """
+    """Scenes by their names. Raises DataError for a missing one, UsageError for two of one name or the same files."""
     scenes: dict[str, Scene] = {}
     names: dict[str, str] = {}
     for each in wanted:

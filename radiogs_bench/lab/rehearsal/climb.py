@@ -34,10 +34,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """The measurements by size, and why the rehearsal ended before the last size, if it did.
-
-    The last of the sizes may lack phases (``SizeResult.whole``).
-    """
+    """The measurements by size, of which the last may lack phases, and why it ended before the last size, if it did."""
 
     rungs: Sequence[SizeResult]
     refusal: Refusal | None

@@ -1,8 +1,7 @@
-"""Measures passes over a method at one size.
+"""Measures passes over a method at one size: seconds by part, page faults, operations, launches and work counters.
 
-For each piece of work: its seconds, the parts of the code that took them, page faults, PyTorch's operations, launches
-of our own kernels, and work counters. Seconds by part come from the Python stack, which is looked at every few
-milliseconds: nothing has to be marked in the code that is measured, so that one account fits every method.
+Seconds by part come from the Python stack, which is looked at every few milliseconds: nothing has to be marked in the
+code that is measured, so that one account fits every method.
 """
 
 import gc

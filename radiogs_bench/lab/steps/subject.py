@@ -71,10 +71,7 @@ def sized_budget(method: Method, size: Size) -> Any:
 
 
 def require_size(method: Method, size: Size) -> None:
-    """Raise UsageError for a method without the size's preset, or that cannot be given the size's number of surfels.
-
-    ``WARM_UP`` takes any method.
-    """
+    """Raise UsageError for a method without the size's preset, or that cannot be given its number of surfels."""
     if size.preset not in method.presets:
         raise UsageError(
             f"{method.name} has no preset '{size.preset}'",

@@ -30,10 +30,7 @@ class Engine:
 
 
 def choose(name: str | None, workers: int | None, address: str | None, threads: int | None = None) -> Engine:
-    """The engine for the given options: several workers mean a pool, an address a cluster, otherwise this process.
-
-    Raises UsageError for options that do not go together.
-    """
+    """The engine for the options: workers mean a pool, an address a cluster, else this process. Raises UsageError."""
     chosen = name or ("ray" if address else "pool" if (workers or 1) > 1 else "inprocess")
     if workers is not None and (chosen == "ray" or (chosen == "inprocess" and workers > 1)):
         raise UsageError(

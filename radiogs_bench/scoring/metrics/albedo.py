@@ -1,7 +1,4 @@
-"""Albedo: alignment with the true one up to a factor per channel, and the difference of colours as people see it.
-
-Albedo and light are known only up to such a factor.
-"""
+"""Albedo, which is known up to a factor per channel: its alignment with the true one, and the difference of colours."""
 
 from collections.abc import Callable, Mapping, Sequence
 

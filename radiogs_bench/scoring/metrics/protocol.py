@@ -267,10 +267,7 @@ def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mas
 
 
 def alike(one: Protocol, other: Protocol, metric: str) -> bool:
-    """Whether both compute ``metric`` (``task/measure``) by the same conventions.
-
-    Metrics that no protocol governs, such as times, are alike in all.
-    """
+    """Whether both compute ``task/measure`` by the same conventions; metrics that none governs are alike."""
     return conventions(one, metric) == conventions(other, metric)
 
 

@@ -108,10 +108,7 @@ def sampled_surface(
 
 
 def pyvista() -> Any:
-    """pyvista, imported where meshes are read or a window is opened: few commands need it, and VTK loads slowly.
-
-    Raises UsageError where it cannot be loaded: VTK needs graphics libraries of the system.
-    """
+    """pyvista, imported where it is needed, as VTK loads slowly. Raises UsageError where graphics libraries lack."""
     try:
         return import_module("pyvista")
     except ImportError as error:
