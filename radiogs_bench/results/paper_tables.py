@@ -49,7 +49,7 @@ Rows = Mapping[str, list[Result]]
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper with a measured value, in the order of keys; rows from files, of unknown budgets, apart."""
+    """Every table of the paper with a measured value, in the order of keys; without rows that were scored from files."""
     sweep = measured(sweep)
     own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())

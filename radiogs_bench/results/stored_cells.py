@@ -75,7 +75,7 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
         return None
     except Broken as broken:
         raise DataError(
-            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken.reason}",
+            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken}",
             "The gate compares only what the program has written.",
             f"{AGAIN}{_command(sweep)}",
         ) from None

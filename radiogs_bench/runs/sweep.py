@@ -191,7 +191,7 @@ def read_sweep(folder: Path) -> Sweep:
         ) from None
     except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            f"{path} is damaged: {error}" if isinstance(error, Broken) else error.what,
             "It says which results belong to the table.",
             "Run the same command again: it repeats no finished cell and writes the file anew.",
         ) from error

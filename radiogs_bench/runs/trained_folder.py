@@ -128,7 +128,7 @@ def read_about(folder: Path) -> About:
         ) from None
     except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            f"{path} is damaged: {error}" if isinstance(error, Broken) else error.what,
             "It says which model is here, and of what.",
             "Run the same `train` again: it writes the file anew and repeats no finished stage.",
         ) from error

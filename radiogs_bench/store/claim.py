@@ -22,11 +22,7 @@ LONGEST_HOLDER = 300
 
 
 class Claimed(Exception):
-    """Another living process holds the claim; ``holder`` says which."""
-
-    def __init__(self, holder: str) -> None:
-        self.holder = holder
-        super().__init__(holder)
+    """Another living process holds the claim; the text says which."""
 
 
 @contextmanager
@@ -72,7 +68,7 @@ def saying_who_holds(what: str) -> Iterator[None]:
         yield
     except Claimed as claimed:
         raise StoreError(
-            f"{what} is in use by {claimed.holder}",
+            f"{what} is in use by {claimed}",
             "Two processes would train the same model twice.",
             "Let it end, then run the same command again: it reads what that one made. Or use another folder.",
         ) from claimed

@@ -103,7 +103,7 @@ class Store:
         except FileNotFoundError:
             return None
         except Broken as broken:
-            set_aside(self.folder, path, broken.reason)
+            set_aside(self.folder, path, str(broken))
             return None
 
     def sealed_result(self, key: str) -> Result:

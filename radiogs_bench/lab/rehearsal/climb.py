@@ -98,7 +98,7 @@ def _measured(plan: Plan, size: int | None, folder: Path, progress: Progress) ->
                 rehearsal = RowRehearsal(plan, row, size, Store(Path(own)), phases, seen)
                 rows[row.key], facts[row.key] = rehearsal.all(), rehearsal.facts
         except TooLarge as large:
-            broke_at = large.title
+            broke_at = str(large)
         except KeyboardInterrupt:
             stopped = True
     taken = time.perf_counter() - wall

@@ -49,11 +49,7 @@ class Phase:
 
 
 class TooLarge(Exception):
-    """A phase asked for more memory than there is."""
-
-    def __init__(self, title: str) -> None:
-        super().__init__(title)
-        self.title = title
+    """A phase, whose title is the text, asked for more memory than there is."""
 
 
 @dataclass

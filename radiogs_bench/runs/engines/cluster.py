@@ -246,7 +246,7 @@ def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
         try:
             cluster.send(task)
         except Claimed as claimed:
-            logger.info("%s: left to %s", task.label, claimed.holder)
+            logger.info("%s: left to %s", task.label, claimed)
             held.append(task)
     return held
 
