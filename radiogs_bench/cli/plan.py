@@ -44,8 +44,7 @@ def plan_without_data(suite: Suite, seeds: int) -> list[str]:
 
 
 def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
-    """Print every cell, its state, and forecasts from the store: time, memory and the differences that would be
-    resolved.
+    """Print every cell, its state, and forecasts: time, memory and the differences that would be resolved.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """

@@ -104,10 +104,7 @@ Texts = tuple[str, list[str]]
 
 
 def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
-    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title.
-
-    A column that is too wide on its own is alone in its part.
-    """
+    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title."""
     label: Texts = "", [row.text for row in table.rows]
     columns = [texts_of(table, place) for place in range(len(table.columns))]
     parts = []

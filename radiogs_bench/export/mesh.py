@@ -77,10 +77,7 @@ class Mesh:
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:
-    """Write binary little-endian PLY: x y z and nx ny nz as float32, faces as vertex_indices.
-
-    A link in its place is replaced. Raises OSError.
-    """
+    """Write binary little-endian PLY: x y z and nx ny nz as float32, faces as vertex_indices. Raises OSError."""
     columns = ("x", "y", "z", "nx", "ny", "nz")
     rows = np.empty(len(mesh.vertices), dtype=[(name, "<f4") for name in columns])
     for name, values in zip(columns, np.hstack([mesh.vertices, mesh.normals]).T, strict=True):

@@ -100,10 +100,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
 
 
 def machine_of(results: Iterable[Result]) -> dict[str, Any]:
-    """The conditions of a bitwise repetition: processor, threads and versions of all sessions of some results.
-
-    ``mixed`` where they differ, and where there are none, because then nothing is known to repeat.
-    """
+    """Processor, threads and versions of all sessions, under which bits repeat; ``mixed`` for several, and for none."""
     cards = {
         json.dumps(
             {name: session["machine"].get(name) for name in REPEATABLE}

@@ -163,10 +163,7 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
 
 
 def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Doubt]:
-    """A remark on the error that resolution alone costs the recovered light, naming the rows that have hardly more.
-
-    ``texts``: labels of the rows by key.
-    """
+    """A remark on the error that resolution alone costs the recovered light, with the rows that have hardly more."""
     floors, near = [], []
     for row, results in _by_row(finished).items():
         pairs = list(_pairs(results, LIGHT, "environment/floor"))

@@ -49,7 +49,7 @@ Rows = Mapping[str, list[Result]]
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper with a measured value, in the order of keys; without rows that were scored from files."""
+    """Every table of the paper with a measured value, in the order of keys; without rows scored from files."""
     sweep = measured(sweep)
     own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())
@@ -249,10 +249,7 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """A row's label with what ran for it; empty where scenes, image size, variant and budget are the published row's.
-
-    In a table of times or memory, a CPU is another condition, too.
-    """
+    """A row's label with what ran for it; empty where the conditions are the published row's."""
     if not results or all_as_published(results, table, row):
         return ""
     text = with_numbers(row.text, results[0]["cell"]["budget"])
@@ -263,10 +260,7 @@ def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
 
 
 def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row) -> bool:
-    """Whether the results are of all scenes of the table, at its image size, with the paper's numbers for this row.
-
-    A field of the variant or the budget that the run has set makes them others.
-    """
+    """Whether results are of all scenes of the table, at its image size, with the paper's numbers and settings."""
     conditions = table.conditions
     if {result["scene"] for result in results} != set(conditions.scenes):
         return False

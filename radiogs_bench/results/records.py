@@ -124,10 +124,7 @@ def read_record(path: Path) -> list[RecordedRun]:
 
 
 def records_of(suite: str) -> list[RecordedRun]:
-    """The project's own record of a suite; empty where there is none.
-
-    One that cannot be used is not shown: a warning says why, and the run's own reports are made without it.
-    """
+    """The project's own record of a suite; empty where there is none, or one that cannot be used, with a warning."""
     path = RECORDS / f"{plain_name(suite, 'the name of a suite')}.json"
     if not path.exists():
         return []

@@ -131,10 +131,7 @@ def damage_explained() -> Iterator[None]:
 
 
 def name_of(run: Sweep) -> str:
-    """Suite, preset, protocol and device, as the name of a folder.
-
-    A preset with fields that were set has characters that no name may have: its name ends with a digest.
-    """
+    """Suite, preset, protocol and device as a folder's name, with a digest where that has other characters."""
     name = "-".join((run["suite"], shown_preset(run), run["protocol"], run["device"]))
     if PLAIN.fullmatch(name):
         return name

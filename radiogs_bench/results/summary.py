@@ -44,10 +44,7 @@ Finished = Sequence[tuple[CellRef, Result | None]]
 
 
 def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, float]], published_data: str) -> Summary:
-    """Mean and paired difference of every metric in the table.
-
-    ``published`` holds published values by row and column; ``published_data`` says which data they are averaged over.
-    """
+    """Mean and paired difference of every metric. ``published``: values by row and column, over ``published_data``."""
     cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
     finished = [(ref, result) for ref, result in cells if result is not None]
     require_one_version(store, [result for _, result in finished])
@@ -236,10 +233,7 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
 
 
 def shown_values(result: Result) -> dict[str, MetricValue]:
-    """The values of a cell that a table can show.
-
-    ``scale/factor`` among them is the geometric mean of the factors that recovered albedo needs by channel.
-    """
+    """The values that a table can show; ``scale/factor`` is the geometric mean of albedo's factors by channel."""
     scale, values = result["albedo_scale"], values_of(result)
     if scale is None or min(scale) <= 0:
         return values

@@ -80,10 +80,7 @@ class Cell(Work):
         return content_key(self.content())
 
     def content(self) -> dict[str, Any]:
-        """Everything that the result depends on, as plain values.
-
-        The checksum stands for the scene: the same files under another name or path are the same scene.
-        """
+        """Everything that the result depends on, as plain values; the checksum is for the scene, wherever it lies."""
         return {
             "checksum": self.checksum,
             "loader": self.loader,
@@ -145,10 +142,7 @@ def _read_by(spec: StageSpec | SharedStart, scene: Scene) -> dict[str, Any]:
 
 
 def evaluation_code(experiment: Experiment, method: Method | None = None) -> str:
-    """Digest of what turns a trained model, or somebody's files, into metrics.
-
-    It also names the LPIPS networks without weights: once these are installed, results are scored again.
-    """
+    """Digest of what turns a model, or somebody's files, into metrics; it names LPIPS networks without weights."""
     shown_by = method.sources if experiment.trains and method is not None else ()
     digest = code_digest(*experiment.sources, *shown_by)
     missing = [net for net in FILES if missing_weights(net)]

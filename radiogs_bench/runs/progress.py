@@ -135,10 +135,7 @@ class ForwardingProgress(Progress):
 
 
 class SweepProgress(ForwardingProgress):
-    """Passes everything on, and adds one task: the remaining steps of all stages of the sweep.
-
-    Cells are too few and too different (four may share a stage) for an estimate of the time left.
-    """
+    """Passes everything on, and adds one task, the steps of all stages: cells are too few to tell the time left."""
 
     def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
         super().__init__(progress)

@@ -46,10 +46,7 @@ def train_and_score(
     accounts: Accounts | None = None,
     score: Scorer = scored,
 ) -> None:
-    """Train the cell's model (or find it trained), score it, and store the result.
-
-    ``along_the_way`` scores it during training (see ``trained``); ``accounts`` adds metrics of the training itself.
-    """
+    """Train the cell's model, score it, also ``along_the_way``, add ``accounts`` of it, and store the result."""
     model, ledgers = trained(bench, cell, scene, along_the_way)
     reset_peaks(bench.device)
     with recording() as instruments:

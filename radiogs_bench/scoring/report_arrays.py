@@ -168,10 +168,7 @@ def depth_range(view: View, extent: float) -> tuple[float, float]:
 
 
 def views_to_keep(scene: Scene, count: int | None) -> frozenset[str]:
-    """Names of at most so many views, evenly spread, the middle test view among them.
-
-    None: as many as fit ``KEPT_BYTES``, at least one.
-    """
+    """Names of so many views, evenly spread around the middle one; None: as many as fit ``KEPT_BYTES``, or one."""
     views = [*scene.test, *scene.relight]
     middle = len(scene.test) // 2
     if count is None:

@@ -44,10 +44,7 @@ def wall_seconds(work: Callable[[], object]) -> float:
 
 
 def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
-    """Peak memory of the function beyond what was held before it, bytes.
-
-    On the CPU this is the resident set of the whole process, after the allocator has released its cache.
-    """
+    """Peak memory of a function beyond what was held before, bytes; on the CPU the resident set of the process."""
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)

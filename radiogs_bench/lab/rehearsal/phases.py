@@ -54,10 +54,7 @@ class TooLarge(Exception):
 
 @dataclass
 class Phases:
-    """The phases that were measured, in order.
-
-    clock: seconds that have passed, or, on a CPU that others use too, those for which this process had a core.
-    """
+    """The phases that were measured, in order; ``clock`` may count only seconds for which the process had a core."""
 
     device: torch.device
     clock: Callable[[], float] = time.perf_counter

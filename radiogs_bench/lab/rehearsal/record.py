@@ -124,10 +124,7 @@ def _other(name: str, device: torch.device, forecast: Sequence[Plain], base: Map
 
 
 def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> tuple[float, float]:
-    """Seconds of a whole run with models of one size, and their standard error from the steps' measurement alone.
-
-    All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once.
-    """
+    """Seconds of a whole run with models of one size, and their standard error; shared stages are trained once."""
     trained = {key for keys in rows.values() for key in keys if " " not in key}
     shown = [key for keys in rows.values() for key in keys if " " in key]
     times = {phase.key: 0 for phase in phases} | dict.fromkeys(trained, 1)

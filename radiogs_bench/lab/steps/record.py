@@ -125,10 +125,7 @@ def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -
 
 
 def times_as_fast(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str]:
-    """The median before over the median now, and the least and the most that the intervals of both allow.
-
-    A median of zero is less than a tick of the clock.
-    """
+    """The ratio of the medians before and now, and the least and the most that the intervals of both allow."""
     if not (before["median"] > 0 and now["median"] > 0):
         return "too short", ""
     ratio = f"{before['median'] / now['median']:.2f}"

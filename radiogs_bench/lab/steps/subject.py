@@ -47,10 +47,7 @@ class Subject:
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
-    """The method on the scene, enlarged to a size. Raises UsageError as ``require_size`` does.
-
-    A method that cannot be rehearsed takes the first steps of its stages.
-    """
+    """The method on the scene, enlarged to a size. Raises UsageError as ``require_size`` does."""
     require_size(method, size)
     budget = sized_budget(method, size)
     wanted = largest_model(method, budget) if size.surfels is None else size.surfels
