@@ -52,8 +52,10 @@ class Compared:
         """The predictions in the folder, on the ground that was named."""
         from radiogs_baselines.outputs.reading import read_predictions
 
+        from ..scoring.other_readings import with_other_readings
+
         found = read_predictions(folder, scene, self.code)
-        return found if self.ground is None else found.on_ground(self.ground)
+        return with_other_readings(found if self.ground is None else found.on_ground(self.ground), scene)
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,6 @@ def _of_files(
 ) -> dict[str, Any]:
     from radiogs_datasets import load_scene
 
-    from ..scoring.other_readings import with_other_readings
     from ..scoring.score_files import score_predictions
     from ..scoring.score_record import record_of, scored
 
@@ -168,7 +169,7 @@ def _of_files(
             "no scene was named", "The ground truth is read from it.", "Add --scene PATH (or --from stanford-orb)."
         )
     scene = load_scene(compared.scene, options=opened)
-    predictions = with_other_readings(compared.predictions(folder, scene), scene)
+    predictions = compared.predictions(folder, scene)
     with progress_for_stderr() as progress:
         scores = score_predictions(predictions, scene, protocols, partial(progress.advance, "scoring"))
     return record_of(
@@ -232,7 +233,6 @@ def score_into(into: Path, as_row: AsRow, folder: Path, compared: Compared, open
     from ..runs.rows_from_files import NewRow, add_row, require_room, row_key, scene_in_run
     from ..runs.scene_checksum import checksum_now
     from ..runs.sweep import read_sweep
-    from ..scoring.other_readings import with_other_readings
     from ..store.folder import Store
     from .showing import write_and_show
 
@@ -255,7 +255,7 @@ def score_into(into: Path, as_row: AsRow, folder: Path, compared: Compared, open
         )
     scene = load_scene(compared.scene, options=opened)
     require_room(store, sweep, row, scene_in_run(store, sweep, scene))
-    predictions = with_other_readings(compared.predictions(folder, scene), scene)
+    predictions = compared.predictions(folder, scene)
     for remark in predictions.remarks:
         say(f"remark: {remark}")
     with progress_for_stderr() as progress:

@@ -101,10 +101,7 @@ SAME_RUN = ("suite", "preset", "marks", "protocol", "device")
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:
-    """Move the reports of the folder's last run aside if ``coming`` is another run; returns where they are.
-
-    Results stay where they are: they are named by their keys, and the same command shows them again.
-    """
+    """Move the reports of the folder's last run aside if ``coming`` is another run; returns where they are."""
     try:
         last = read_sweep(store.folder)
     except DataError:

@@ -121,10 +121,7 @@ def arrays_of(axis: Axis, conditions: list[float], curves: Curves) -> dict[str, 
 
 
 def tolerances_kept(store: Store, keys: Sequence[str]) -> str:
-    """A sentence on how near the errors of finished cells of suite ``stability`` come to their tolerances.
-
-    Raises NumericalFailure, with every axis that leaves its tolerance, if one does.
-    """
+    """A sentence on how near errors of suite ``stability`` come to their tolerances. Raises NumericalFailure beyond."""
     found = [_nearest(store, key) for key in keys if store.has_result(key)]
     beyond = [(share, where) for share, where in found if not share < 1]
     if beyond:

@@ -20,6 +20,7 @@ from radiogs_datasets.soundness import require_trainable
 
 from ..errors import MethodFailed
 from ..method_calls import calling, own_scene
+from ..methods import SMOKE
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
 from .plan import RunPlan
@@ -32,9 +33,6 @@ COMPILED_ON = "convex"
 
 VIEWS = 2
 """Views of the warm-up scene: the fewest from which a scene's extent is known."""
-
-PRESET = "smoke"
-"""The preset whose first steps compile the kernels."""
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
@@ -102,7 +100,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
             continue
         done.append((method.name, variant))
         try:
-            _warm_up(method, Run(own_scene(little), variant, method.presets[PRESET], 0, device))
+            _warm_up(method, Run(own_scene(little), variant, method.presets[SMOKE], 0, device))
         except MethodFailed:
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 

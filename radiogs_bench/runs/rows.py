@@ -33,7 +33,7 @@ def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]
 
 
 def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
-    """The suite for these methods: their rows in it. A method without any gets one row, or one for each choice of parts.
+    """The suite for these methods: their rows in it, or else one row each, or one for each choice of given parts.
 
     Differences are taken against the suite's reference row if it remains, else against the first row.
     """

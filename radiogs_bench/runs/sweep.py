@@ -174,10 +174,7 @@ def has_sweep(folder: Path) -> bool:
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """The manifest of a folder's last run.
-
-    Raises DataError if there is none, if it does not agree with its seal, or if it names what is no plain file name.
-    """
+    """The manifest of a folder's last run. Raises DataError if there is none, or one that contradicts itself."""
     path = _path(folder)
     try:
         stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__, Sweep))

@@ -137,10 +137,7 @@ def read_about(folder: Path) -> About:
 
 
 def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | None:
-    """Move the files of another model aside if ``replace`` says so; returns where they are, None if there is no other.
-
-    Raises UsageError without ``replace``.
-    """
+    """Move the files of another model aside if ``replace`` allows it; returns where they are. Raises UsageError."""
     try:
         about = read_about(folder)
     except DataError:

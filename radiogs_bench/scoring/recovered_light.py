@@ -92,10 +92,7 @@ def withhold_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def resolution_floor(rules: Protocol, truth: Float[Tensor, "height width 3"], rows: int, columns: int) -> Value:
-    """The error, up to scale, of the true light averaged to a map of this size and interpolated as recovered maps are.
-
-    The energy of the sun stays in its texel. A fit of all texels to this error alone may have less of it.
-    """
+    """The error, up to scale, of the true light averaged to a map of this size and looked up as recovered maps are."""
     coarse = EnvironmentMap(averaged(truth, rows, columns))
     return rules.score_environment(_like(truth.double(), coarse), truth)["error_scaled"]
 

@@ -30,7 +30,7 @@ def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
     """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
 
     A negative ``wait`` has no end. The claim is a kernel lock on the file, not the existence of the file. The kernel
-    releases it when the process dies, by whatever signal, so a claim never goes stale and no process id has to be checked.
+    releases it when the process dies, by whatever signal: a claim never goes stale and no process id has to be checked.
     A link is not followed.
     """
     lock = FileLock(path, fallback_to_soft=False, on_acquired=_sign)

@@ -273,10 +273,7 @@ def checkpoint_name(key: str) -> str:
 
 
 def set_aside(folder: Path, path: Path, reason: str) -> None:
-    """Move a damaged file of the store ``folder`` out of the way, never over another one, and say so.
-
-    Where nothing can be moved (a folder that is only readable) the file stays, and counts as absent all the same.
-    """
+    """Move a damaged file of the store out of the way, never over another one; where that fails, it stays unused."""
     aside = folder / ASIDE
     try:
         aside.mkdir(exist_ok=True)

@@ -167,10 +167,7 @@ def session(device: torch.device) -> Session:
 
 
 def yardstick_seconds(device: torch.device) -> float:
-    """Median seconds of a product of two matrices: what a device does just then without any code of this project.
-
-    Takes some 10 ms. Draws no random numbers.
-    """
+    """Median seconds of a product of two matrices, some 10 ms: the device's speed without code of this project."""
     first, second = (torch.full((SIDE, SIDE), value, device=device) for value in (0.5, 2.0))
     found = []
     for _ in range(REPETITIONS):

@@ -16,10 +16,7 @@ from .suite import Suite
 
 
 def own_scenes(suite: Suite) -> Sequence[str]:
-    """The scenes of a suite: folders here, else in the root of data, in the folder of the suite's data set.
-
-    Raises DataError if they are in neither and have to be downloaded.
-    """
+    """The scenes of a suite: folders here, else in the root of data. Raises DataError for some that are in neither."""
     if not suite.download:
         return suite.scenes
     places = {name: _place(suite, name) for name in suite.scenes}

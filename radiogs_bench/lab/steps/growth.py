@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 
@@ -15,7 +15,7 @@ from radiogs_core.scene.scene import Scene
 from ..kernels.cases import Case, rasterize_case, trace_case
 from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
-from .passes import one_pass, warm_up
+from .passes import Result, one_pass, warm_up
 from .record import milliseconds
 from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
@@ -164,9 +164,6 @@ def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
             *("n/a" if exponent is None else f"{exponent:.2f}" for exponent in told),
         )  # fmt: skip
     return table
-
-
-Result = TypeVar("Result")
 
 
 class Watching:

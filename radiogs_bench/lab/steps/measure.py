@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from statistics import median
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 from unittest.mock import patch
 
 import torch
@@ -26,7 +26,7 @@ from radiogs_core.instruments import recording
 from radiogs_core.kernels.recorded import Recorded
 
 from ..kernels.clock import page_faults, processor_seconds, seconds
-from .passes import one_pass
+from .passes import Result, one_pass
 from .sizes import Size
 from .subject import Subject
 
@@ -200,9 +200,6 @@ def counting() -> Iterator[Counts]:
         with patch.object(wp, "launch", launched), patch.object(Recorded, "run", ran), _Operations(counts):
             yield counts
         counts.work = {name: instruments.work[name] for name in SHOWN_WORK if instruments.work[name]}
-
-
-Result = TypeVar("Result")
 
 
 class Times:

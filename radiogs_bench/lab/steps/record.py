@@ -82,10 +82,7 @@ def read_record(path: Path) -> Plain:
 
 
 def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted: Collection[str]) -> dict[str, Plain]:
-    """The measurements that a record has at the wanted sizes. ``ours``: a record of here and now, of any sizes.
-
-    Raises UsageError where the records are of other machines, methods or scenes, or where none of the sizes is there.
-    """
+    """A record's measurements at the wanted sizes. Raises UsageError for none, or other machines, methods or scenes."""
     differing = [name for name in MACHINE if ours["machine"].get(name) != theirs["machine"].get(name)]
     differing += [name for name in ("method", "scene") if ours[name] != theirs[name]]
     if differing:

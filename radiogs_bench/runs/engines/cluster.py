@@ -34,7 +34,6 @@ from .delegate import (
     names_of,
     run_remote_cell,
     run_shared_stages,
-    shared_stages,
 )
 from .in_process import STOPPING, Task, record_failure
 
@@ -155,7 +154,7 @@ class Cluster:
         return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
 
     def _first(self, cell: Cell) -> Any:
-        shared = shared_stages(cell)
+        shared = cell.stages[:-1]
         if not shared:
             return RemoteResult({}, None, "")
         key = shared[-1].key
