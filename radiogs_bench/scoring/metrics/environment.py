@@ -46,7 +46,7 @@ def relative_squared_error(
     rules: Environment,
     weight: Float[Tensor, "samples 1"] | None = None,
 ) -> float:
-    """Weighted squared errors over squared truths, after the least-squares factor of the rules; NaN for a black truth."""
+    """Weighted squared errors over squared truths, after the rules' least-squares factor; NaN for a black truth."""
     each = torch.ones_like(truth[:, :1]) if weight is None else weight
     dimensions = (0,) if rules.scale == "factor a channel" else (0, 1)
     if rules.scale != "none":

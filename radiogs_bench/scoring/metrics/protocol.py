@@ -129,7 +129,7 @@ class Protocol:
         mask: Mask | None = None,
         alpha: Mask | None = None,
     ) -> Scores:
-        """``psnr``, ``ssim`` and ``lpips`` of linear albedo times ``scale``, and ``delta_e`` if the rules ask for it."""
+        """``psnr``, ``ssim``, ``lpips`` of linear albedo times ``scale``, and ``delta_e`` if the rules ask for it."""
         rules = self.albedo.picture
         mask, alpha = coverages(target, mask, alpha)
         if not usable(mask, rules):
