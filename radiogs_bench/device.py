@@ -31,12 +31,6 @@ def use(name: str, threads: int | None, *, planned: bool = False) -> torch.devic
     return found
 
 
-def wait_for(device: torch.device) -> None:
-    """Return when a GPU has finished what it was asked to do; a CPU has."""
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
-
-
 def usable_cores() -> int:
     """Number of cores that this process may use; where the system does not tell, of all cores."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

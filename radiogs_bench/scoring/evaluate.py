@@ -16,12 +16,11 @@ from radiogs_core.contract import NotOffered, Prepared, Trained
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..device import wait_for
 from ..errors import MethodFailed
 from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling, own_camera, own_light, refused, require
 from ..process_state import as_before
-from ..store.provenance import peaks_within
+from ..store.provenance import peaks_within, wait_for
 from ..store.schema import MetricValue
 from .metrics.protocol import Protocol
 from .metrics.values import Value

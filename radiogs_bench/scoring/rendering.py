@@ -14,8 +14,8 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import View
 
-from ..device import wait_for
 from ..method_calls import calling, own_camera, refused, require
+from ..store.provenance import wait_for
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 

@@ -26,7 +26,7 @@ def record_of(
     files: Mapping[str, Any] | None = None,
     **notes: Sequence[str],
 ) -> dict[str, Any]:
-    """The record of what ``code`` wrote, or is, at ``source``. ``protocols``: of ``scored``; ``notes``: by ``NOTES``."""
+    """The record of what ``code`` wrote, or is, at ``source``. ``protocols``: see ``scored``. ``notes``: ``NOTES``."""
     return {
         "schema": SCHEMA,
         "predictions": source,

@@ -166,6 +166,12 @@ def session(device: torch.device) -> Session:
     }
 
 
+def wait_for(device: torch.device) -> None:
+    """Return when a GPU has finished what it was asked to do; a CPU has."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+
+
 def yardstick_seconds(device: torch.device) -> float:
     """Median seconds of a product of two matrices, some 10 ms: the device's speed without code of this project."""
     first, second = (torch.full((SIDE, SIDE), value, device=device) for value in (0.5, 2.0))

@@ -8,17 +8,16 @@ import torch
 
 from radiogs_core.errors import UsageError
 
-from ...device import wait_for
 from ...store import provenance
 
 
 def seconds(work: Callable[[], object], device: torch.device) -> float:
     """Seconds of the function: on the CPU processor time of this process, unaffected by others; on CUDA wall time."""
     clock = time.perf_counter if device.type == "cuda" else processor_seconds
-    wait_for(device)
+    provenance.wait_for(device)
     start = clock()
     work()
-    wait_for(device)
+    provenance.wait_for(device)
     return clock() - start
 
 

@@ -10,8 +10,7 @@ import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory
 
-from ...device import wait_for
-from ...store.provenance import resident
+from ...store.provenance import resident, wait_for
 
 MATRIX = 1024
 """Side of the matrices whose product is timed: large enough to be bound by arithmetic."""

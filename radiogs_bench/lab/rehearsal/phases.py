@@ -9,8 +9,7 @@ from typing import TypeVar
 
 import torch
 
-from ...device import wait_for
-from ...store.provenance import peak_memory, reset_peaks
+from ...store.provenance import peak_memory, reset_peaks, wait_for
 
 Result = TypeVar("Result")
 
