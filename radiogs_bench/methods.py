@@ -29,10 +29,7 @@ OURS = "radiogs-bench"
 
 
 def method(name: str) -> Method:
-    """A method by its name, or from a TOML file of commands that is trusted (``trusted_methods``).
-
-    Raises UsageError for one that is not there or broken, and for a file that is not trusted.
-    """
+    """A method by its name, or from a trusted TOML file of commands. Raises UsageError for one that cannot be used."""
     if name in substitutes:
         return substitutes[name]
     if name.endswith(SUFFIX):

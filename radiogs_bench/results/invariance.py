@@ -1,8 +1,4 @@
-"""Whether trainings under conditions that should change nothing end with the metrics of the scene itself.
-
-For suite ``hard-training``: its scenes are a miniature as it is, and under hard conditions
-(``radiogs_datasets.hard_scenes``).
-"""
+"""Whether trainings of suite ``hard-training``, under conditions that should change nothing, keep the metrics."""
 
 from collections.abc import Iterable, Mapping
 from statistics import fmean

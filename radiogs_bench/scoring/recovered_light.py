@@ -79,10 +79,7 @@ def score_constant_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def withhold_light(scores: MetricsByView, scene: Scene) -> None:
-    """n/a with the reason, for relighting, the recovered light and the albedo under it, where surroundings are learnt.
-
-    An environment map would light such a model from outside the walls that it has learnt.
-    """
+    """Say why relighting, recovered light and albedo are n/a where a model has learnt its surroundings."""
     if not scene.surrounded:
         return
     for task in ("relight", "albedo"):

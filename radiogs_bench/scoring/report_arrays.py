@@ -144,11 +144,7 @@ class ReportArrays:
 
 
 def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[Tensor, "height width 3"]]:
-    """``render/environment`` and ``truth/environment``, linear, of the same size: latitude-longitude, Z up.
-
-    The true map is averaged over blocks of texels, so that a small sun loses no energy; the recovered one is
-    interpolated.
-    """
+    """``render/environment`` and ``truth/environment``, linear, of one size: truth averaged, ours interpolated."""
     radiance = true.radiance.cpu()
     height = min(radiance.shape[0], LARGEST_HEIGHT)
     reduced = torch.nn.functional.adaptive_avg_pool2d(radiance.movedim(-1, 0), (height, 2 * height)).movedim(0, -1)

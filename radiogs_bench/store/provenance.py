@@ -44,10 +44,7 @@ def now() -> str:
 
 @cache
 def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
-    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git.
-
-    A package installed inside another repository is not tracked by it; that commit would be meaningless.
-    """
+    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git."""
 
     def git(*arguments: str) -> str | None:
         try:

@@ -169,8 +169,7 @@ def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
 class Watching:
     """Seconds of every time that something was done, by title, and peak bytes of the first time.
 
-    To find a peak, memory is given back first, and getting it again takes time: such seconds count only where there are
-    no others.
+    To find a peak takes time: the seconds of the first time count only where there are no others.
     """
 
     def __init__(self, device: torch.device) -> None:

@@ -61,10 +61,7 @@ def ray_library() -> Any:
 
 @contextmanager
 def connected(address: str | None) -> Iterator[Any]:
-    """The module ``ray``, connected to the cluster at ``address``, or to one on this machine.
-
-    Raises UsageError if Ray is not installed or no cluster answers.
-    """
+    """The module ``ray``, connected to the cluster at ``address``, or to one on this machine. Raises UsageError."""
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
     ray = ray_library()
