@@ -37,8 +37,7 @@ NO_RERUN = (
 def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails: bool = False) -> list[Change]:
     """All differences, the worst first. ``slow_fails``: whether a large slowdown is a regression.
 
-    Raises DataError if suite, preset, protocol or device differ, or the files of a scene: then metrics cannot be
-    compared; and as ``stored_cells`` does.
+    Raises DataError for other settings or scene files, whose metrics cannot be compared, and as ``stored_cells`` does.
     """
     require_whole(baseline, "the baseline", MAKE_ONE)
     other = {name: (baseline[name], now) for name, now in settings_of(sweep).items() if baseline[name] != now}
