@@ -80,7 +80,8 @@ def probe(
             f"there is no folder {picture.parent}", "The picture could not be written there.", "Make it first."
         )
     light, repairs = read_light(envmap) if envmap else (None, [])
-    say(*([] if asked.as_json else repairs))
+    if not asked.as_json:
+        say(*repairs)
     with working(f"probing {subject}"):
         name, found = _probed(
             subject, asked, opened, lambda scene: None if light is None else placed(placing, scene, light)[0]

@@ -93,7 +93,8 @@ def relight(
         light = _placed(placing, run.scene, light, envmap.name)
         with working(f"preparing {envmap.name}"):
             relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
-        say(*(relit.remarks if isinstance(relit, Remarking) else ()))
+        if isinstance(relit, Remarking):
+            say(*relit.remarks)
         place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
         say(write_views(
             name, relit, run, asked.views, place,
