@@ -264,7 +264,8 @@ def train(
     for name in options.keys() - TrainingOptions.__annotations__.keys():
         raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
     say = options.get("say", lambda line: None)
-    used = _named(method) if isinstance(method, str) else method
+    with trusting([method] if isinstance(method, str) else ()):
+        used = installed_method(method) if isinstance(method, str) else method
     opened, on = options.get("scene_options", AS_STORED), device_named(device)
     read = scene if isinstance(scene, Scene) else load_scene(str(scene), options=opened)
     for repair in read.repairs:
@@ -284,11 +285,6 @@ def train(
     with store.keeping_tracebacks():
         name = str(read.folder or read.name) if isinstance(scene, Scene) else str(scene)
         return _trained(store, cell, run, used, say, Origin(name, preset, changes))
-
-
-def _named(name: str) -> Method:
-    """``method``, where an argument has its name."""
-    return method(name)
 
 
 def _trained(

@@ -11,10 +11,7 @@ DEVICES = ("cpu", "cuda")
 
 
 def device_named(name: str, *, planned: bool = False) -> torch.device:
-    """The device of that name, such as ``cuda`` or ``cuda:1``.
-
-    Raises UsageError for another kind, and where no GPU is found, unless it is only ``planned`` for.
-    """
+    """The device of that name, such as ``cuda:1``. Raises UsageError for another kind, and where no GPU is found."""
     if name.partition(":")[0] not in DEVICES:
         raise unknown("device", name, DEVICES)
     found = torch.device(name)

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from radiogs_core.capabilities import PARTS, OffersRecipes, TakesGiven
@@ -20,7 +19,7 @@ from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with
 from .installed_methods import method_names, offered_methods, origin, recipes, substitutes
 from .method_calls import calling, lacking, stops_at_once
 from .process_state import ours, set_apart
-from .trusted_methods import SUFFIX, method_of_file, trusted_files, trusting
+from .trusted_methods import SUFFIX, method_of_file, read_file, trusted_files, trusting
 
 DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""
@@ -30,17 +29,14 @@ OURS = "radiogs-bench"
 
 
 def method(name: str) -> Method:
-    """A method by its name, or from a TOML file of commands that is trusted (``trusted_methods``).
-
-    Raises UsageError for one that is not there or broken, and for a file that is not trusted.
-    """
+    """A method by its name, or from a trusted TOML file of commands. Raises UsageError for one that cannot be used."""
     if name in substitutes:
         return substitutes[name]
     if name.endswith(SUFFIX):
         return method_of_file(name)
     offered = offered_methods()
     if name not in offered and name in recipes():
-        return _from_file(recipes()[name])
+        return read_file(recipes()[name])
     if name not in offered:
         raise unknown("method", name, method_names(), "See them all:  radiogs-bench methods")
     return _loaded(offered[name])
@@ -328,9 +324,3 @@ def _wrong(loaded: Any, name: str) -> str:
         if not is_dataclass(budget) or getattr(budget, "name", None) != key:
             return f"its preset '{key}' has to be an instance of a dataclass whose name is '{key}'"
     return ""
-
-
-def _from_file(path: Path) -> Method:
-    from radiogs_baselines.commands.method import read_method
-
-    return read_method(path)

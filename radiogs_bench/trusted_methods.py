@@ -28,7 +28,7 @@ def trusting(names: Iterable[str]) -> Iterator[Mapping[Path, "CommandMethod"]]:
     wrong one.
     """
     paths = {Path(name).resolve(): Path(name) for name in names if name.endswith(SUFFIX)}
-    new = {place: _read(path) for place, path in paths.items() if place not in _trusted}
+    new = {place: read_file(path) for place, path in paths.items() if place not in _trusted}
     _trusted.update(new)
     try:
         yield new
@@ -37,7 +37,8 @@ def trusting(names: Iterable[str]) -> Iterator[Mapping[Path, "CommandMethod"]]:
             _trusted.pop(place, None)
 
 
-def _read(path: Path) -> "CommandMethod":
+def read_file(path: Path) -> "CommandMethod":
+    """The method of a file, whoever named it. Raises DataError or UsageError for a file that cannot be used."""
     from radiogs_baselines.commands.method import read_method
 
     return read_method(path)

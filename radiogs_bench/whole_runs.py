@@ -54,9 +54,6 @@ class Audience:
     """Whether the first table of several scenes is shown as soon as it is complete."""
 
 
-QUIET = Audience(lambda line: None, lambda line: None)
-
-
 def run(
     suite: str | RunSpec,
     out: str | Path | None = None,
@@ -83,27 +80,25 @@ def run(
     with trusting([*own, *map(str, trust)]):
         plan = resolve(spec)
         store = Store(Path("out") / plan.suite.name if out is None else Path(out))
-        ended = carry_out(plan, store, choose(engine, workers, ray_address, spec.threads), Audience(say, say))
-        write(store, ended.manifest)
+        chosen = choose(engine, workers, ray_address, spec.threads)
+        code, manifest = carry_out(plan, store, chosen, Audience(say, say))
+        write(store, manifest)
         for line in verdicts(plan, store):
             say(line)
-    if ended.code:
+    if code:
         raise CellFailed(
-            f"the run ended with exit code {ended.code}", "Some of its cells failed; ``say`` is told why each did."
+            f"the run ended with exit code {code}", "Some of its cells failed; ``say`` is told why each did."
         )
     return table(store.folder)
 
 
-@dataclass(frozen=True)
-class Ended:
-    """How a run ended: its exit code, and its manifest."""
+def carry_out(
+    plan: RunPlan, store: Store, engine: Engine, to: Audience, command: Sequence[str] = ()
+) -> tuple[int, Sweep]:
+    """Run the missing cells of a plan; returns the exit code and the manifest.
 
-    code: int
-    manifest: Sweep
-
-
-def carry_out(plan: RunPlan, store: Store, engine: Engine, to: Audience, command: Sequence[str] = ()) -> Ended:
-    """Run the missing cells of a plan. ``command``: the arguments of the command line, if the run came from there."""
+    ``command``: the arguments of the command line, if the run came from there.
+    """
     store.remove_leavings()
     with progress_for_stderr() as progress:
         fetch_missing(plan.lpips_networks, to.say, progress.advance)
@@ -114,7 +109,7 @@ def carry_out(plan: RunPlan, store: Store, engine: Engine, to: Audience, command
     with working_bench(plan, store, growing(plan, store, bars, to.table)) as bench:
         ended = run_plan(plan, bench, engine)
     code = ended.code or explained_code(ended.failures, to.complain)
-    return Ended(code, with_rows_from_files(store, manifest, checksums_of(plan))[0])  # rows may have been added
+    return code, with_rows_from_files(store, manifest, checksums_of(plan))[0]  # rows may have been added
 
 
 @contextmanager

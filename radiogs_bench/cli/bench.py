@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 from radiogs_core.errors import unknown
 
 from .options import METHOD, OPTIONS, Count, MethodName, Names, SceneName
+from .reporter import complain, say, show
 from .values import factor, from_text, names
 
 if TYPE_CHECKING:
@@ -73,7 +74,6 @@ def bench_kernels(
     from ..lab.kernels import bench
     from ..lab.kernels.embree import missing_embree
     from ..store.provenance import session
-    from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", kernels, KERNELS), ("scene", scenes, SCENES)):
         for name in given:
@@ -126,7 +126,6 @@ def bench_frames(
     from ..device import use
     from ..lab.kernels import frames
     from ..store.provenance import session
-    from .reporter import complain, show
 
     used = use(device, 1)
     rows = list(frames.bench_frames(load_scene(scene), spacings, used, complain))
@@ -169,7 +168,6 @@ def bench_steps(
     from ..lab.steps.subject import require_size, subject_of
     from ..methods import method as installed
     from ..store.provenance import session
-    from .reporter import complain, say, show
 
     used, chosen = installed(method), [size_of(name) for name in sizes]
     for size in chosen:
@@ -188,8 +186,7 @@ def bench_steps(
         found = measured(subject_at, size, passes or size.passes, stages, complain)
         record["sizes"][size.name] = found
         show(recorded.as_table(size.name, found))
-        for sentence in recorded.frames_said(found):
-            say(sentence)
+        say(*recorded.frames_said(found))
     _write(at.record, record)
     for name, before in earlier.items():
         show(recorded.ratio_table(name, record["sizes"][name], before))
@@ -209,7 +206,6 @@ def bench_growth(*, passes: Count | None = None, method: Method = METHOD, at: Pl
     from ..lab.steps.growth import PASSES, SCHEMA, bench_growth, growth_table
     from ..methods import method as installed
     from ..store.provenance import session
-    from .reporter import complain, show
 
     device = use(at.device, 1)
     began = session(device)

@@ -1,8 +1,4 @@
-"""``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS.
-
-``generate`` and ``blend`` make scenes with complete ground truth: the former path-traces miniatures, the latter renders
-a .blend file with Blender Cycles.
-"""
+"""``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -15,7 +11,9 @@ from cyclopts import App, Parameter
 from radiogs_core.errors import UsageError
 from radiogs_datasets.options import AS_STORED
 
+from ..runs.progress import progress_for_stderr
 from .options import OPTIONS, Count, Data, DataSetName, Device, Json, Names, Opened, SceneName
+from .reporter import complain, say, say_whole
 
 if TYPE_CHECKING:
     from ..fetching.catalogue import DataSet
@@ -46,10 +44,7 @@ def list_scenes() -> None:
     """
     from radiogs_datasets import scene_names
 
-    from .reporter import say
-
-    for name in scene_names():
-        say(name)
+    say(*scene_names())
 
 
 @datasets.command
@@ -74,9 +69,6 @@ def check(
 
     from radiogs_datasets import scene_choices, scene_kind
     from radiogs_datasets.check import check_scene
-
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say, say_whole
 
     with progress_for_stderr() as progress:
         report = check_scene(scene, opened, partial(progress.advance, "checking"), deep)
@@ -123,14 +115,10 @@ def convert(
     from radiogs_datasets.reduction import every as every_nth
     from radiogs_datasets.writing import convert as write
 
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
-
     read = every_nth(load_scene(scene, options=opened), every)
     with progress_for_stderr() as progress:
         lost = write(read, out, to, partial(progress.advance, "converting"))
-    for line in (*read.repairs, *lost):
-        say(line)
+    say(*read.repairs, *lost)
     say(f"{out}: {len(read.train)} training and {len(read.test)} test views, layout {to}")
 
 
@@ -168,9 +156,6 @@ def generate(
     """
     from radiogs_datasets.generate import Pictures, generate_scene
 
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
-
     if not recipes:
         raise UsageError("no scene was named", "", "Name a recipe:  radiogs-bench datasets generate corner")
     for name in recipes:
@@ -191,11 +176,8 @@ def _converted(made: Path, folder: Path, layout: str) -> None:
     from radiogs_datasets import load_scene
     from radiogs_datasets.writing import convert as write
 
-    from .reporter import say
-
     if made != folder:
-        for line in write(load_scene(str(made)), folder, layout):
-            say(line)
+        say(*write(load_scene(str(made)), folder, layout))
 
 
 @datasets.command
@@ -209,9 +191,7 @@ def weights(*, to: Path | None = None, nets: Names = ()) -> None:
     """
     from ..fetching.lpips_weights import fetch as fetch_weights
     from ..fetching.lpips_weights import sources
-    from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.weights import WEIGHTS_VARIABLE, weights_folder
-    from .reporter import say
 
     folder = to or weights_folder()
     for source in sources(nets or None):
@@ -274,16 +254,13 @@ def blend(
     from radiogs_datasets.lights import OWN_LIGHTS
 
     from ..device import usable_cores
-    from ..runs.progress import progress_for_stderr
-    from .reporter import say
 
     made = _before_conversion(out, layout)
     request = Request(file, **{**vars(rendered), "lights": rendered.lights or OWN_LIGHTS})
     threads = max(1, usable_cores() // workers)
     with progress_for_stderr() as progress:
         metadata = write_scene(request, made, workers, threads, partial(progress.advance, "rendering"))
-    for line in remarks(metadata):
-        say(line)
+    say(*remarks(metadata))
     _converted(made, out, layout)
     say(f"{out}: {layout}, rendered by Blender {metadata['versions']['blender']}")
 
@@ -323,13 +300,10 @@ def fetch(*data_sets: DataSetName, root: Annotated[Path | None, Parameter(name="
     from ..errors import NotFetched
     from ..fetching.catalogue import DATA_SETS, data_set
     from ..fetching.fetch import fetch_data_set
-    from ..runs.progress import progress_for_stderr
-    from .reporter import complain, say
 
     if not data_sets:
         for each in DATA_SETS.values():
-            for line in described(each):
-                say(line)
+            say(*described(each))
         return
     wanted = [data_set(name) for name in data_sets]
     place = root or data_root()

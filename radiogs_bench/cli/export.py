@@ -1,8 +1,4 @@
-"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form.
-
-A trained model becomes a file of surfels as another program reads them (``--to``), a triangle mesh with its distance
-from the true shape (``--mesh``), or its test views as a public code writes its own (``--layout-of``).
-"""
+"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from ..runs.progress import progress_for_stderr
 from .options import AS_TRAINED, CodeName, Opening, ProtocolName
+from .reporter import say, say_aside
 from .values import factor, from_text
 
 if TYPE_CHECKING:
@@ -98,7 +96,6 @@ def _run(folder: Path, out: Path | None, to: str) -> None:
     from ..export.records import export as write
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from .reporter import say, say_aside
 
     sweep = read_sweep(folder)  # says what to do where there is no run
     store = Store(folder)
@@ -125,7 +122,6 @@ def _surfels(folder: Path, path: Path, row: str | None, form: str) -> None:
 
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..store.atomic import explained
-    from .reporter import say
 
     surfels = surfels_in(folder, row)
     if not len(surfels):
@@ -144,11 +140,9 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
     from radiogs_core.own_files import require_own_folders
 
     from ..export.published_layout import checked, write_as_published
-    from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.metrics.protocols import protocol
     from ..store.folder import Store
-    from .reporter import say
 
     if out is None:
         require_own_folders(folder, code)
@@ -168,12 +162,10 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
 def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None:
     """Write the mesh and, beside it, its record as JSON; print its distances from the true shape if known."""
     from ..export.mesh import lattice_of, mesh_of, record_of, sentences_of, write_mesh
-    from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
     from ..store.folder import Store
     from ..store.seal import write_sealed
-    from .reporter import say
 
     with Store(folder).keeping_tracebacks(), progress_for_stderr() as progress:
         run, model = read_trained(folder, device)
@@ -187,5 +179,4 @@ def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, by.views)
     write_sealed(path.with_suffix(".json"), record)
-    for line in sentences_of(record["shape"]):
-        say(line)
+    say(*sentences_of(record["shape"]))

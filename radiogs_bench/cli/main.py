@@ -101,10 +101,7 @@ def values_of(given: BoundArguments) -> dict[str, Any]:
 
 @contextmanager
 def trusting_named(given: Mapping[str, Any]) -> Iterator[None]:
-    """Trust the methods' files that a command's arguments name; prints the commands of those that ``trust`` names.
-
-    Raises DataError for a file that cannot be read, UsageError for a wrong one.
-    """
+    """Trust the methods' files of a command, and print what those in ``trust`` run. Raises DataError or UsageError."""
     named = given.get("method") or ()
     chosen = (named,) if isinstance(named, str) else named
     with trusting(chosen), trusting(given.get("trust", ())) as added:

@@ -11,6 +11,7 @@ from cyclopts import App
 from radiogs_core.errors import ExplainedError, UsageError
 
 from .options import ON_CPU, OPTIONS, Computing, Json, MethodName, PresetName, SceneName
+from .reporter import complain, say, say_whole, show
 
 methods = App(name="methods", group_parameters=OPTIONS)
 
@@ -33,7 +34,6 @@ def describe_methods(method: MethodName | None = None, /, *, recipes: bool = Fal
     from ..installed_methods import method_names
     from ..methods import describe
     from ..methods import method as installed
-    from .reporter import complain, say_whole
 
     described: list[dict[str, Any]] = []
     broken: list[ExplainedError] = []
@@ -80,7 +80,6 @@ def check(
 
     from ..methods import method as installed
     from ..runs.contract_check import check_method
-    from .reporter import complain, say
 
     used, place = installed(method), on.use()
     if preset not in used.presets:
@@ -101,7 +100,6 @@ def _show_recipes(name: str | None) -> int:
     from radiogs_core.capabilities import OffersRecipes
 
     from ..methods import method
-    from .reporter import say_whole
 
     if name is None:
         raise UsageError("recipes of which method?", "", "Name one:  radiogs-bench methods radiogs --recipes")
@@ -115,7 +113,6 @@ def _show_recipes(name: str | None) -> int:
 def _list_all() -> int:
     """Print what every method is called and which package offers it; none of them is loaded."""
     from ..installed_methods import method_names, origin
-    from .reporter import say
 
     names = method_names()
     width = max(map(len, names))
@@ -129,8 +126,6 @@ def _show_one(described: Mapping[str, Any]) -> None:
     from rich.table import Table
 
     from radiogs_core.plain_values import flat
-
-    from .reporter import say, show
 
     say(f"{described['name']}: {described['title']}, from {described['origin']}")
     presets = {name: flat(budget) for name, budget in described["presets"].items()}

@@ -1,6 +1,7 @@
 """``radiogs-bench train`` and ``render``: one model, outside any suite."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,6 +24,7 @@ from .options import (
     SceneName,
     no_effects,
 )
+from .reporter import say
 
 if TYPE_CHECKING:
     from ..api import Model
@@ -63,7 +65,6 @@ def train(
     :param scene: Train on this scene, by name or folder.
     """
     from .. import api
-    from .reporter import say
 
     on.use()
     variant, budget = fields_of(asked.method, asked.preset, changes)
@@ -75,8 +76,7 @@ def train(
     written = [path.name for path in model.files]
     size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
     say(f"{model.run.scene.name}: {size}{model.seconds:.0f} s")
-    for remark in model.facts.get("remarks", ()):
-        say(remark)
+    say(*model.facts.get("remarks", ()))
     if not asked.no_score:
         _score(model, folder, folder / "score.json")
         written.append("score.json")
@@ -97,10 +97,8 @@ def _score(model: "Model", folder: Path, path: Path) -> None:
     rules, run = [protocol("default")], model.run
     say_without_weights(rules)
     with progress_for_stderr() as progress:
-        record = record_of_model(
-            str(folder), model.method, model.trained, run.scene, run.device, rules,
-            lambda done, total: progress.advance("scoring", done, total),
-        )  # fmt: skip
+        advance = partial(progress.advance, "scoring")
+        record = record_of_model(str(folder), model.method, model.trained, run.scene, run.device, rules, advance)
     require_unchanged(run.scene, checksum_now)
     write_sealed(path, record)
     show_record(record)
@@ -146,7 +144,6 @@ def render(
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
     from ..store.folder import Store
-    from .reporter import say
 
     with Store(folder).keeping_tracebacks():
         run, model = read_trained(folder, opening.use())

@@ -24,10 +24,7 @@ METHOD = "radiogs"
 
 
 def offering(*places: str) -> Parameter:
-    """An option for which a shell offers names, and paths; a name may follow others and a comma.
-
-    ``places``: a module and, after a colon, its container of names, or its function that returns one.
-    """
+    """An option for which a shell offers names of ``places`` (module:container, or function), and paths."""
 
     def complete(context: "CompletionContext") -> list[str]:
         before, comma, last = context.incomplete.rpartition(",")

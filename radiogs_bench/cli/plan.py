@@ -44,8 +44,7 @@ def plan_without_data(suite: Suite, seeds: int) -> list[str]:
 
 
 def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
-    """Print every cell, its state, and forecasts from the store: time, memory and the differences that would be
-    resolved.
+    """Print every cell, its state, and forecasts: time, memory and the differences that would be resolved.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
@@ -64,10 +63,8 @@ def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted:
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
-        for sentence in recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]):
-            say(sentence)
-    for sentence in power_sentences(plan, store, wanted):
-        say(sentence)
+        say(*recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]))
+    say(*power_sentences(plan, store, wanted))
 
 
 def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:
@@ -132,10 +129,7 @@ def needs(of: Planned) -> str:
 
 
 def power_of(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
-    """The differences that each column of the run could resolve; empty where no run of this suite is stored.
-
-    Raises UsageError for a wanted difference in a column that the suite does not have.
-    """
+    """The differences that each column of the run could resolve; empty without a stored run. Raises UsageError."""
     columns = [metric.key for metric in plan.suite.columns]
     for name in wanted:
         if name not in columns:

@@ -14,6 +14,7 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from .lights import AS_IT_LIES, Placing, placed
 from .options import METHOD, Count, Data, Json, MethodName, Opened, PresetName, SceneName, Trust
+from .reporter import say, say_whole, show
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,7 +73,6 @@ def probe(
     from radiogs_datasets.lights import read_light
 
     from ..runs.progress import working
-    from .reporter import say, say_whole
 
     picture, envmap = asked.picture, asked.envmap
     if picture is not None and not picture.absolute().parent.is_dir():
@@ -80,8 +80,8 @@ def probe(
             f"there is no folder {picture.parent}", "The picture could not be written there.", "Make it first."
         )
     light, repairs = read_light(envmap) if envmap else (None, [])
-    for repair in [] if asked.as_json else repairs:
-        say(repair)
+    if not asked.as_json:
+        say(*repairs)
     with working(f"probing {subject}"):
         name, found = _probed(
             subject, asked, opened, lambda scene: None if light is None else placed(placing, scene, light)[0]
@@ -152,8 +152,6 @@ def loss_beside(decibel: float, mse: float, psnr: float) -> float:
 def _show(name: str, found: "Probe", psnr: int | None) -> None:
     """Print the table; if a ``psnr`` is given, also what each effect is worth beside a model of it."""
     from rich.table import Table
-
-    from .reporter import say, show
 
     beside = [] if psnr is None else [f"beside {psnr} dB"]
     table = Table(

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from radiogs_core.errors import UsageError
 
+from .reporter import say
+
 
 def record(*out: Path, to: Path, markdown: Path | None = None, document: Path | None = None) -> None:
     """Keep the tables of finished runs in a sealed file, which is shown beside shorter runs.
@@ -22,7 +24,6 @@ def record(*out: Path, to: Path, markdown: Path | None = None, document: Path | 
     from ..runs.sweep import read_sweep
     from ..store.atomic import write_atomically
     from ..store.folder import Store
-    from .reporter import say
 
     texts = ((markdown, record_page), (document, record_document))
     if not out and all(path is None for path, _ in texts):

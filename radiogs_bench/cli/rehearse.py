@@ -26,6 +26,7 @@ from .options import (
     SuiteOrScene,
     Trust,
 )
+from .reporter import say, say_whole
 from .values import factor, from_text, names, positive
 
 if TYPE_CHECKING:
@@ -120,7 +121,6 @@ def rehearse(
     from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
     from ..store.seal import write_sealed
-    from .reporter import say, say_whole
 
     plan = _plan(subject, asked, opened, on)
     folder = asked.out or Path("out") / f"rehearse-{plan.name}"
@@ -133,8 +133,7 @@ def rehearse(
     if asked.as_json:
         say_whole(json.dumps(record, allow_nan=False))
     else:
-        for line in [*lines_of(record), f"wrote {folder / 'rehearsal.json'}"]:
-            say(line)
+        say(*lines_of(record), f"wrote {folder / 'rehearsal.json'}")
     if climbed.stopped:
         return STOPPED
     return 0 if fits(record) else 1

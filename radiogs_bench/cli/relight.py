@@ -14,6 +14,7 @@ from radiogs_core.errors import UsageError
 
 from .lights import AS_IT_LIES, Placing, placed
 from .options import AS_TRAINED, EffectsChoice, MaybeCount, Opening, no_effects
+from .reporter import say
 from .values import from_text
 
 if TYPE_CHECKING:
@@ -81,12 +82,10 @@ def relight(
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
     from ..store.folder import Store
-    from .reporter import say
 
     device, lit = opening.use(), lit_folder(envmap) + placing.marks
     light, repairs = read_light(envmap)
-    for repair in repairs:
-        say(repair)
+    say(*repairs)
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
     with Store(folder).keeping_tracebacks():
@@ -94,15 +93,14 @@ def relight(
         light = _placed(placing, run.scene, light, envmap.name)
         with working(f"preparing {envmap.name}"):
             relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
-        for remark in relit.remarks if isinstance(relit, Remarking) else ():
-            say(remark)
+        if isinstance(relit, Remarking):
+            say(*relit.remarks)
         place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
         say(write_views(
             name, relit, run, asked.views, place,
             lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", partial(count_levels, levels),
         ))  # fmt: skip
-        for sentence in beyond_levels(levels):
-            say(sentence)
+        say(*beyond_levels(levels))
         if asked.turntable is not None:
             frames = (*asked.turntable, FRAMES)[0]
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")
@@ -111,7 +109,6 @@ def relight(
 def _placed(placing: Placing, scene: "Scene", light: "EnvironmentMap", name: str) -> "EnvironmentMap":
     """The light in the scene's world; prints how it lies there."""
     from ..scoring.recovered_light import NOT_DISTANT
-    from .reporter import say
 
     if scene.surrounded:
         say(f"relighting means little here: {NOT_DISTANT}")

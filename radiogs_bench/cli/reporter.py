@@ -1,7 +1,4 @@
-"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal (``errors.visible``).
-
-On a terminal, sentences are wrapped between words: no number is cut, and no command that is to be copied.
-"""
+"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal."""
 
 import logging
 import shutil
@@ -25,9 +22,10 @@ BEFORE_COMMAND = "  radiogs-bench "
 """The text between a sentence and a command to copy."""
 
 
-def say(line: str) -> None:
-    """Print a line; on a terminal it is wrapped between words."""
-    sys.stdout.write(fitted(visible(line), sys.stdout.isatty()) + "\n")
+def say(*lines: str) -> None:
+    """Print lines; on a terminal each is wrapped between words."""
+    for line in lines:
+        sys.stdout.write(fitted(visible(line), sys.stdout.isatty()) + "\n")
 
 
 def say_whole(line: str) -> None:

@@ -1,7 +1,4 @@
-"""``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table.
-
-The module is imported for ``--help``: what computes is imported by the functions that need it.
-"""
+"""``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -182,10 +179,7 @@ def _run(spec: "RunSpec", asked: Asked, where: Where, words: Sequence[str]) -> i
 
 
 def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: bool, words: Sequence[str]) -> int:
-    """Run the missing cells, and write and print the reports. Returns the exit code.
-
-    Raises NumericalFailure where suite ``stability`` or ``hard-training`` exceeds its tolerances.
-    """
+    """Run the missing cells, and write and print the reports; returns the exit code. Raises as ``verdicts`` does."""
     from ..results.reports import verdicts
     from ..whole_runs import Audience, carry_out, other_run
     from .events import EventProgress, emit
@@ -193,18 +187,18 @@ def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: boo
     to = Audience(partial(say_line, as_json=as_json), complain, table=not as_json)
     if as_json:
         to = replace(to, progress=lambda store, cells: EventProgress(store, [ref for ref, _ in cells]))
-    ended = carry_out(plan, store, engine, to, words)
+    code, manifest = carry_out(plan, store, engine, to, words)
     from .showing import write, write_and_show  # not before there are results: errors need not wait for its tables
 
     if as_json:
-        for path in write(store, ended.manifest)[1]:
+        for path in write(store, manifest)[1]:
             emit("written", path=str(path))
     else:
-        write_and_show(store, ended.manifest)
-        if remark := other_run(store, ended.manifest):
+        write_and_show(store, manifest)
+        if remark := other_run(store, manifest):
             say(remark)
     say_lines(verdicts(plan, store), as_json)
-    return ended.code
+    return code
 
 
 def _list(name: str | None, as_json: bool) -> None:
@@ -218,8 +212,7 @@ def _list(name: str | None, as_json: bool) -> None:
         for each in suites:
             emit_suite(each)
     elif name:
-        for line in describe(suites[0]):
-            say(line)
+        say(*describe(suites[0]))
     else:
         width = max(len(each.name) for each in suites)
         for each in suites:

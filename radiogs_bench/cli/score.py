@@ -1,11 +1,9 @@
-"""``radiogs-bench score``: score a trained model, or another code's output folder, under a named protocol.
-
-With ``--into OUT``, what anybody's files score becomes a row of a finished run.
-"""
+"""``radiogs-bench score``: score a trained model, or another code's output folder, under a named protocol."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,7 +12,9 @@ from cyclopts import Group, Parameter
 from radiogs_core.errors import UsageError
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
+from ..runs.progress import progress_for_stderr
 from .options import AS_TRAINED, CodeName, Json, Opened, Opening, ProtocolName, SceneName
+from .reporter import say, say_whole
 
 if TYPE_CHECKING:
     import torch
@@ -52,8 +52,10 @@ class Compared:
         """The predictions in the folder, on the ground that was named."""
         from radiogs_baselines.outputs.reading import read_predictions
 
+        from ..scoring.other_readings import with_other_readings
+
         found = read_predictions(folder, scene, self.code)
-        return found if self.ground is None else found.on_ground(self.ground)
+        return with_other_readings(found if self.ground is None else found.on_ground(self.ground), scene)
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,6 @@ def score(
     """
     from ..scoring.metrics.protocols import PROTOCOLS, protocol
     from ..store.seal import write_sealed
-    from .reporter import say_whole
     from .showing import say_without_weights, show_record
 
     if as_row.into is not None:
@@ -135,17 +136,14 @@ def _leave_out_ground(compared: Compared) -> None:
 
 
 def _of_model(folder: Path, protocols: "Sequence[Protocol]", device: "torch.device") -> dict[str, Any]:
-    from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.score_record import record_of_model
 
     method = read_about(folder)["method"]
     run, model = read_trained(folder, device)
     with progress_for_stderr() as progress:
-        return record_of_model(
-            str(folder), method, model, run.scene, run.device, protocols,
-            lambda done, total: progress.advance("scoring", done, total),
-        )  # fmt: skip
+        advance = partial(progress.advance, "scoring")
+        return record_of_model(str(folder), method, model, run.scene, run.device, protocols, advance)
 
 
 def _are_pairs(folder: Path, compared: Compared) -> bool:
@@ -163,8 +161,6 @@ def _of_files(
 ) -> dict[str, Any]:
     from radiogs_datasets import load_scene
 
-    from ..runs.progress import progress_for_stderr
-    from ..scoring.other_readings import with_other_readings
     from ..scoring.score_files import score_predictions
     from ..scoring.score_record import record_of, scored
 
@@ -173,11 +169,9 @@ def _of_files(
             "no scene was named", "The ground truth is read from it.", "Add --scene PATH (or --from stanford-orb)."
         )
     scene = load_scene(compared.scene, options=opened)
-    predictions = with_other_readings(compared.predictions(folder, scene), scene)
+    predictions = compared.predictions(folder, scene)
     with progress_for_stderr() as progress:
-        scores = score_predictions(
-            predictions, scene, protocols, lambda done, total: progress.advance("scoring", done, total)
-        )
+        scores = score_predictions(predictions, scene, protocols, partial(progress.advance, "scoring"))
     return record_of(
         str(folder),
         predictions.code,
@@ -233,19 +227,13 @@ def not_predicted(pairs: "Sequence[Pair]") -> list[tuple[str, str, str]]:
 
 
 def score_into(into: Path, as_row: AsRow, folder: Path, compared: Compared, opened: SceneOptions) -> None:
-    """Score the folder, enter the row into the run in ``into``, and rebuild and print the run's reports.
-
-    Raises UsageError for a row without a name or a scene, and for another protocol than the run's.
-    """
+    """Score the folder, enter the row into the run in ``into``, and rebuild and print its reports."""
     from radiogs_datasets import load_scene
 
-    from ..runs.progress import progress_for_stderr
     from ..runs.rows_from_files import NewRow, add_row, require_room, row_key, scene_in_run
     from ..runs.scene_checksum import checksum_now
     from ..runs.sweep import read_sweep
-    from ..scoring.other_readings import with_other_readings
     from ..store.folder import Store
-    from .reporter import say
     from .showing import write_and_show
 
     if as_row.row is None:
@@ -267,13 +255,11 @@ def score_into(into: Path, as_row: AsRow, folder: Path, compared: Compared, open
         )
     scene = load_scene(compared.scene, options=opened)
     require_room(store, sweep, row, scene_in_run(store, sweep, scene))
-    predictions = with_other_readings(compared.predictions(folder, scene), scene)
+    predictions = compared.predictions(folder, scene)
     for remark in predictions.remarks:
         say(f"remark: {remark}")
     with progress_for_stderr() as progress:
-        sweep = add_row(
-            store, row, predictions, scene, checksum_now, lambda done, total: progress.advance("scoring", done, total)
-        )
+        sweep = add_row(store, row, predictions, scene, checksum_now, partial(progress.advance, "scoring"))
     for heading in ("absent", "missing", "ignored"):
         for line in getattr(predictions, heading):
             say(f"{heading.removesuffix('s')}: {line}")

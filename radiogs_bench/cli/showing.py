@@ -1,7 +1,4 @@
-"""Shows a run that has results on the terminal: its reports and their table; and the table of a score.
-
-A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
-"""
+"""Shows a run that has results on the terminal: its reports and their table; and the table of a score."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -37,15 +34,13 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
     table = suite_table(summary)
     for part in parts_of(table, title_of(summary), console(width).width):
         show(part, width)
-    for sentence in below(table):
-        say(sentence)
+    say(*below(table))
     say_remarks(table)
     say(f"Mean over {mean_over(summary)}.")
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, width)
     if (compared := beside_report(summary)) is not None:
-        for sentence in compared.sentences:
-            say(sentence)
+        say(*compared.sentences)
     say_aside(store)
     say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
 
@@ -73,8 +68,7 @@ def show_records(summary: Summary, width: int | None) -> None:
         for part in parts_of(report.table, f"Record: {report.title}", console(width).width):
             show(part, width)
         found = [each.plain for each in report.table.findings]
-        for sentence in (*found, *report.table.legend_in_words, *report.rows_in_words):
-            say(sentence)
+        say(*found, *report.table.legend_in_words, *report.rows_in_words)
     if others:
         say(f"\nThe page also shows {count_of(others, 'longer run')} by other recipes, committed with the project.")
 
@@ -110,10 +104,7 @@ Texts = tuple[str, list[str]]
 
 
 def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
-    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title.
-
-    A column that is too wide on its own is alone in its part.
-    """
+    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title."""
     label: Texts = "", [row.text for row in table.rows]
     columns = [texts_of(table, place) for place in range(len(table.columns))]
     parts = []

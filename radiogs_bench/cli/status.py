@@ -1,7 +1,4 @@
-"""``radiogs-bench status``: how far a run is, now or until it has ended.
-
-Where no run has left its manifest, it says how far the training is that fills the folder.
-"""
+"""``radiogs-bench status``: how far a run, or a training, is, now or until it has ended."""
 
 import json
 import sys
@@ -12,9 +9,12 @@ from typing import TYPE_CHECKING
 
 from ..durations import time_left
 from .options import Json, MaybeCount
+from .reporter import console, say, say_aside, say_whole
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from collections.abc import Iterator
+
+    from rich.console import Console, Group
 
     from ..results.standing import CellStanding, Standing
     from ..runs.sweep import Sweep
@@ -43,63 +43,49 @@ def status(
     :param as_json: Print one JSON object.
     :param watch: Look again every N seconds (default: 2) until no cell is left to do.
     """
-    from ..results.standing import standing_of
+    from ..results.standing import as_plain_values
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
-    from .reporter import say_aside
 
     every = None if watch is None else (*watch, EVERY_SECONDS)[0]
     if not has_sweep(out) and is_training(out):
         show_training(out, as_json, every)
         return
     store, sweep = Store(out), read_sweep(out)
+    standings = _standings(store, sweep, every)
     if as_json:
-        _as_json(store, sweep, every)
+        for standing in standings:
+            say_whole(json.dumps(as_plain_values(standing, sweep), allow_nan=False))
+            sys.stdout.flush()
         return
+    screen = console()
     if every:
-        _watch(store, sweep, every)
+        _watch(standings, store, sweep, screen)
     else:
-        _show(standing_of(store, sweep), store, sweep)
+        screen.print(_picture(next(standings), store, sweep, screen.width))
     say_aside(store)
 
 
-def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
-    """Write one JSON object a line."""
-    from ..results.standing import as_plain_values, standing_of
+def _standings(store: "Store", sweep: "Sweep", every: int | None) -> "Iterator[Standing]":
+    """Yield where a run stands: once, or every so many seconds until it has ended."""
+    from ..results.standing import standing_of
 
     while True:
         standing = standing_of(store, sweep)
-        sys.stdout.write(json.dumps(as_plain_values(standing, sweep), allow_nan=False) + "\n")
-        sys.stdout.flush()
+        yield standing
         if every is None or standing.ended:
             return
         time.sleep(every)
 
 
-def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
-    """Print the table again at intervals, over the last one on a terminal."""
+def _watch(standings: "Iterator[Standing]", store: "Store", sweep: "Sweep", out: "Console") -> None:
+    """Print the table again and again, over the last one on a terminal."""
     from rich.live import Live
 
-    from ..results.standing import standing_of
-    from .reporter import console
-
-    out = console()
     with Live(console=out, auto_refresh=False, vertical_overflow="visible") as screen:
-        while True:
-            standing = standing_of(store, sweep)
-            ended = standing.ended
-            if out.is_terminal or ended:  # a file gets the end alone
+        for standing in standings:
+            if out.is_terminal or standing.ended:  # a file gets the end alone
                 screen.update(_picture(standing, store, sweep, out.width), refresh=True)
-            if ended:
-                return
-            time.sleep(every)
-
-
-def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
-    from .reporter import console
-
-    out = console()
-    out.print(_picture(standing, store, sweep, out.width))
 
 
 def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "Group":
@@ -172,7 +158,6 @@ def show_training(folder: Path, plain: bool, every: int | None) -> None:
     """Print how far a training is, as a line or (``plain``) a JSON object, at intervals until it has ended."""
     from ..store.folder import Store
     from ..store.pace import paces
-    from .reporter import say, say_whole
 
     while True:
         working = paces(Store(folder))

@@ -11,6 +11,7 @@ from radiogs_core.errors import DataError, UsageError, unknown
 
 from ..errors import exit_code
 from .options import Names
+from .reporter import say, say_aside
 from .values import from_every_text
 
 REGRESSION = 1
@@ -26,7 +27,6 @@ def verify(out: Path, /) -> int:
     from ..results.verify import verify as look
     from ..runs.progress import working
     from ..store.folder import Store
-    from .reporter import say, say_aside
 
     with working(f"reading {out}"):
         found = look(out)
@@ -96,7 +96,6 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
 
     from ..results.reports import damage_explained
     from ..store.atomic import explained, write_atomically
-    from .reporter import say
 
     with damage_explained():
         summary = read_summary(out)
@@ -142,7 +141,6 @@ def gate(
     from ..runs.sweep import read_sweep
     from ..store.folder import Store
     from ..store.seal import write_sealed
-    from .reporter import say, say_aside
 
     if gating.rerun and not gating.update:
         raise UsageError(
@@ -151,8 +149,7 @@ def gate(
             "Add --update, or leave --rerun out.",
         )
     if gating.power:
-        for line in power_lines(read_baseline(baseline)):
-            say(line)
+        say(*power_lines(read_baseline(baseline)))
         return 0
     if out is None:
         raise UsageError("no run was named", "", "Name its folder:  radiogs-bench gate OUT --baseline FILE")

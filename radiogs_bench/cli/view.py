@@ -11,12 +11,10 @@ from cyclopts import Parameter
 from radiogs_core.errors import DataError, UsageError
 
 from .options import Count
+from .reporter import say
 from .values import from_text, pixels
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
-    from torch import Tensor
-
     from radiogs_core.surfels.surfels import Surfels
     from radiogs_reports.figures.surfel_view import Disks
 
@@ -44,6 +42,8 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
 
     :param folder: Open the model that `train` or `run` left in this folder.
     """
+    from PIL.Image import fromarray
+
     from radiogs_core.own_files import fresh, own_folder
     from radiogs_reports.page.surfels import write_viewer
 
@@ -52,7 +52,6 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.surface_distance import pyvista
     from ..scoring.report_arrays import arrays_of
-    from .reporter import say
 
     if drawing.window:
         require_screen()
@@ -68,7 +67,7 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     drawn = []
     with progress_for_stderr() as bar:
         for done, picture in enumerate(pictures(surfels, cameras, drawing.colour), 1):
-            drawn.append(as_image(picture))
+            drawn.append(fromarray((picture * 255).round().byte().numpy()))
             bar.advance("turntable", done, len(cameras))
     drawn[0].save(fresh(place / "surfels.png", place))
     film = fresh(place / "surfels.gif", place)
@@ -88,13 +87,6 @@ def require_screen() -> None:
             "Neither DISPLAY nor WAYLAND_DISPLAY is set.",
             "Leave --window out, and open figures/surfels.html in a browser.",
         )
-
-
-def as_image(picture: "Tensor") -> "Image":
-    """The picture ([height, width, 3], in [0, 1]) with 8 bits."""
-    from PIL import Image as images
-
-    return images.fromarray((picture * 255).round().byte().numpy())
 
 
 def disks_of(surfels: "Surfels", colour: str) -> "Disks":

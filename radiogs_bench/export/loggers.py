@@ -15,7 +15,7 @@ from radiogs_core.own_files import own_folder
 from ..extras import extra_library
 from ..runs.sweep import CellRef, Sweep, label
 from ..store.folder import Store
-from ..store.schema import Result
+from ..store.schema import Result, known_values
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,6 @@ def course(result: Result) -> Iterator[Scalars]:
         for point in points:
             losses = {f"loss/{name}": value for name, value in point["losses"].items()}
             yield Scalars(stage, point["iteration"], losses | point["metrics"])
-
-
-def end(result: Result) -> dict[str, float]:
-    """The finished model's metrics that have a value."""
-    return {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None}
 
 
 def finished(store: Store, sweep: Sweep) -> list[tuple[CellRef, Result]]:
@@ -61,7 +56,7 @@ def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
                 last = point.step
                 for name, value in point.values.items():
                     events.add_scalar(f"{point.stage}/{name}", value, last)
-            for name, value in end(result).items():
+            for name, value in known_values(result["metrics"]).items():
                 events.add_scalar(f"end/{name}", value, last)
     return len(cells)
 
@@ -109,7 +104,7 @@ def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
             for point in course(result):
                 values = {"step": point.step, **point.values}
                 run.log({f"{point.stage}/{name}": value for name, value in values.items()})
-            run.summary.update(end(result))
+            run.summary.update(known_values(result["metrics"]))
     return len(cells)
 
 

@@ -58,8 +58,7 @@ class Mesh:
     def face_vectors(self) -> Float[np.ndarray, "faces 3"]:
         """Outward normals of the faces, as long as twice their area."""
         first, second, third = (self.vertices[self.faces[:, corner]] for corner in range(3))
-        vectors: Float[np.ndarray, "faces 3"] = np.cross(second - first, third - first)
-        return vectors
+        return np.asarray(np.cross(second - first, third - first))
 
     @property
     def normals(self) -> Float[np.ndarray, "vertices 3"]:
@@ -69,8 +68,7 @@ class Mesh:
         for corner in range(3):
             np.add.at(total, self.faces[:, corner], vectors)
         length = np.linalg.norm(total, axis=-1, keepdims=True)
-        unit: Float[np.ndarray, "vertices 3"] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
-        return unit
+        return np.asarray(np.divide(total, length, out=np.zeros_like(total), where=length > 0))
 
     @property
     def area(self) -> float:
@@ -79,10 +77,7 @@ class Mesh:
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:
-    """Write binary little-endian PLY: x y z and nx ny nz as float32, faces as vertex_indices.
-
-    A link in its place is replaced. Raises OSError.
-    """
+    """Write binary little-endian PLY: x y z and nx ny nz as float32, faces as vertex_indices. Raises OSError."""
     columns = ("x", "y", "z", "nx", "ny", "nz")
     rows = np.empty(len(mesh.vertices), dtype=[(name, "<f4") for name in columns])
     for name, values in zip(columns, np.hstack([mesh.vertices, mesh.normals]).T, strict=True):

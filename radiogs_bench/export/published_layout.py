@@ -55,10 +55,7 @@ def albedo_scale(
 def relit_views(
     model: Trained, run: Run, method: str, scale: Float[Tensor, "3"]
 ) -> Iterator[tuple[str, View, dict[str, Tensor]]]:
-    """Light, test view and maps of each relit view that the scene has a true image of; ``scale`` multiplies the albedo.
-
-    None where lights are near, or the method cannot relight. Raises errors of the method as ``evaluate``.
-    """
+    """Light, test view and maps of each relit view with a true image, with albedo times ``scale``; else none."""
     scene = run.scene
     for light, views in {} if scene.surrounded else lit_views(scene, scene.test).items():
         try:

@@ -3,6 +3,7 @@
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -74,9 +75,7 @@ def write_relit_views(method: str, model: Trained, run: Run, folder: Path) -> st
     expected = 0 if run.scene.surrounded else sum(map(len, lit_views(run.scene, run.scene.test).values()))
     written = []
     with progress_for_stderr() as progress:
-        scale = albedo_scale(
-            model, run, method, protocol("default"), lambda done, total: progress.advance("scoring", done, total)
-        )
+        scale = albedo_scale(model, run, method, protocol("default"), partial(progress.advance, "scoring"))
         for light, view, maps in relit_views(model, run, method, scale):
             path = fresh(folder / "relit" / light / f"{view.name.replace('/', '_')}.png", folder)
             write_png(path, maps["image"].numpy())

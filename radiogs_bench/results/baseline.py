@@ -19,7 +19,7 @@ from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
-from ..store.schema import Result, training_seconds
+from ..store.schema import Result, known_values, training_seconds
 from ..store.seal import read_kept
 from .paired import BAND
 from .stored_cells import is_number, stored_cells
@@ -100,10 +100,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
 
 
 def machine_of(results: Iterable[Result]) -> dict[str, Any]:
-    """The conditions of a bitwise repetition: processor, threads and versions of all sessions of some results.
-
-    ``mixed`` where they differ, and where there are none, because then nothing is known to repeat.
-    """
+    """Processor, threads and versions of all sessions, under which bits repeat; ``mixed`` for several, and for none."""
     cards = {
         json.dumps(
             {name: session["machine"].get(name) for name in REPEATABLE}
@@ -192,17 +189,13 @@ def _holes_of_noise(content: Mapping[str, Any]) -> Iterator[str]:
 def _kept(result: Result) -> dict[str, Any]:
     return {
         "checksum": result["cell"]["checksum"],
-        "metrics": _values(result),
+        "metrics": known_values(result["metrics"]),
         "work": result["work"],
         "seconds": training_seconds(result),
         "pace": pace_of(result),
         "settled": settled(result),
         "training": kept_quantities(result),
     }
-
-
-def _values(result: Result) -> dict[str, float]:
-    return {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None}
 
 
 def pace_of(result: Result) -> float | None:
@@ -238,7 +231,7 @@ def _bands(results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
     for group, names in groups_of(results).items():
         values: dict[str, list[float]] = defaultdict(list)
         for name in names:
-            for metric, value in _values(results[name]).items():
+            for metric, value in known_values(results[name]["metrics"]).items():
                 values[metric].append(value)
         bands[group] = {
             metric: max(BAND * stdev(found) if len(found) > 1 else 0.0, FLOOR * max(map(abs, found)))
@@ -253,8 +246,9 @@ def _noise(results: Mapping[str, Result], reruns: Sequence[Mapping[str, Result]]
     for again in reruns:
         for name, before in results.items():
             group, now = group_of(name), again[name]
-            for metric, value in _values(now).items():
-                gained, had = gain(metric, value), gain(metric, _values(before).get(metric, math.nan))
+            earlier = known_values(before["metrics"])
+            for metric, value in known_values(now["metrics"]).items():
+                gained, had = gain(metric, value), gain(metric, earlier.get(metric, math.nan))
                 if gained is not None and had is not None and not math.isnan(had):
                     noise["metrics"][group][metric].append(gained - had)
             ratios = log_ratios(kept_quantities(now), kept_quantities(before))

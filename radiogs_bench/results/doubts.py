@@ -1,10 +1,7 @@
 """Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
-Five kinds of doubt: a row from files lacks some of the run's scenes; the images do not determine the quantity, or, with
-everything else as it was recovered, the views do not agree on what was recovered (both by
-``scoring.what_images_determine``); a map scores no better than the best one that is the same everywhere; seeds find
-values far apart. Methods state their differences as labels among a model's facts. A remark has the error that
-resolution alone costs recovered light.
+Whether images determine a quantity is measured by ``scoring.what_images_determine``; methods state their differences as
+labels among a model's facts.
 """
 
 import math
@@ -17,7 +14,7 @@ from radiogs_reports.summary import Doubt
 from ..runs.sweep import CellRef, Sweep
 from ..scoring.metrics.protocols import PROTOCOLS
 from ..scoring.what_images_determine import STEPS, shown_by_images
-from ..store.schema import Determined, Result
+from ..store.schema import Determined, Result, known_values
 
 Finished = Sequence[tuple[CellRef, Result]]
 """Finished cells with their results."""
@@ -75,16 +72,12 @@ def over_fewer(finished: Finished, column: str, sweep: Sweep) -> list[Doubt]:
     found = []
     for row in (line for line in sweep["rows"] if "files" in line):
         own = [(ref, result) for ref, result in finished if ref["row"] == row["key"]]
-        there = [(ref["scene"], ref["seed"]) for ref, result in own if _value(result, column) is not None]
+        there = [(ref["scene"], ref["seed"]) for ref, result in own if column in known_values(result["metrics"])]
         if there and len(there) < len(every):
             cells = ", ".join(scene if len(sweep["seeds"]) == 1 else f"{scene} seed {seed}" for scene, seed in there)
             text = f"{row['text']}: over {cells} alone, {len(there)} of {len(every)} scenes and seeds."
             found.append(Doubt(column=column, rows=[row["key"]], text=text))
     return found
-
-
-def _value(result: Result, column: str) -> float | None:
-    return result["metrics"].get(column, {"value": None})["value"]
 
 
 def title_of(result: Result) -> str:
@@ -136,10 +129,7 @@ def _doubt(
     applies: Callable[[Determined], bool],
     sentence: Callable[[str, Sequence[Determined], int], str],
 ) -> list[Doubt]:
-    """One doubt with a sentence for each quantity that has cells to which it applies; none if there are no such cells.
-
-    ``sentence`` takes the quantity, the records of these cells, and the number of measured cells in their rows.
-    """
+    """One doubt with a sentence for each quantity that has cells to which it applies; none without such cells."""
     rows: list[str] = []
     sentences = []
     for quantity in quantities:
@@ -173,10 +163,7 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
 
 
 def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Doubt]:
-    """A remark on the error that resolution alone costs the recovered light, naming the rows that have hardly more.
-
-    ``texts``: labels of the rows by key.
-    """
+    """A remark on the error that resolution alone costs the recovered light, with the rows that have hardly more."""
     floors, near = [], []
     for row, results in _by_row(finished).items():
         pairs = list(_pairs(results, LIGHT, "environment/floor"))
@@ -228,9 +215,9 @@ def _by_row(finished: Finished) -> dict[str, list[Result]]:
 
 def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[tuple[float, float]]:
     for result in results:
-        own, constant = _value(result, column), _value(result, reference)
-        if own is not None and constant is not None:
-            yield own, constant
+        values = known_values(result["metrics"])
+        if column in values and reference in values:
+            yield values[column], values[reference]
 
 
 def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:

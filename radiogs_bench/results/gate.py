@@ -16,7 +16,7 @@ from ..runs.result import EVALUATE
 from ..runs.sweep import Sweep
 from ..scoring.metrics.measures import MEASURES
 from ..store.folder import Store
-from ..store.schema import Result
+from ..store.schema import Result, known_values
 from .baseline import FLOOR, MAKE_ONE, gain, group_of, groups_of, machine_of, require_whole, settings_of, settled
 from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
 from .paired import BAND, ERROR_RATE, Paired, detectable
@@ -37,8 +37,7 @@ NO_RERUN = (
 def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails: bool = False) -> list[Change]:
     """All differences, the worst first. ``slow_fails``: whether a large slowdown is a regression.
 
-    Raises DataError if suite, preset, protocol or device differ, or the files of a scene: then metrics cannot be
-    compared; and as ``stored_cells`` does.
+    Raises DataError for other settings or scene files, whose metrics cannot be compared, and as ``stored_cells`` does.
     """
     require_whole(baseline, "the baseline", MAKE_ONE)
     other = {name: (baseline[name], now) for name, now in settings_of(sweep).items() if baseline[name] != now}
@@ -56,7 +55,10 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     changes += [Change(name, "is not in the baseline", "warning") for name in stored.results.keys() - cells.keys()]
     changes += [Change(name, "has no finished result") for name in cells if name not in found]
     both = {name: result for name, result in found.items() if name in cells}
-    same = {group: _is_same_machine(both, names, baseline) for group, names in groups_of(both).items()}
+    same = {
+        group: all(machine_of([both[name]]) == baseline["machine"] for name in names)
+        for group, names in groups_of(both).items()
+    }
     trained = list(compare_training(both, baseline, same))
     otherwise = {each.cell for each in trained if each.severity != "remark"}
     repeated = {group for group, names in groups_of(both).items()
@@ -68,10 +70,6 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any], slow_fails:
     for name, result in both.items():
         changes += _remark(name, settled(result), cells[name].get("settled", {}), same[group_of(name)])
     return sorted(changes, key=lambda each: (SEVERITIES.index(each.severity), each.cell))
-
-
-def _is_same_machine(found: Mapping[str, Result], names: list[str], baseline: Mapping[str, Any]) -> bool:
-    return all(machine_of([found[name]]) == baseline["machine"] for name in names)
 
 
 def _same_work(found: Mapping[str, Result], names: list[str], cells: Mapping[str, Mapping[str, Any]]) -> bool:
@@ -100,15 +98,13 @@ def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping
 def _compare_metrics(
     found: Mapping[str, Result], baseline: Mapping[str, Any], repeated: Collection[str]
 ) -> Iterator[Change]:
-    """Metrics of each row on each scene.
-
-    ``repeated``: those whose training repeats on the baseline's machine. There no metric differs by rounding.
-    """
+    """Metrics of each row on each scene; where its training is ``repeated``, none differs by rounding."""
     tested: dict[tuple[str, str], Paired] = {}
     for group, names in groups_of(found).items():
         kept = {name: baseline["cells"][name]["metrics"] for name in names}
+        has = {name: known_values(found[name]["metrics"]) for name in names}
         for metric in dict.fromkeys(metric for metrics in kept.values() for metric in metrics):
-            values = {name: (kept[name][metric], _value(found[name], metric)) for name in names if metric in kept[name]}
+            values = {name: (kept[name][metric], has[name].get(metric)) for name in names if metric in kept[name]}
             yield from (
                 Change(name, f"{metric}: {before:.6g} -> n/a") for name, (before, now) in values.items() if now is None
             )
@@ -122,21 +118,12 @@ def _compare_metrics(
             elif there:
                 gains = [_gained(metric, before, now) for before, now in there.values()]
                 tested[group, metric] = Paired(gains, baseline["noise"]["metrics"][group][metric])
-        new = sorted({
-            metric
-            for name in names
-            for metric, each in found[name]["metrics"].items()
-            if each["value"] is not None and metric not in kept[name]
-        })  # fmt: skip
+        new = sorted({metric for name in names for metric in has[name].keys() - kept[name].keys()})
         if new:
             yield Change(group, f"not in the baseline: {', '.join(new)}", "warning")
     if not baseline["reruns"] and found:
         yield Change("the baseline", NO_RERUN, "warning")
     yield from _judged(tested, found, baseline)
-
-
-def _value(result: Result, metric: str) -> float | None:
-    return result["metrics"][metric]["value"] if metric in result["metrics"] else None
 
 
 def _gained(metric: str, before: float, now: float) -> float:

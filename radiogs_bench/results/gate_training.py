@@ -59,10 +59,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Change:
-    """One difference from the baseline, in words.
-
-    A regression fails the gate; so does a change of what is computed, unless it is said to be intended.
-    """
+    """One difference from the baseline, in words. Regressions fail the gate, and changes unless they are accepted."""
 
     cell: str
     """The label of a cell, or what it is about: a row on a scene, all cells, the baseline."""

@@ -110,10 +110,7 @@ class GrowingReports(ForwardingProgress):
 
 
 def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
-    """Write the reports over some scenes of the run in ``folder``; returns their table, ``width`` characters wide.
-
-    Raises StoreError where that fails, with the message that it gave.
-    """
+    """Write the reports over some scenes of the run in ``folder``; returns their table. Raises StoreError."""
     order = {"folder": str(folder), "scenes": list(scenes), "width": width}
     try:
         done = subprocess.run(
@@ -137,10 +134,7 @@ def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
 
 
 def growing(plan: RunPlan, store: Store, progress: Progress, table: bool) -> Progress:
-    """The progress of a run whose reports grow; of a single scene, or of one part of several, the progress as it is.
-
-    ``table``: whether the first table is said.
-    """
+    """The progress of a run whose reports grow; as it is for a single scene, or for one part of several."""
     parts = plan.spec.shard[1]
     if parts > 1 or len(plan.scenes) == 1:
         return progress

@@ -1,8 +1,4 @@
-"""Whether trainings under conditions that should change nothing end with the metrics of the scene itself.
-
-For suite ``hard-training``: its scenes are a miniature as it is, and under hard conditions
-(``radiogs_datasets.hard_scenes``).
-"""
+"""Whether trainings of suite ``hard-training``, under conditions that should change nothing, keep the metrics."""
 
 from collections.abc import Iterable, Mapping
 from statistics import fmean
@@ -22,10 +18,7 @@ SAME = tuple(name for name, condition in CONDITIONS.items() if condition.same)
 
 
 def invariance_kept(store: Store, cells: Iterable[CellRef]) -> str:
-    """A sentence on how much metrics change under conditions that should change nothing.
-
-    Raises NumericalFailure, with every change beyond its tolerance, if there is one.
-    """
+    """A sentence on how much metrics change under these conditions. Raises NumericalFailure if any changes too much."""
     changes = _changes(store, cells)
     beyond = [text for text, share in changes if not share < 1]
     if beyond:

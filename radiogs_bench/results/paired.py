@@ -73,10 +73,7 @@ def root_mean_square(values: Sequence[float]) -> float:
 
 
 def detectable(noise: Sequence[float], seeds: int, tests: int, floor: float) -> float:
-    """The mean loss that ``Paired.beyond`` finds in POWER of all runs whose other differences are a rerun's noise.
-
-    ``tests``: size of the family; the p value is compared as Holm compares the smallest one.
-    """
+    """The mean loss that ``Paired.beyond`` finds in POWER of all runs, in a family of so many ``tests``."""
     deviation = root_mean_square(noise)
     if deviation == 0:
         return floor

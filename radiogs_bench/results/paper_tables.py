@@ -49,10 +49,7 @@ Rows = Mapping[str, list[Result]]
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper with at least one measured value, in the order of their keys.
-
-    Rows that were scored from files are in none: the paper's rows name budgets, and theirs are not known.
-    """
+    """Every table of the paper with a measured value, in the order of keys; without rows scored from files."""
     sweep = measured(sweep)
     own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())
@@ -252,10 +249,7 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """A row's label with what ran for it; empty where scenes, image size, variant and budget are the published row's.
-
-    In a table of times or memory, a CPU is another condition, too.
-    """
+    """A row's label with what ran for it; empty where the conditions are the published row's."""
     if not results or all_as_published(results, table, row):
         return ""
     text = with_numbers(row.text, results[0]["cell"]["budget"])
@@ -266,10 +260,7 @@ def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
 
 
 def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row) -> bool:
-    """Whether the results are of all scenes of the table, at its image size, with the paper's numbers for this row.
-
-    A field of the variant or the budget that the run has set makes them others.
-    """
+    """Whether results are of all scenes of the table, at its image size, with the paper's numbers and settings."""
     conditions = table.conditions
     if {result["scene"] for result in results} != set(conditions.scenes):
         return False
@@ -287,11 +278,7 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
 
 
 def _changes(results: Sequence[Result], row: Row) -> list[str]:
-    """Differences of a run from the published row, in words.
-
-    Another method than the row's; another recipe than the published one; the fields of the variant that the run has set
-    beside those of the recipe and of the row.
-    """
+    """Differences of a run from the published row in words: method, recipe, and fields that the run has set."""
     cell, used = results[0]["cell"], method(row.method)
     if cell["method"] != used.name:
         return [f"method {cell['method']}"]  # it need not be installed here, nor have the row's fields

@@ -46,10 +46,7 @@ RECORDS = Path(__file__).parents[1] / "records"
 
 
 def record_of(store: Store, sweep: Sweep) -> RecordedRun:
-    """The record of a run. Raises DataError unless every cell is finished.
-
-    Rows that were scored from files are left out: this code did not make them.
-    """
+    """The record of a run, without rows that were scored from files. Raises DataError unless every cell is finished."""
     own = measured(sweep)
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))
@@ -127,10 +124,7 @@ def read_record(path: Path) -> list[RecordedRun]:
 
 
 def records_of(suite: str) -> list[RecordedRun]:
-    """The project's own record of a suite; empty where there is none.
-
-    One that cannot be used is not shown: a warning says why, and the run's own reports are made without it.
-    """
+    """The project's own record of a suite; empty where there is none, or one that cannot be used, with a warning."""
     path = RECORDS / f"{plain_name(suite, 'the name of a suite')}.json"
     if not path.exists():
         return []

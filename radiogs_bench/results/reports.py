@@ -71,10 +71,7 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
 
 
 def run_beside(summary: Summary, folder: Path) -> OtherRun:
-    """The run in ``folder``, from its stored results, to be compared with another run.
-
-    Raises UsageError for results of another metric protocol, and where the two share no cell.
-    """
+    """The run in ``folder``, to be compared with another. Raises UsageError for another protocol, or no common cell."""
     sweep = read_sweep(folder)
     other = summarise(Store(folder), sweep, *values_beside(sweep["published"], sweep["columns"]))
     here, there = protocol_title(summary), protocol_title(other)
@@ -104,10 +101,7 @@ SAME_RUN = ("suite", "preset", "marks", "protocol", "device")
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:
-    """Move the reports of the folder's last run aside if ``coming`` is another run; returns where they are.
-
-    Results stay where they are: they are named by their keys, and the same command shows them again.
-    """
+    """Move the reports of the folder's last run aside if ``coming`` is another run; returns where they are."""
     try:
         last = read_sweep(store.folder)
     except DataError:
@@ -134,10 +128,7 @@ def damage_explained() -> Iterator[None]:
 
 
 def name_of(run: Sweep) -> str:
-    """Suite, preset, protocol and device, as the name of a folder.
-
-    A preset with fields that were set has characters that no name may have: its name ends with a digest.
-    """
+    """Suite, preset, protocol and device as a folder's name, with a digest where that has other characters."""
     name = "-".join((run["suite"], shown_preset(run), run["protocol"], run["device"]))
     if PLAIN.fullmatch(name):
         return name
@@ -153,10 +144,7 @@ def _is_own_file(folder: Path, name: str) -> bool:
 
 
 def verdicts(plan: RunPlan, store: Store) -> list[str]:
-    """The sentences with which suites ``stability`` and ``hard-training`` end; none for others.
-
-    Raises NumericalFailure where errors, or changes of metrics, exceed their tolerances.
-    """
+    """The last sentences of suites ``stability`` and ``hard-training``. Raises NumericalFailure beyond tolerances."""
     if plan.suite.experiment == STABILITY:
         return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
     if plan.suite.name == HARD_TRAINING.name:

@@ -1,7 +1,4 @@
-"""Where a run stands: the state of each of its cells, what works on it, and how long the rest will take.
-
-The rest is estimated from the seconds of finished cells.
-"""
+"""Where a run stands: the state of each of its cells, what works on it, and how long the rest will take."""
 
 import math
 from collections.abc import Container, Mapping, Sequence
@@ -22,9 +19,7 @@ SILENT_AFTER_SECONDS = 60.0
 
 @dataclass(frozen=True)
 class CellStanding:
-    """A cell of a run. ``state``: that of ``sweep.state_of``, ``RUNNING``, or that it waits for another cell's stage;
-    ``pace``: of the process at work.
-    """
+    """A cell of a run: its state (of ``sweep.state_of``, running, or waiting), and the pace of the process at work."""
 
     ref: CellRef
     state: str

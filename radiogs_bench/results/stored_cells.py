@@ -54,8 +54,7 @@ class StoredCells:
 def stored_cells(store: Store, sweep: Sweep) -> StoredCells:
     """The results of the folder's last run, without rows that were scored from files; no file is moved.
 
-    Raises DataError for a run without cells, for a result that is not as it was stored, and for one that other sources
-    than the installed ones made; OtherSchema, StoreError.
+    Raises DataError for a run without cells, a changed result, and one by other sources; OtherSchema, StoreError.
     """
     sweep = measured(sweep)
     results = {label(ref): _stored(store, ref["key"], sweep) for ref in sweep["cells"]}
@@ -76,7 +75,7 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
         return None
     except Broken as broken:
         raise DataError(
-            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken.reason}",
+            f"{store.folder / 'cells' / key}.json is not as it was stored: {broken}",
             "The gate compares only what the program has written.",
             f"{AGAIN}{_command(sweep)}",
         ) from None

@@ -44,10 +44,7 @@ Finished = Sequence[tuple[CellRef, Result | None]]
 
 
 def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, float]], published_data: str) -> Summary:
-    """Mean and paired difference of every metric in the table.
-
-    ``published`` holds published values by row and column; ``published_data`` says which data they are averaged over.
-    """
+    """Mean and paired difference of every metric. ``published``: values by row and column, over ``published_data``."""
     cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
     finished = [(ref, result) for ref, result in cells if result is not None]
     require_one_version(store, [result for _, result in finished])
@@ -236,10 +233,7 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
 
 
 def shown_values(result: Result) -> dict[str, MetricValue]:
-    """The values of a cell that a table can show.
-
-    ``scale/factor`` among them is the geometric mean of the factors that recovered albedo needs by channel.
-    """
+    """The values that a table can show; ``scale/factor`` is the geometric mean of albedo's factors by channel."""
     scale, values = result["albedo_scale"], values_of(result)
     if scale is None or min(scale) <= 0:
         return values
@@ -268,10 +262,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 
 
 def why_absent(scene: str, result: Result, column: str) -> str:
-    """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
-
-    For rows that were scored from files, only the maps in the files are known.
-    """
+    """Why a result lacks a metric: the method or the files have no such map, or the scene has no truth for it."""
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)
     if is_from_files(result):
@@ -311,10 +302,7 @@ def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | 
 
 
 def machines(results: Sequence[Result]) -> str:
-    """The machines that made the results, all of them, because seconds of different machines are not comparable.
-
-    Those that scored files are left out: such rows have no seconds.
-    """
+    """All machines that trained for the results: seconds of different machines are not comparable."""
     cards = {
         f"{card['gpu'] or card['cpu']}, {card['threads']} thread{'' if card['threads'] == 1 else 's'}"
         for result in results

@@ -48,10 +48,7 @@ def misshapen(quantities: Any) -> bool:
 
 
 def log_ratios(now: Mapping[str, Any], before: Mapping[str, Any]) -> dict[str, float | str]:
-    """By quantity, the mean logarithm of the ratio of its sizes over the steps that have it in both.
-
-    In words where there is no ratio: it is gone or new, has become zero or is no longer zero, has the other sign.
-    """
+    """By quantity, the mean logarithm of the ratio of its sizes over common steps; words where there is no ratio."""
     found: dict[str, float | str] = {}
     for name in [*before, *(name for name in now if name not in before)]:
         if name not in now or name not in before:

@@ -65,7 +65,7 @@ class Verified:
 def _how(error: Exception) -> str:
     """How it shows that a file is not as it was stored."""
     if isinstance(error, Broken):
-        return error.reason
+        return str(error)
     if isinstance(error, FileNotFoundError):
         return "it is gone"
     return error.what if isinstance(error, ExplainedError) else f"{type(error).__name__}: {error}"

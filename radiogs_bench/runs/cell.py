@@ -19,10 +19,7 @@ from ..suites.experiment import EXPERIMENTS, TRAINING, Experiment
 
 @dataclass(frozen=True)
 class StageKey:
-    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product.
-
-    ``start``: key of what it begins with, if that is stored too, for other cells (``contract.SharedStart``).
-    """
+    """A stage of a cell: name, title, steps, key of its product, and of its start if that is shared."""
 
     name: str
     title: str
@@ -33,7 +30,7 @@ class StageKey:
 
 @dataclass(frozen=True)
 class Work:
-    """The settings of a cell that do not depend on its scene or method; the fields are those of ``Cell``."""
+    """The settings of a cell that do not depend on its scene or method."""
 
     variant: Any
     budget: Any
@@ -44,8 +41,8 @@ class Work:
     settings: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Cell:
+@dataclass(frozen=True, kw_only=True)
+class Cell(Work):
     """One training and its evaluation: scene x method x variant x budget x seed, scored under a protocol.
 
     ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
@@ -62,16 +59,9 @@ class Cell:
     checksum: str
     loader: str
     method: str
-    variant: Any
-    budget: Any
-    seed: int
-    device: str
-    protocol: str
     stages: tuple[StageKey, ...]
     method_code: str
     evaluation_code: str
-    experiment: str = TRAINING
-    settings: Mapping[str, float] = field(default_factory=dict)
     found_as: str = ""
 
     @property
@@ -90,10 +80,7 @@ class Cell:
         return content_key(self.content())
 
     def content(self) -> dict[str, Any]:
-        """Everything that the result depends on, as plain values.
-
-        The checksum stands for the scene: the same files under another name or path are the same scene.
-        """
+        """Everything that the result depends on, as plain values; the checksum is for the scene, wherever it lies."""
         return {
             "checksum": self.checksum,
             "loader": self.loader,
@@ -134,23 +121,16 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
         if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
             depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
         stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends), start))
+    sources = {source for spec in specs for source in spec.sources}
     return Cell(
+        **vars(work),
         scene=scene.name,
         checksum=scene.checksum,
         loader=loader,
         method=method.name,
-        variant=work.variant,
-        budget=work.budget,
-        seed=work.seed,
-        device=work.device,
-        protocol=work.protocol,
         stages=tuple(stages),
-        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources)
-        if specs
-        else "",
+        method_code=code_digest(*sources, *method.sources) if specs else "",
         evaluation_code=evaluation,
-        experiment=work.experiment,
-        settings=work.settings,
         found_as=found_as or method.name,
     )
 
@@ -162,10 +142,7 @@ def _read_by(spec: StageSpec | SharedStart, scene: Scene) -> dict[str, Any]:
 
 
 def evaluation_code(experiment: Experiment, method: Method | None = None) -> str:
-    """Digest of what turns a trained model, or somebody's files, into metrics.
-
-    It also names the LPIPS networks without weights: once these are installed, results are scored again.
-    """
+    """Digest of what turns a model, or somebody's files, into metrics; it names LPIPS networks without weights."""
     shown_by = method.sources if experiment.trains and method is not None else ()
     digest = code_digest(*experiment.sources, *shown_by)
     missing = [net for net in FILES if missing_weights(net)]

@@ -72,10 +72,7 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
 
 
 def lengths_of(store: Store, cells: Sequence[Cell]) -> list[float]:
-    """How long each cell takes in comparison with the others, for the order in which they are run.
-
-    Seconds where they can be estimated for all, else steps; a stage that cells share counts in the first of them.
-    """
+    """How long each cell takes beside the others, in seconds or else steps; a shared stage counts in the first one."""
     expected = forecast(store, cells)
     seconds = [0.0 if each is None else each.seconds for each in expected]
     known = [each for each in seconds if each is not None]

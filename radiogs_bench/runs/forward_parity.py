@@ -8,7 +8,6 @@ import math
 import time
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 import torch
@@ -70,11 +69,6 @@ SOLVE, SOLVING = "solve", "solving for the radiance"
 """Name of the single stage in results, and its title on progress bars."""
 
 
-def effort_of(budget: Any) -> SolverBudget:
-    """The solver's effort under a budget: that of RadioGS's fine-tuning for a new light."""
-    return SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
-
-
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Solve for the radiance, compare it on every test view, store the result."""
     made = known_scene(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
@@ -104,9 +98,10 @@ def solved(bench: Bench, cell: Cell, scene: Scene, made: KnownScene) -> tuple[Ra
     """The finished solver, the trail of its losses, and the last losses."""
     started = time.perf_counter()
     cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
-    solver = RadianceSolver(
-        made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, partial(SurfelTracer, offset=offset)
-    )
+    cost = cell.budget  # the effort is that of RadioGS's fine-tuning for a new light
+    effort = SolverBudget(cost.finetune_iterations, cost.finetune_surfels, cost.finetune_samples)
+    tracer = partial(SurfelTracer, offset=offset)
+    solver = RadianceSolver(made.surfels, made.equation, cameras, effort, cell.seed, tracer)
     trail, losses = Trail(solver.iterations, [], {}, scored=False), dict[str, float]()
     while solver.iteration < solver.iterations:
         losses = dict(solver.step())

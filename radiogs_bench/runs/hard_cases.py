@@ -4,7 +4,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -56,10 +56,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 def axis_and_points(settings: Mapping[str, float]) -> tuple[Axis, int]:
-    """The axis that a row's settings name, and the number of points of its curves.
-
-    Raises UsageError for anything else.
-    """
+    """The axis that a row's settings name, and the number of points of its curves. Raises UsageError."""
     if len(settings) != 1:
         raise UsageError(
             f"a row of experiment 'stability' has the settings {dict(settings)}",
@@ -123,39 +120,28 @@ def arrays_of(axis: Axis, conditions: list[float], curves: Curves) -> dict[str, 
     return {name: np.array(values, dtype=np.float32) for name, values in arrays.items()}
 
 
-@dataclass(frozen=True)
-class Nearest:
-    """The point of an axis at which an error takes the largest share of its tolerance."""
-
-    share: float
-    says: str
-    """Axis, kernel, what was computed, and the condition."""
-
-
 def tolerances_kept(store: Store, keys: Sequence[str]) -> str:
-    """A sentence on how near the errors of finished cells of suite ``stability`` come to their tolerances.
-
-    Raises NumericalFailure, with every axis that leaves its tolerance, if one does.
-    """
+    """A sentence on how near errors of suite ``stability`` come to their tolerances. Raises NumericalFailure beyond."""
     found = [_nearest(store, key) for key in keys if store.has_result(key)]
-    beyond = [each for each in found if not each.share < 1]
+    beyond = [(share, where) for share, where in found if not share < 1]
     if beyond:
         raise NumericalFailure(
             f"float32 leaves its documented tolerance on {len(beyond)} of {len(found)} axes",
-            "; ".join(f"{each.says}: {each.share:.3g} times the tolerance" for each in beyond) + ".",
+            "; ".join(f"{where}: {share:.3g} times the tolerance" for share, where in beyond) + ".",
             "figures/stability.png has the curves, docs/stability.md and radiogs_bench/runs/stability_axes.py the"
             " tolerances.",
         )
     if not found:
         return "No axis has been measured."
-    nearest = max(found, key=lambda each: each.share)
+    share, where = max(found, key=itemgetter(0))
     return (
         f"{len(found)} of {len(found)} axes stay within their documented tolerances in float32;"
-        f" the nearest is {nearest.says}: {100 * nearest.share:.0f} % of the tolerance."
+        f" the nearest is {where}: {100 * share:.0f} % of the tolerance."
     )
 
 
-def _nearest(store: Store, key: str) -> Nearest:
+def _nearest(store: Store, key: str) -> tuple[float, str]:
+    """The largest share of its tolerance that an error of an axis takes: axis, condition and kernel."""
     result = store.result(key)
     assert result is not None
     axis, _ = axis_and_points(result["cell"]["settings"])
@@ -168,6 +154,7 @@ def _nearest(store: Store, key: str) -> Nearest:
                 shares = np.where(np.isnan(shares), np.inf, shares)
                 place = int(shares.argmax())
                 what = "gradient" if task == "gradient" else "value"
-                says = f"{axis.label} = {arrays['conditions'][place]:.4g}, {what} of {kernel}"
-                found.append(Nearest(float(shares[place]), says))
-    return max(found, key=lambda each: each.share)
+                found.append(
+                    (float(shares[place]), f"{axis.label} = {arrays['conditions'][place]:.4g}, {what} of {kernel}")
+                )
+    return max(found, key=itemgetter(0))

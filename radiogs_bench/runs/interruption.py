@@ -2,7 +2,7 @@
 
 import os
 import signal
-from types import FrameType, TracebackType
+from types import FrameType
 
 from ..errors import Interrupted, StoppedAtOnce
 
@@ -27,9 +27,7 @@ class Interruption:
         self._terminals = [stream for stream in STREAMS if os.isatty(stream)]
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         for which, handler in self._before.items():
             signal.signal(which, handler)
 

@@ -123,10 +123,7 @@ class RunPlan:
 
 
 def resolve(spec: RunSpec) -> RunPlan:
-    """The plan of a run: its suite and scenes are read, every row is settled, and each cell is named.
-
-    Raises UsageError or DataError for what cannot be run, before anything is.
-    """
+    """The plan of a run, with opened scenes and named cells. Raises UsageError or DataError before anything runs."""
     suite, preset, remarks = suite_asked(spec)
     given = spec.scenes or own_scenes(suite)
     scenes = load_scenes(given, spec.scene_options)

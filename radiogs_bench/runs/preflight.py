@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from radiogs_core.contract import Method, Run, StageSpec
+from radiogs_core.contract import Method, Run
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -20,6 +20,7 @@ from radiogs_datasets.soundness import require_trainable
 
 from ..errors import MethodFailed
 from ..method_calls import calling, own_scene
+from ..methods import SMOKE
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
 from .plan import RunPlan
@@ -32,9 +33,6 @@ COMPILED_ON = "convex"
 
 VIEWS = 2
 """Views of the warm-up scene: the fewest from which a scene's extent is known."""
-
-PRESET = "smoke"
-"""The preset whose first steps compile the kernels."""
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
@@ -102,7 +100,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
             continue
         done.append((method.name, variant))
         try:
-            _warm_up(method, Run(own_scene(little), variant, method.presets[PRESET], 0, device))
+            _warm_up(method, Run(own_scene(little), variant, method.presets[SMOKE], 0, device))
         except MethodFailed:
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 
@@ -113,15 +111,11 @@ def _warm_up(method: Method, run: Run) -> None:
         specs = method.stages(run.variant, run.budget)
     needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
     for spec in specs[:needed]:
-        product = _warmed(method.name, spec, run, product)
-
-
-def _warmed(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
-    stage = begun(method, spec, run, before)
-    try:
-        with calling(method, f"the first step of stage '{spec.name}'"):
-            if spec.compiles:
-                stage.step()
-            return dict(stage.product())
-    finally:
-        close_stage(method, stage)
+        stage = begun(method.name, spec, run, product)
+        try:
+            with calling(method.name, f"the first step of stage '{spec.name}'"):
+                if spec.compiles:
+                    stage.step()
+                product = dict(stage.product())
+        finally:
+            close_stage(method.name, stage)

@@ -1,14 +1,10 @@
-"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer.
-
-Bars are drawn so that no number is cut, however narrow the terminal is.
-"""
+"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer."""
 
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -35,16 +31,14 @@ LOGGED_EVERY_SECONDS = 60.0
 """Between two lines about steps in a log."""
 
 
-@runtime_checkable
 class Progress(Protocol):
     """Receives the events of a run."""
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> Self:
         """Start showing."""
+        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Stop showing."""
 
     def say(self, line: str) -> None:
@@ -63,20 +57,18 @@ class TextConsole(Console):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
 
-class TerminalProgress:
+class TerminalProgress(Progress):
     """A bar with time left for each running task, below the printed lines."""
 
     def __init__(self) -> None:
         self.bars = bars_on(TextConsole(stderr=True))
         self.tasks: dict[str, TaskID] = {}
 
-    def __enter__(self) -> "TerminalProgress":
+    def __enter__(self) -> Self:
         self.bars.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.bars.stop()
 
     def say(self, line: str) -> None:
@@ -93,7 +85,7 @@ class TerminalProgress:
             self.bars.remove_task(self.tasks.pop(task))
 
 
-class LogProgress:
+class LogProgress(Progress):
     """Lines to stderr: what is said, and every LOGGED_EVERY_SECONDS how far the task is that reports then."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -101,12 +93,7 @@ class LogProgress:
         self.due = clock() + LOGGED_EVERY_SECONDS
         self.begun: dict[str, tuple[int, float]] = {}
 
-    def __enter__(self) -> "LogProgress":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         sys.stderr.flush()
 
     def say(self, line: str) -> None:
@@ -125,20 +112,18 @@ class LogProgress:
             self.due = now + LOGGED_EVERY_SECONDS
 
 
-class ForwardingProgress:
+class ForwardingProgress(Progress):
     """Passes every event on to another ``Progress``; subclasses override what they add to."""
 
     def __init__(self, progress: Progress) -> None:
         self.progress = progress
 
-    def __enter__(self) -> "ForwardingProgress":
+    def __enter__(self) -> Self:
         self.progress.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.progress.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self.progress.__exit__(*error)
 
     def say(self, line: str) -> None:
         """Pass the line on."""
@@ -150,10 +135,7 @@ class ForwardingProgress:
 
 
 class SweepProgress(ForwardingProgress):
-    """Passes everything on, and adds one task: the remaining steps of all stages of the sweep.
-
-    Cells are too few and too different (four may share a stage) for an estimate of the time left.
-    """
+    """Passes everything on, and adds one task, the steps of all stages: cells are too few to tell the time left."""
 
     def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
         super().__init__(progress)

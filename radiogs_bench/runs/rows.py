@@ -16,10 +16,7 @@ from .spec import RunSpec
 
 
 def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]]:
-    """The suite with what a spec changes in its rows, and remarks on the rows that stay as they are. Raises UsageError.
-
-    ``preset``: the preset whose numbers ``spec.settings`` replaces.
-    """
+    """The suite with what a spec changes in its rows, and remarks on rows that stay as they are. Raises UsageError."""
     remarks: list[str] = []
     if spec.methods:
         suite = of_methods(suite, spec.methods)
@@ -36,9 +33,7 @@ def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]
 
 
 def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
-    """The suite for these methods: their rows in the suite, and one row for each method that has none.
-
-    In a suite that gives parts of the truth, a method without rows gets one for each choice of parts.
+    """The suite for these methods: their rows in it, or else one row each, or one for each choice of given parts.
 
     Differences are taken against the suite's reference row if it remains, else against the first row.
     """
@@ -62,10 +57,7 @@ def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
 
 
 def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
-    """The suite with some of its rows, in its order. Raises UsageError for a key that is none of them.
-
-    Differences are taken against the suite's reference row if it remains, else against the first row.
-    """
+    """The suite with some of its rows, in its order; differences as in ``of_methods``. Raises UsageError."""
     own = [row.key for row in suite.rows]
     for key in keys:
         if key not in own:
@@ -76,10 +68,7 @@ def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
 
 
 def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
-    """The suite with a recipe for all rows that name none, and remarks on the rows that do not run by it.
-
-    Raises UsageError for a recipe that no row's method offers.
-    """
+    """The suite with a recipe for rows that name none, and remarks on rows that do not run by it. Raises UsageError."""
     refused: dict[str, UsageError] = {}
     for used in dict.fromkeys(row.method for row in suite.rows):
         try:
@@ -102,10 +91,7 @@ def recipe_of_row(suite: Suite, row: Row, used: Method) -> str:
 
 
 def with_effects(suite: Suite, effects: str | Sequence[str]) -> Suite:
-    """The suite with the simulated effects set in every row, and marked in the row's label.
-
-    Rows that set their effects themselves keep them; rows whose method has none, or refuses these, are unchanged.
-    """
+    """The suite with effects set in every row that sets none itself and takes these, and marked in the row's label."""
     marked = effects if isinstance(effects, str) else "+".join(effects) or "none"
 
     def changed(row: Row) -> Row:

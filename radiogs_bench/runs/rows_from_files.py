@@ -59,10 +59,7 @@ class NewRow:
 
 
 def scene_in_run(store: Store, sweep: Sweep, scene: Scene) -> str:
-    """The name that a run has for a scene: the one of its finished cells with the same files, opened alike.
-
-    Raises UsageError where there is none.
-    """
+    """A run's name for a scene: that of finished cells with the same files, opened alike. Raises UsageError."""
     checksums = checksums_of(store, measured(sweep))
     same = [name for name, checksum in checksums.items() if checksum == scene.checksum]
     if same:

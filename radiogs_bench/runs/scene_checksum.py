@@ -10,10 +10,7 @@ from radiogs_datasets.options import options_of
 
 
 def checksum_now(scene: Scene) -> str:
-    """The checksum of a scene's files as they are now; that which it has, for one that is computed.
-
-    Raises DataError where they are no scene any more.
-    """
+    """The checksum of a scene's files now, or of a computed scene. Raises DataError for what is no scene any more."""
     if scene.folder is None:
         return scene.checksum
     folder = str(scene.folder.resolve())  # absolute: a relative one may be the name of a miniature

@@ -1,7 +1,6 @@
 """A run as a value: everything that is asked for, alike from the shell, from Python, from JSON and for a worker."""
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -13,9 +12,6 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 
 MOST_SEEDS = 10_000
 """Seeds of one run: all cells of all seeds are listed before anything is run."""
-
-EVERY_VIEW = sys.maxsize
-"""Number of kept views that keeps all of them."""
 
 OTHER_NAMES = {"method": "methods", "set": "settings"}
 """Fields that Python also takes by the names of the shell's options."""

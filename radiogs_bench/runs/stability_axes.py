@@ -1,8 +1,4 @@
-"""The conditions that get harder in suite ``stability``, and what is computed under each.
-
-Surfels or stacks of surfels: grazing angle, aspect ratio, depth gap, number of layers. Placement: scale of the scene,
-distance from the origin. Shading: width of the highlight, radiance of the sun.
-"""
+"""The conditions that get harder in suite ``stability``, and what is computed under each."""
 
 import math
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""Curves of float32 error along a condition: their parts, how a point is measured, and the kernels as probes.
-
-A probe is a function from named inputs of either precision to named outputs.
-"""
+"""Curves of float32 error along a condition: their parts, how a point is measured, and the kernels as probes."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -204,10 +201,7 @@ def _images(camera: Camera, geometry: SplatGeometry, features: Tensor, depth_uni
 
 
 def traced(inputs: Values, length: float = 1.0, stop: float = TRACE_TRANSMITTANCE_STOP) -> Probe:
-    """K2 on ``GEOMETRY``, sh, features and rays: radiance, transmittance, features, depth.
-
-    ``length`` is the scene's unit of length.
-    """
+    """K2 on surfels and rays (``length`` is the scene's unit): radiance, transmittance, features, depth."""
 
     def run(given: Values) -> tuple[Tensor, ...]:
         geometry = geometry_of(given)

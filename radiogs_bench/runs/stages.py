@@ -248,11 +248,9 @@ def _timed(bench: Bench, make: Callable[[], dict[str, Any]]) -> Outcome:
         started = time.perf_counter()
         product = make()
         seconds = time.perf_counter() - started
-    cost = instruments.plain()
-    return Outcome(
-        product=product,
-        ledger=Ledger(**cost, seconds=seconds, losses={}, trail=[], since={}, sessions=[session(bench.device)]),
-    )
+    here = [session(bench.device)]
+    ledger = Ledger(**instruments.plain(), seconds=seconds, losses={}, trail=[], since={}, sessions=here)
+    return Outcome(product=product, ledger=ledger)
 
 
 def close_stage(method: str, stage: Stage) -> None:
@@ -320,8 +318,6 @@ class _StageLoop:
     def to_the_end(self) -> Ledger:
         """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
         bench, stage = self.bench, self.stage
-        self.trail = Trail(stage.iterations, [], {}, scored=self.score is not None)
-        self.first = FirstSteps()
         self._resume()
         due = time.perf_counter() + bench.checkpoint_seconds
         while stage.iteration < stage.iterations:
@@ -340,16 +336,17 @@ class _StageLoop:
         return ledger
 
     def _resume(self) -> None:
+        """Begin the trail and the record of the first steps, or continue from the checkpoint if there is one."""
         stored = self.bench.store.tensors(checkpoint_name(self.key.key), self.bench.device)
-        if stored is None:
-            return
-        ledger: Ledger = stored["ledger"]
-        with calling(self.method, f"restore() of stage '{self.key.name}'"):
-            self.stage.restore(stored["state"])
-        # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
-        self.started = time.perf_counter() - ledger["seconds"]
-        self.instruments.restore(ledger)
-        self.losses, self.earlier = ledger["losses"], ledger["sessions"]
+        ledger: Any = {"trail": [], "since": {}}
+        if stored is not None:
+            ledger = stored["ledger"]
+            with calling(self.method, f"restore() of stage '{self.key.name}'"):
+                self.stage.restore(stored["state"])
+            # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
+            self.started = time.perf_counter() - ledger["seconds"]
+            self.instruments.restore(ledger)
+            self.losses, self.earlier = ledger["losses"], ledger["sessions"]
         scored = self.score is not None
         self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
         self.first = FirstSteps(ledger.get("first_steps", []))
@@ -406,12 +403,9 @@ class _StageLoop:
         self.bench.store.put_tensors(name, {"state": state, "ledger": self._ledger()})
 
     def _ledger(self) -> Ledger:
-        recorded = self.instruments
         return Ledger(
+            **self.instruments.plain(),
             seconds=time.perf_counter() - self.started,
-            parts=dict(recorded.parts),
-            work=dict(recorded.work),
-            guards=dict(recorded.guards),
             losses=self.losses,
             trail=self.trail.points,
             since=self.trail.since,

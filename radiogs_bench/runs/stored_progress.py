@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 
 from ..store.folder import Store
 from ..store.pace import Pace, drop_pace, put_pace
@@ -12,7 +11,7 @@ EVERY_SECONDS = 1.0
 """Shortest interval between two writings."""
 
 
-class KeptPace:
+class KeptPace(Progress):
     """Progress of the cell ``key``; the file is gone when the context is left."""
 
     def __init__(self, progress: Progress, store: Store, key: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -21,12 +20,7 @@ class KeptPace:
         self.begun = (0, 0.0)
         self.due = 0.0
 
-    def __enter__(self) -> "KeptPace":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         drop_pace(self.store, self.key)
 
     def say(self, line: str) -> None:

@@ -174,10 +174,7 @@ def has_sweep(folder: Path) -> bool:
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """The manifest of a folder's last run.
-
-    Raises DataError if there is none, if it does not agree with its seal, or if it names what is no plain file name.
-    """
+    """The manifest of a folder's last run. Raises DataError if there is none, or one that contradicts itself."""
     path = _path(folder)
     try:
         stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__, Sweep))
@@ -191,7 +188,7 @@ def read_sweep(folder: Path) -> Sweep:
         ) from None
     except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            f"{path} is damaged: {error}" if isinstance(error, Broken) else error.what,
             "It says which results belong to the table.",
             "Run the same command again: it repeats no finished cell and writes the file anew.",
         ) from error

@@ -14,7 +14,7 @@ from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_vi
 from ..scoring.metrics.protocols import protocol
 from ..scoring.what_images_determine import determined
 from ..store.provenance import reset_peaks, session
-from ..store.schema import MetricValue, Result
+from ..store.schema import MetricValue, Result, known_values
 from ..suites.experiment import RELIGHTING
 from .cell import Cell
 from .result import EVALUATE, add_stage, data_of, empty_result
@@ -46,10 +46,7 @@ def train_and_score(
     accounts: Accounts | None = None,
     score: Scorer = scored,
 ) -> None:
-    """Train the cell's model (or find it trained), score it, and store the result.
-
-    ``along_the_way`` scores it during training (see ``trained``); ``accounts`` adds metrics of the training itself.
-    """
+    """Train the cell's model, score it, also ``along_the_way``, add ``accounts`` of it, and store the result."""
     model, ledgers = trained(bench, cell, scene, along_the_way)
     reset_peaks(bench.device)
     with recording() as instruments:
@@ -99,7 +96,7 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
         found = evaluate(
             model, few, rules, bench.device, lambda done, total: None, scope=SCORES_ALONE, method=cell.method
         )
-        return {name: each["value"] for name, each in found.metrics.items() if each["value"] is not None}
+        return known_values(found.metrics)
 
     train_and_score(bench, cell, scene, along_the_way=score)
 

@@ -128,7 +128,7 @@ def read_about(folder: Path) -> About:
         ) from None
     except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            f"{path} is damaged: {error}" if isinstance(error, Broken) else error.what,
             "It says which model is here, and of what.",
             "Run the same `train` again: it writes the file anew and repeats no finished stage.",
         ) from error
@@ -137,10 +137,7 @@ def read_about(folder: Path) -> About:
 
 
 def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | None:
-    """Move the files of another model aside if ``replace`` says so; returns where they are, None if there is no other.
-
-    Raises UsageError without ``replace``.
-    """
+    """Move the files of another model aside if ``replace`` allows it; returns where they are. Raises UsageError."""
     try:
         about = read_about(folder)
     except DataError:

@@ -23,10 +23,7 @@ Sums = dict[str, tuple[float, int]]
 
 
 class Trail:
-    """Sums the losses of every step, and closes a point at some steps.
-
-    ``points`` and ``since`` (sums after the last point) are plain values from which a trail can be continued.
-    """
+    """Sums the losses of every step, and closes points; it continues from ``points`` and ``since``, plain values."""
 
     def __init__(self, iterations: int, points: Sequence[TrailPoint], since: Mapping[str, tuple[float, int]],
                  scored: bool) -> None:  # fmt: skip

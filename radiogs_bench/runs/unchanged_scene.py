@@ -19,10 +19,7 @@ _seen: dict[tuple[Path, str], Mark] = {}
 
 
 def require_unchanged(scene: Scene, digest: Digest) -> None:
-    """Digest the scene's files again: they are read all through a run, and its checksum was taken before.
-
-    Raises DataError where they are others now, or no scene any more.
-    """
+    """Digest the scene's files again, which are read all through a run. Raises DataError where they are others now."""
     try:
         now = digest(scene)
     except DataError as error:

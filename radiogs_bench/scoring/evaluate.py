@@ -20,7 +20,7 @@ from ..errors import MethodFailed
 from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling, own_camera, own_light, refused, require
 from ..process_state import as_before
-from ..store.provenance import peaks_within
+from ..store.provenance import peaks_within, wait_for
 from ..store.schema import MetricValue
 from .metrics.protocol import Protocol
 from .metrics.values import Value
@@ -249,8 +249,7 @@ class _Evaluator:
             except NotOffered as cannot:
                 self._withhold_relit(views, cannot.what)
                 continue
-            if self.device.type == "cuda":
-                torch.cuda.synchronize(self.device)
+            wait_for(self.device)
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
             self.measure("render", relit, views)

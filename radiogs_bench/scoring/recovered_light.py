@@ -1,10 +1,7 @@
 """Scores a recovered environment map: its texels, and the light that it sends to the surfaces of the test views.
 
 The error of texels is dominated by the sun, whose sharpness diffuse surfaces hide and whose texels a coarse map cannot
-hold. ``environment/floor`` is that error for the true light, averaged to the resolution of the recovered map.
-``environment/irradiance`` and ``environment/reflection`` compare what surfaces receive instead, and
-``environment/constant`` is the error of the best light that is the same from all directions: a recovered light with
-that error carries no information.
+hold; the light that surfaces receive is compared, too.
 """
 
 import math
@@ -82,10 +79,7 @@ def score_constant_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def withhold_light(scores: MetricsByView, scene: Scene) -> None:
-    """n/a with the reason, for relighting, the recovered light and the albedo under it, where surroundings are learnt.
-
-    An environment map would light such a model from outside the walls that it has learnt.
-    """
+    """Say why relighting, recovered light and albedo are n/a where a model has learnt its surroundings."""
     if not scene.surrounded:
         return
     for task in ("relight", "albedo"):
@@ -95,10 +89,7 @@ def withhold_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def resolution_floor(rules: Protocol, truth: Float[Tensor, "height width 3"], rows: int, columns: int) -> Value:
-    """The error, up to scale, of the true light averaged to a map of this size and interpolated as recovered maps are.
-
-    The energy of the sun stays in its texel. A fit of all texels to this error alone may have less of it.
-    """
+    """The error, up to scale, of the true light averaged to a map of this size and looked up as recovered maps are."""
     coarse = EnvironmentMap(averaged(truth, rows, columns))
     return rules.score_environment(_like(truth.double(), coarse), truth)["error_scaled"]
 

@@ -15,6 +15,7 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import View
 
 from ..method_calls import calling, own_camera, refused, require
+from ..store.provenance import wait_for
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
@@ -62,10 +63,7 @@ def view_on_black(
 
 
 def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
-    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo.
-
-    Raises MethodFailed for an exception of the method, and for an object that cannot be rendered.
-    """
+    """The model, ready to be rendered, under its own light or another with a factor of albedo. Raises MethodFailed."""
     with calling(method, "prepare() for another light" if lit else "prepare()"):
         ready = model.prepare(*lit)
     require(method, ready, Prepared, "prepare()")
@@ -80,19 +78,14 @@ def frame_milliseconds(
     render: Callable[[Camera], object], cameras: Sequence[Camera], device: torch.device
 ) -> list[float]:
     """Wall-clock milliseconds of one rendering per camera; the device is idle before and after."""
-
-    def finish() -> None:
-        if device.type == "cuda":
-            torch.cuda.synchronize(device)
-
     for index in range(WARM_UP):
         render(cameras[index % len(cameras)])
     times = []
     for camera in cameras:
-        finish()
+        wait_for(device)
         started = time.perf_counter()
         render(camera)
-        finish()
+        wait_for(device)
         times.append(1e3 * (time.perf_counter() - started))
     return times
 

@@ -144,11 +144,7 @@ class ReportArrays:
 
 
 def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[Tensor, "height width 3"]]:
-    """``render/environment`` and ``truth/environment``, linear, of the same size: latitude-longitude, Z up.
-
-    The true map is averaged over blocks of texels, so that a small sun loses no energy; the recovered one is
-    interpolated.
-    """
+    """``render/environment`` and ``truth/environment``, linear, of one size: truth averaged, ours interpolated."""
     radiance = true.radiance.cpu()
     height = min(radiance.shape[0], LARGEST_HEIGHT)
     reduced = torch.nn.functional.adaptive_avg_pool2d(radiance.movedim(-1, 0), (height, 2 * height)).movedim(0, -1)
@@ -168,10 +164,7 @@ def depth_range(view: View, extent: float) -> tuple[float, float]:
 
 
 def views_to_keep(scene: Scene, count: int | None) -> frozenset[str]:
-    """Names of at most so many views, evenly spread, the middle test view among them.
-
-    None: as many as fit ``KEPT_BYTES``, at least one.
-    """
+    """Names of so many views, evenly spread around the middle one; None: as many as fit ``KEPT_BYTES``, or one."""
     views = [*scene.test, *scene.relight]
     middle = len(scene.test) // 2
     if count is None:

@@ -29,10 +29,7 @@ MULTIPLIED = ("normal", "depth", "direct", "indirect")
 
 
 def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> None:
-    """Score one view's image, normals, depth, roughness and indirect light, where both the map and its truth exist.
-
-    ``extent``: the scene's, world units.
-    """
+    """Score a view's maps where both a map and its truth exist. ``extent``: the scene's, world units."""
     rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
     indirect = compared_indirect(rules)
     if "image" in maps and view.has("image"):

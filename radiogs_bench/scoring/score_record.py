@@ -26,11 +26,7 @@ def record_of(
     files: Mapping[str, Any] | None = None,
     **notes: Sequence[str],
 ) -> dict[str, Any]:
-    """The record of what ``code`` wrote, or is, at ``source``.
-
-    ``protocols``: see ``scored``. ``scene`` is None where the predictions name their own targets. ``notes``: by
-    ``NOTES``; those that are left out are empty.
-    """
+    """The record of what ``code`` wrote, or is, at ``source``. ``protocols``: see ``scored``. ``notes``: ``NOTES``."""
     return {
         "schema": SCHEMA,
         "predictions": source,

@@ -95,8 +95,7 @@ def _sees(view: View, points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray,
     pixel = torch.where(inside, row, 0).long(), torch.where(inside, column, 0).long()
     depth, alpha = (view.read(name)[..., 0].double()[pixel] for name in ("depth", "alpha"))
     close = (z - depth).abs() <= TOLERANCE * z / min(camera.fx, camera.fy)
-    seen: Bool[np.ndarray, " points"] = (inside & (alpha > COVERED) & close).numpy()
-    return seen
+    return np.asarray((inside & (alpha > COVERED) & close).numpy())
 
 
 def _seen_points(view: View) -> Float[np.ndarray, "points 3"]:
@@ -104,7 +103,4 @@ def _seen_points(view: View) -> Float[np.ndarray, "points 3"]:
     camera: Camera = view.camera.to("cpu", torch.float64)
     depth, alpha = (view.read(name)[..., 0].double() for name in ("depth", "alpha"))
     kept = (alpha > COVERED) & (depth > 0)
-    points: Float[np.ndarray, "points 3"] = (
-        camera.centre + camera.ray_directions()[kept] * depth[kept][:, None]
-    ).numpy()
-    return points
+    return np.asarray((camera.centre + camera.ray_directions()[kept] * depth[kept][:, None]).numpy())

@@ -98,10 +98,7 @@ Images = Sequence[Float[Tensor, "height width 3"]]
 
 @dataclass(frozen=True)
 class Comparison:
-    """The norm by which changes of images count: its square is the change per covered pixel, mean over views.
-
-    It is the one of ``Error``, averaged over views.
-    """
+    """The norm by which changes of images count: squared, the change per covered pixel, mean over views."""
 
     weights: Sequence[float]
     """Factor of each view's values."""

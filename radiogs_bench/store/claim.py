@@ -22,21 +22,16 @@ LONGEST_HOLDER = 300
 
 
 class Claimed(Exception):
-    """Another living process holds the claim; ``holder`` says which."""
-
-    def __init__(self, holder: str) -> None:
-        self.holder = holder
-        super().__init__(holder)
+    """Another living process holds the claim; the text says which."""
 
 
 @contextmanager
 def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
     """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
 
-    A negative ``wait`` has no end.
-
-    The claim is a kernel lock on the file, not the existence of the file. The kernel releases it when the process dies,
-    by whatever signal, so a claim never goes stale and no process id has to be checked. A link is not followed.
+    A negative ``wait`` has no end. The claim is a kernel lock on the file, not the existence of the file. The kernel
+    releases it when the process dies, by whatever signal: a claim never goes stale and no process id has to be checked.
+    A link is not followed.
     """
     lock = FileLock(path, fallback_to_soft=False, on_acquired=_sign)
     with explained(path):
@@ -72,7 +67,7 @@ def saying_who_holds(what: str) -> Iterator[None]:
         yield
     except Claimed as claimed:
         raise StoreError(
-            f"{what} is in use by {claimed.holder}",
+            f"{what} is in use by {claimed}",
             "Two processes would train the same model twice.",
             "Let it end, then run the same command again: it reads what that one made. Or use another folder.",
         ) from claimed

@@ -103,14 +103,11 @@ class Store:
         except FileNotFoundError:
             return None
         except Broken as broken:
-            set_aside(self.folder, path, broken.reason)
+            set_aside(self.folder, path, str(broken))
             return None
 
     def sealed_result(self, key: str) -> Result:
-        """The result of a cell, whose seal and key agree; nothing is moved.
-
-        Raises FileNotFoundError, Broken, OtherSchema, StoreError.
-        """
+        """The result of a cell, unmoved. Raises FileNotFoundError, Broken, OtherSchema, StoreError."""
         stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")
@@ -276,10 +273,7 @@ def checkpoint_name(key: str) -> str:
 
 
 def set_aside(folder: Path, path: Path, reason: str) -> None:
-    """Move a damaged file of the store ``folder`` out of the way, never over another one, and say so.
-
-    Where nothing can be moved (a folder that is only readable) the file stays, and counts as absent all the same.
-    """
+    """Move a damaged file of the store out of the way, never over another one; where that fails, it stays unused."""
     aside = folder / ASIDE
     try:
         aside.mkdir(exist_ok=True)

@@ -30,11 +30,7 @@ compressed arrays, checkpoints and JSON are not."""
 
 @contextmanager
 def opened(path: Path, most: int = LARGEST_ARRAYS) -> Iterator[BufferedReader]:
-    """A stored file, open for reading.
-
-    Raises DataError for a pipe, a device, a socket, a file of more than ``most`` bytes or one of holes, and OSError
-    where there is none, it is a folder, or it cannot be read.
-    """
+    """A stored file, open for reading. Raises DataError for no regular file of at most ``most`` bytes, and OSError."""
     try:
         # Without O_NONBLOCK, opening a named pipe would wait for somebody to write into it.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

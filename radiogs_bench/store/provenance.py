@@ -44,10 +44,7 @@ def now() -> str:
 
 @cache
 def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
-    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git.
-
-    A package installed inside another repository is not tracked by it; that commit would be meaningless.
-    """
+    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git."""
 
     def git(*arguments: str) -> str | None:
         try:
@@ -140,6 +137,11 @@ def _peaks(device: torch.device) -> dict[str, int]:
     return peaks
 
 
+def resident() -> int:
+    """Resident set of this process now, bytes."""
+    return int(psutil.Process().memory_info().rss)
+
+
 def resident_peak() -> int:
     """Peak resident set, bytes. VmHWM where there is one, because getrusage cannot be reset."""
     if PROCESS_STATUS.exists():
@@ -161,11 +163,14 @@ def session(device: torch.device) -> Session:
     }
 
 
-def yardstick_seconds(device: torch.device) -> float:
-    """Median seconds of a product of two matrices: what a device does just then without any code of this project.
+def wait_for(device: torch.device) -> None:
+    """Return when a GPU has finished what it was asked to do; a CPU has."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
 
-    Takes some 10 ms. Draws no random numbers.
-    """
+
+def yardstick_seconds(device: torch.device) -> float:
+    """Median seconds of a product of two matrices, some 10 ms: the device's speed without code of this project."""
     first, second = (torch.full((SIDE, SIDE), value, device=device) for value in (0.5, 2.0))
     found = []
     for _ in range(REPETITIONS):

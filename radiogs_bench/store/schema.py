@@ -5,6 +5,7 @@ describes every key, and what each version changed.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
 from .shapes import mismatch
@@ -246,6 +247,11 @@ def values_of(result: Result) -> dict[str, MetricValue]:
     amount = training_memory(result)
     memory = {} if amount is None else {"training/megabytes": MetricValue(value=amount / 1e6, reason=None, views=[])}
     return memory | result["metrics"] | result["timings"]
+
+
+def known_values(metrics: Mapping[str, MetricValue]) -> dict[str, float]:
+    """The values that there are, by metric."""
+    return {name: each["value"] for name, each in metrics.items() if each["value"] is not None}
 
 
 def training_memory(result: Result) -> int | None:

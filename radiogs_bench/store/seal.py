@@ -22,11 +22,7 @@ SEAL = "seal"
 
 
 class Broken(Exception):
-    """A stored file does not hold what was written there; ``reason`` says how that shows."""
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
+    """A stored file does not hold what was written there; the text says how that shows."""
 
 
 class OtherSchema(StoreError):
@@ -49,10 +45,7 @@ def strict_json(content: Mapping[str, Any]) -> bytes:
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> None:
-    """Write plain content with its seal, whole or not at all (``atomic.write_atomically``).
-
-    Raises StoreError where the file cannot be written, ValueError for NaN, which JSON does not know.
-    """
+    """Write plain content with its seal, whole or not at all. Raises StoreError, and ValueError for NaN."""
     write_atomically(path, strict_json(sealed(content)))
 
 
@@ -93,7 +86,7 @@ def read_kept(path: Path, noun: str, schema: str, required: Collection[str], rem
     except OtherSchema as other:
         raise DataError(f"{path} is no {noun} of this version ({schema})", other.what, remedy) from other
     except Broken as broken:
-        what = f"cannot use the {noun} {path}: {broken.reason}"
+        what = f"cannot use the {noun} {path}: {broken}"
         raise DataError(what, "It was changed after it was made.", remedy) from broken
 
 

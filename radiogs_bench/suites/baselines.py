@@ -3,7 +3,7 @@
 docs/baselines.md says what was measured, and what each ablation stands for.
 """
 
-from .suite import Metric, Row, Suite
+from .suite import Row, Suite, metrics
 
 OURS = Row("ours", "Ours", "RadioGS", {})
 RECOMMENDED = Row("recommended", "Ours (recommended)", "RadioGS (recommended)", recipe="recommended")
@@ -18,27 +18,19 @@ SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
 PUBLISHED_METHODS = (TENSOIR_METHOD, GS_IR, GI_GS, R3DG, IRGS, SVG_IR)
 """The full methods, in the order of the paper's tables, for every table that the paper has rows of them in."""
 
-SIMILARITY = ("psnr", "ssim", "lpips")
-
 BASELINES = Suite(
     name="baselines",
     title="Methods on the same scenes, light and metrics",
     published="tensoir",
     reference="ours",
     rows=(OURS, RECOMMENDED, *PUBLISHED_METHODS),
-    columns=(
-        *(Metric("nvs", measure) for measure in SIMILARITY),
-        Metric("normal", "mae"),
-        *(Metric(task, measure) for task in ("albedo", "relight") for measure in SIMILARITY),
-        Metric("roughness", "mse"),
-        Metric("indirect", "psnr"),
-        Metric("environment", "error_scaled"),
-        Metric("render", "ms"),
-        Metric("training", "megabytes"),
+    columns=metrics(
+        "nvs/psnr,ssim,lpips", "normal/mae", "albedo/psnr,ssim,lpips", "relight/psnr,ssim,lpips", "roughness/mse",
+        "indirect/psnr", "environment/error_scaled", "render/ms", "training/megabytes",
     ),
     scenes=("corner", "bowl", "convex", "red_white"),
     recipe="printed",
-)
+)  # fmt: skip
 
 
 IRGS_ABLATIONS = Suite(
@@ -51,17 +43,15 @@ IRGS_ABLATIONS = Suite(
         Row("detached", "", "L_ind without gradient", {"indirect": "detached"}, method="irgs"),
         Row("no-indirect", "", "no indirect light", {"indirect": "none", "relight_indirect": False}, method="irgs"),
         Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="irgs"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="irgs"),
+        Row("constant-light", "", "constant light at the start", {"materials.start.light": "constant"}, method="irgs"),
         Row("moving", "", "geometry learnt at 1 % of its rates", {"lr_scale": 0.01}, method="irgs"),
         Row("fixed-start", "", "rays start 0.011 extents away", {"ray_start": 0.011}, method="irgs"),
         Row("one-sided", "", "surfels met from the front alone", {"two_sided": False}, method="irgs"),
         Row("samples", "", "N_s = <incident_samples>", budget={"incident_samples": 2.0}, method="irgs"),
         Row("pixels", "", "<pixels> pixels a step", budget={"pixels": 2.0}, method="irgs"),
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
-        Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    columns=metrics(
+        "nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr", "environment/error_scaled"
     ),
 )  # fmt: skip
 
@@ -80,8 +70,7 @@ R3DG_ABLATIONS = Suite(
         Row("composited", "", "V = 1 - A", {"hidden_below": 0.03}, method="r3dg"),
         Row("no-priors", "", "no priors on irradiance",
             {"materials": {"weights": {"irradiance_smoothness": 0.0, "light_prior": 0.0}}}, method="r3dg"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="r3dg"),
+        Row("constant-light", "", "constant light at the start", {"materials.start.light": "constant"}, method="r3dg"),
         Row("floor", "", "published heights of directions", {"floor": True}, method="r3dg"),
         Row("fixed-start", "", "rays start 0.013 extents away", {"ray_start": 0.013}, method="r3dg"),
         Row("one-sided", "", "surfels met from the front alone", {"two_sided": False}, method="r3dg"),
@@ -101,12 +90,11 @@ SVG_IR_ABLATIONS = Suite(
             {"materials": {"weights": {"consistency": 0.0}}}, method="svg-ir"),
         Row("full-length", "", "rays of full length", {"hop": None}, method="svg-ir"),
         Row("constant", "", "one material a surfel", {"attributes": "constant"}, method="svg-ir"),
-        Row("fixed-ratio", "", "kept radiance counts as it is",
-            {"materials": {"rates": {"ratio": 0.0}}}, method="svg-ir"),
+        Row("fixed-ratio", "", "kept radiance counts as it is", {"materials.rates.ratio": 0.0}, method="svg-ir"),
         Row("no-indirect", "", "no indirect light", {"indirect": False, "relight_indirect": False}, method="svg-ir"),
         Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="svg-ir"),
         Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="svg-ir"),
+            {"materials.start.light": "constant"}, method="svg-ir"),
         Row("fixed-start", "", "rays start 0.0093 extents away", {"ray_start": 0.0093}, method="svg-ir"),
         Row("sharp-light", "", "relit by the whole map", {"relight_rows": None}, method="svg-ir"),
         Row("samples", "", "S = <incident_samples>", budget={"incident_samples": 2.0}, method="svg-ir"),
@@ -129,16 +117,15 @@ TENSOIR_ABLATIONS = Suite(
             {"learning": {"inverse": {"normal_difference": 0.0}}}, method="tensoir"),
         Row("white", "", "learnt on white", {"background": "white"}, method="tensoir"),
         Row("linear", "", "linear radiance from the start", {"linear": "from-start"}, method="tensoir"),
-        Row("no-field-loss", "", "no marched pixels in stage 2",
-            {"learning": {"inverse": {"radiance": 0.0}}}, method="tensoir"),
+        Row("no-field-loss", "", "no marched pixels in stage 2", {"learning.inverse.radiance": 0.0}, method="tensoir"),
         Row("shaded", "", "images are shaded, not marched", {"shown": "shaded"}, method="tensoir"),
         Row("samples", "", "<secondary_samples> samples a secondary ray",
             budget={"secondary_samples": 2.0}, method="tensoir"),
         Row("directions", "", "<light_rows> rows of directions", budget={"light_rows": 2.0}, method="tensoir"),
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    columns=metrics(
+        "nvs/psnr", "normal/mae", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr",
+        "environment/error_scaled",
     ),
 )  # fmt: skip
 
@@ -158,11 +145,10 @@ GS_IR_ABLATIONS = Suite(
         Row("approximate", "", "approximate areas of texels", {"texel_areas": "approximate"}, method="gs-ir"),
         Row("frozen", "", "frozen geometry", {"lr_scale": 0.0}, method="gs-ir"),
         Row("no-prior", "", "no prior on roughness", {"materials": {"weights": {"prior": 0.0}}}, method="gs-ir"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="gs-ir"),
+        Row("constant-light", "", "constant light at the start", {"materials.start.light": "constant"}, method="gs-ir"),
         Row("corners", "", "<occlusion_corners> corners an edge", budget={"occlusion_corners": 2.0}, method="gs-ir"),
     ),
-    columns=(*IRGS_ABLATIONS.columns, Metric("normal", "mae")),
+    columns=(*IRGS_ABLATIONS.columns, *metrics("normal/mae")),
 )  # fmt: skip
 
 GI_GS_ABLATIONS = Suite(
@@ -183,8 +169,7 @@ GI_GS_ABLATIONS = Suite(
         Row("near", "", "marches begin at the first step", {"start": 1}, method="gi-gs"),
         Row("metallic", "", "metal learnt", {"metallic": True}, method="gi-gs"),
         Row("still", "", "geometry frozen in stage 2", {"lr_scale": 0.0}, method="gi-gs"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="gi-gs"),
+        Row("constant-light", "", "constant light at the start", {"materials.start.light": "constant"}, method="gi-gs"),
         Row("azimuths", "", "<azimuths> azimuths", budget={"azimuths": 2.0}, method="gi-gs"),
         Row("shown", "", "<render_azimuths> azimuths shown", budget={"render_azimuths": 2.0}, method="gi-gs"),
     ),

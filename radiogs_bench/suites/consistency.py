@@ -1,16 +1,11 @@
-"""Suites of the question what radiometric consistency, L_rad, is worth, and on what else that depends.
-
-``departures`` leads from RadioGS as printed to RadioGS as recommended, one group of settings after another. ``rivals``
-crosses L_rad with the parts that may do the same, from both recipes. ``consistency-length`` runs with and without L_rad
-for more and more steps. ``closed`` has the paper's rates and losses alone.
-"""
+"""Suites of the question what radiometric consistency, L_rad, is worth, and on what else that depends."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from .own import EVERY_PART
 from .paper import ABLATIONS
-from .suite import Metric, Row, Suite
+from .suite import Row, Suite, metrics
 
 SCENES = ("corner", "front_plain", "lamps")
 """Three kinds with much indirect light."""
@@ -196,7 +191,7 @@ CLOSED = Suite(
     published="ablation",
     reference="ours",
     rows=ABLATIONS.rows[:2],
-    columns=(*EVERY_PART, Metric("environment", "error"), Metric("scale", "factor")),
+    columns=(*EVERY_PART, *metrics("environment/error", "scale/factor")),
     scenes=ABLATIONS.scenes,
     recipe=PRINTED,
 )

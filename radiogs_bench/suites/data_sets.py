@@ -10,12 +10,10 @@ from radiogs_baselines.published import published
 from radiogs_core.errors import UsageError
 
 from .baselines import PUBLISHED_METHODS, RECOMMENDED
-from .suite import Metric, Row, Suite, knob_rows
+from .suite import Row, Suite, knob_rows, metrics
 
 OURS = Row("ours", "Ours", "Ours", {})
 OURS_FINETUNED = Row("ours-finetuned", "Ours*", "Ours* (relit by fine-tuned surfels)", {"relighting": "surfels"})
-
-SIMILARITY = ("psnr", "ssim", "lpips")
 
 TENSOIR = Suite(
     name="tensoir",
@@ -24,11 +22,7 @@ TENSOIR = Suite(
     published="tensoir",
     reference="ours",
     rows=(OURS, OURS_FINETUNED, RECOMMENDED, *PUBLISHED_METHODS),
-    columns=(
-        *(Metric("nvs", measure) for measure in SIMILARITY),
-        Metric("normal", "mae"),
-        *(Metric(task, measure) for task in ("albedo", "relight") for measure in SIMILARITY),
-    ),
+    columns=metrics("nvs/psnr,ssim,lpips", "normal/mae", "albedo/psnr,ssim,lpips", "relight/psnr,ssim,lpips"),
     scenes=("armadillo", "ficus", "hotdog", "lego"),
     protocol="radiogs",
     recipe="printed",
@@ -45,7 +39,7 @@ SYNTHETIC4RELIGHT = Suite(
     published="synthetic4relight",
     reference="ours",
     rows=(OURS, RECOMMENDED, *PUBLISHED_METHODS),
-    columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
+    columns=metrics("nvs/psnr", "roughness/mse", "albedo/psnr", "relight/psnr"),
     scenes=("air_baloons", "chair", "hotdog", "jugs"),
     protocol="radiogs",
     recipe="printed",
@@ -69,11 +63,9 @@ STANFORD_ORB = Suite(
     published=None,  # the paper shows pictures of it, and no table
     reference="ours",
     rows=(OURS, OURS_FINETUNED, RECOMMENDED, *PUBLISHED_METHODS),
-    columns=(
-        *(Metric(task, measure) for task in ("nvs", "relight") for measure in ("psnr_h", "psnr_l", "ssim", "lpips")),
-        Metric("normal", "cosine"),
-        Metric("depth", "simse"),
-        *(Metric("albedo", measure) for measure in SIMILARITY),
+    columns=metrics(
+        "nvs/psnr_h,psnr_l,ssim,lpips", "relight/psnr_h,psnr_l,ssim,lpips", "normal/cosine", "depth/simse",
+        "albedo/psnr,ssim,lpips",
     ),
     scenes=tuple(f"{name}_scene{place:03}" for name, places in CAPTURES.items() for place in places),
     protocol="stanford-orb",
@@ -82,11 +74,11 @@ STANFORD_ORB = Suite(
         "stanfordorb.github.io links to blender_LDR and ground_truth, which belong side by side; blender_LDR holds a"
         " folder a capture."
     ),
-)
+)  # fmt: skip
 
 ROOMS = ("bonsai", "counter", "kitchen", "room")
 FROM_MIPNERF360 = "jonbarron.info/mipnerf360 links to 360_v2.zip; a scene is a folder with images_2/ and sparse/0/."
-COST_OF_A_FRAME = (Metric("nvs", "ms"), Metric("nvs", "megabytes"), *(Metric("nvs", measure) for measure in SIMILARITY))
+COST_OF_A_FRAME = metrics("nvs/ms,megabytes,psnr,ssim,lpips")
 
 MIPNERF360_NG = Suite(
     name="mipnerf360-ng",

@@ -1,10 +1,4 @@
-"""Suites without a table in the paper: cost, length, the audit of effect plans, hard trainings, the oracle ladder.
-
-``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time, ``length`` the steps of stage 2.
-``effects`` trains with only the effects that a scene needs, against training with all. ``hard-training`` trains under
-hard conditions.
-``oracles`` replaces parts of what a method finds by the truth, to see what each is responsible for.
-"""
+"""Suites without a table in the paper: cost, length, the audit of effect plans, hard trainings, the oracle ladder."""
 
 from collections.abc import Sequence
 
@@ -12,11 +6,11 @@ from radiogs_core.capabilities import PARTS, Part
 from radiogs_core.transport.plan import EFFECTS
 
 from .experiment import AUDIT, COST
-from .suite import Metric, Row, Suite
+from .suite import Row, Suite, metrics
 
-EVERY_PART = (
-    Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-    Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+EVERY_PART = metrics(
+    "nvs/psnr", "normal/mae", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr",
+    "environment/error_scaled",
 )  # fmt: skip
 """Images, and every part of a model: shape, materials, light, and the light between surfaces."""
 
@@ -50,10 +44,7 @@ FINETUNE = Suite(
             for factor in (0.1, 0.2, 0.4, 0.7, 1.0)
         ),
     ),
-    columns=(
-        *(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")),
-        Metric("render", "ms"), Metric("prepare", "ms"),
-    ),
+    columns=metrics("relight/psnr,ssim,lpips", "render/ms", "prepare/ms"),
 )  # fmt: skip
 
 
@@ -99,15 +90,11 @@ COST_OF_ACCURACY = Suite(
             {},
             {"inverse_iterations": 0.5, "incident_samples": 0.5, "consistency_surfels": 0.5},
         ),
-        Row(
-            "no-search", "No search", "light learnt from a constant one",
-            {"materials": {"start": {"light": "constant"}}},
-        ),
+        Row("no-search", "No search", "light learnt from a constant one", {"materials.start.light": "constant"}),
         Row("split-sum", "Split-sum", "stage 2 by split sum, without rays", {"shading": "split-sum"}),
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),
-        Metric("indirect", "psnr"), Metric("render", "ms"), Metric("training", "megabytes"),
+    columns=metrics(
+        "nvs/psnr", "normal/mae", "albedo/psnr", "relight/psnr", "indirect/psnr", "render/ms", "training/megabytes"
     ),
     experiment=COST,
 )  # fmt: skip
@@ -148,10 +135,9 @@ EFFECTS_SUITE = Suite(
         Row("no-indirect", "No indirect light", "no indirect light", _all_but("indirect")),
         Row("no-specular", "No specular", "no specular part", _all_but("specular")),
     ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
-        Metric("plan", "bound"), Metric("plan", "worst"), Metric("stage2", "rays"),
-        Metric("stage2", "seconds"), Metric("training", "seconds"),
+    columns=metrics(
+        "nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "plan/bound,worst", "stage2/rays,seconds",
+        "training/seconds",
     ),
     scenes=(
         "convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror",
@@ -168,10 +154,7 @@ HARD_TRAINING = Suite(
     published=None,
     reference=None,
     rows=(Row("ours", "RadioGS", "RadioGS", {}), Row("printed", "Printed", "RadioGS as printed", {}, recipe="printed")),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),
-        Metric("indirect", "psnr"),
-    ),
+    columns=metrics("nvs/psnr", "normal/mae", "albedo/psnr", "relight/psnr", "indirect/psnr"),
     scenes=(
         "corner", "hard-scale-1e-4", "hard-scale-1e4", "hard-distance-1e3", "hard-bright-light", "hard-sun",
         "hard-4-pixels", "hard-two-views", "hard-black", "hard-white",

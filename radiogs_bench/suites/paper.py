@@ -2,7 +2,7 @@
 
 from .baselines import IRGS, R3DG, RECOMMENDED, SVG_IR
 from .experiment import FORWARD_PARITY, RELIGHTING, STABILITY
-from .suite import Metric, Row, Suite, knob_rows
+from .suite import Row, Suite, knob_rows, metrics
 
 ABLATIONS = Suite(
     name="ablations",
@@ -16,15 +16,8 @@ ABLATIONS = Suite(
         Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", {"detach": "surfel"}),
         Row("nvs-init", "NVS init.", "NVS init.", {"initialise": "nvs"}),
     ),
-    columns=(
-        Metric("nvs", "psnr"),
-        Metric("nvs", "ssim"),
-        Metric("nvs", "lpips"),
-        Metric("normal", "mae"),
-        Metric("albedo", "psnr"),
-        Metric("roughness", "mse"),
-        Metric("relight", "psnr"),
-        Metric("indirect", "psnr"),
+    columns=metrics(
+        "nvs/psnr,ssim,lpips", "normal/mae", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr"
     ),
     scenes=("bowl", "front_patterned", "front_plain", "niche", "knot", "lamps", "corner", "crowd"),
 )
@@ -47,7 +40,7 @@ VIEWS = Suite(
             ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         )
     ),
-    columns=(Metric("nvs", "psnr"), Metric("indirect", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
+    columns=metrics("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr"),
 )  # fmt: skip
 
 INIT = Suite(
@@ -64,7 +57,7 @@ INIT = Suite(
         Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
     ),
-    columns=(Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr"), Metric("indirect", "psnr")),
+    columns=metrics("nvs/psnr", "albedo/psnr", "relight/psnr", "indirect/psnr"),
 )  # fmt: skip
 
 INDIRECT = Suite(
@@ -78,30 +71,15 @@ INDIRECT = Suite(
         SVG_IR,
         Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
-        Row(
-            "recommended-no-rad",
-            r"$\lambda_{rad}=0$ (recommended)",
-            "λ_rad = 0 (recommended)",
-            {"radiometric_weight": 0.0},
-            recipe="recommended",
-        ),
+        Row("recommended-no-rad", r"$\lambda_{rad}=0$ (recommended)", "λ_rad = 0 (recommended)",
+            {"radiometric_weight": 0.0}, recipe="recommended"),
         RECOMMENDED,
     ),
     recipe="printed",
-    columns=(
-        *(Metric(task, measure) for task in ("nvs", "indirect") for measure in ("psnr", "ssim", "lpips")),
-        Metric("normal", "mae"),
-        *(Metric("albedo", measure) for measure in ("psnr", "ssim", "lpips")),
-    ),
-)
+    columns=metrics("nvs/psnr,ssim,lpips", "indirect/psnr,ssim,lpips", "normal/mae", "albedo/psnr,ssim,lpips"),
+)  # fmt: skip
 
-QUALITY = (
-    Metric("nvs", "psnr"),
-    Metric("normal", "mae"),
-    Metric("albedo", "psnr"),
-    Metric("relight", "psnr"),
-    Metric("indirect", "psnr"),
-)
+QUALITY = metrics("nvs/psnr", "normal/mae", "albedo/psnr", "relight/psnr", "indirect/psnr")
 
 NG = Suite(
     name="ng",
@@ -119,7 +97,7 @@ NS = Suite(
     reference="ns-64",
     rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64, 128), {"consistency_surfels": 2048}),
     recipe="printed",
-    columns=(*QUALITY, Metric("nvs", "ms")),
+    columns=(*QUALITY, *metrics("nvs/ms")),
 )
 """By recipe ``printed`` new views are shaded along the N_s directions that the rows name, as in the paper, and so are
 their milliseconds; ``recommended`` takes four times as many."""
@@ -135,7 +113,7 @@ STRATEGIES = Suite(
         Row("no-gradient", "RT w/o diff.", "RT w/o diff.", {"incident": "detached"}),
         Row("ours", "Ours", "Ours", {}),
     ),
-    columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
+    columns=(*QUALITY, *metrics("nvs/ssim,lpips")),
 )
 
 RELIGHT_RAYS = 384
@@ -181,10 +159,7 @@ RELIGHT_COST = Suite(
         ),
     ),
     recipe="printed",
-    columns=(
-        *(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips", "bias", "psnr_reference")),
-        Metric("render", "ms"), Metric("prepare", "ms"),
-    ),
+    columns=metrics("relight/psnr,ssim,lpips,bias,psnr_reference", "render/ms", "prepare/ms"),
     experiment=RELIGHTING,
 )  # fmt: skip
 
@@ -203,7 +178,7 @@ EFFICIENCY = Suite(
             for rays in (64, 128, 256)
         ),
     ),
-    columns=(Metric("render", "ms"), Metric("render", "megabytes"), Metric("relight", "psnr")),
+    columns=metrics("render/ms,megabytes", "relight/psnr"),
 )  # fmt: skip
 
 FORWARD_PARITY_SUITE = Suite(
@@ -225,8 +200,8 @@ FORWARD_PARITY_SUITE = Suite(
             {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 1.0},
         ),
     ),
-    columns=tuple(
-        Metric(part, measure) for measure in ("psnr", "bias") for part in ("total", "surfels", "direct", "indirect")
+    columns=metrics(
+        *(f"{part}/{measure}" for measure in ("psnr", "bias") for part in ("total", "surfels", "direct", "indirect"))
     ),
     scenes=("corner-128", "red_white-128", "bowl-128", "furnace-0.2", "furnace-0.5", "furnace-0.8"),
     experiment=FORWARD_PARITY,
@@ -250,10 +225,7 @@ STABILITY_SUITE = Suite(
             ("sun", "Sun's radiance", 25.0),
         )
     ),
-    columns=(
-        *(Metric(task, measure) for task in ("forward", "gradient") for measure in ("safe", "hard", "share")),
-        Metric("guards", "fired"),
-    ),
+    columns=metrics("forward/safe,hard,share", "gradient/safe,hard,share", "guards/fired"),
     scenes=("hard-cases",),
     experiment=STABILITY,
 )

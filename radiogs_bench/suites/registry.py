@@ -17,10 +17,10 @@ from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.plain_values import PlainReader, flat
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import read_toml
+from radiogs_reports.summary import PLAIN
 from radiogs_reports.write.mathematics import is_mathematics
 
 from ..methods import SUFFIX, method, require_recipe
-from ..store.keys import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
 from .consistency import CLOSED, CONSISTENCY_LENGTH, DEPARTURES, RIVALS
 from .data_sets import DATA_SET_SUITES
@@ -53,10 +53,7 @@ SUITES: Mapping[str, Suite] = {
 
 
 def suite(name: str) -> Suite:
-    """The suite of that name, or in the TOML file of that path (``read_suite``).
-
-    Raises UsageError for an unknown name, with the nearest.
-    """
+    """The suite of that name, or in the TOML file of that path. Raises UsageError for an unknown name."""
     if name.endswith(".toml"):
         return read_suite(Path(name))
     if name not in SUITES:

@@ -16,10 +16,7 @@ from .suite import Suite
 
 
 def own_scenes(suite: Suite) -> Sequence[str]:
-    """The scenes of a suite: folders here, else in the root of data, in the folder of the suite's data set.
-
-    Raises DataError if they are in neither and have to be downloaded.
-    """
+    """The scenes of a suite: folders here, else in the root of data. Raises DataError for some that are in neither."""
     if not suite.download:
         return suite.scenes
     places = {name: _place(suite, name) for name in suite.scenes}
@@ -57,10 +54,7 @@ def _place(suite: Suite, name: str) -> str | None:
 
 
 def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:
-    """Scenes by their own names, opened as the options say.
-
-    Raises DataError for a missing scene, UsageError if two have the same name, or the same files under two names.
-    """
+    """Scenes by their names. Raises DataError for a missing one, UsageError for two of one name or the same files."""
     scenes: dict[str, Scene] = {}
     names: dict[str, str] = {}
     for each in wanted:

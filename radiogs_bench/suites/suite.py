@@ -88,6 +88,12 @@ class Metric:
         return cls(task, measure)
 
 
+def metrics(*keys: str) -> tuple[Metric, ...]:
+    """Columns by their keys, each with one measure or several: ``nvs/psnr,ssim``."""
+    pairs = (key.split("/") for key in keys)
+    return tuple(Metric(task, measure) for task, measures in pairs for measure in measures.split(","))
+
+
 @dataclass(frozen=True)
 class Row:
     """A row of a table.

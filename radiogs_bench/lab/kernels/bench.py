@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
@@ -86,7 +87,7 @@ def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Measure
         found["both"] = [a + b for a, b in zip(found["forward"], found["backward"], strict=True)]
     one_way = yardstick is not None and yardstick.backward is None
     rows = []
-    for name, passes_of in (("forward", _forward), ("backward", _backward), ("both", _backward)):
+    for name, passes_of in (("forward", attrgetter("forward")), ("backward", _backward), ("both", _backward)):
         times = theirs["forward" if one_way else name]
         rows.append(
             MeasuredPass(
@@ -105,10 +106,6 @@ def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Measure
             )
         )
     return rows[0], rows[1], rows[2]
-
-
-def _forward(passes: Case | Yardstick) -> Callable[[], object]:
-    return passes.forward
 
 
 def _backward(passes: Case | Yardstick) -> Callable[[], object]:

@@ -1,8 +1,9 @@
 """The measured cases: forward pass, backward pass and yardstick, each ready to run."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -84,10 +85,8 @@ def rasterize_case(scene: KernelScene, size: int, dtype: torch.dtype, device: to
         raster = rasterize(camera, SplatGeometry(*values[:5]), values[5], 1.0)
         return raster.features.sum() + raster.depth.sum() + raster.distortion.sum()
 
-    def run_densely(values: list[Tensor]) -> Tensor:
-        return rasterize_densely(camera, SplatGeometry(*values[:5]), values[5]).sum()
-
-    yardstick = Yardstick("dense PyTorch", *_passes(run_densely, leaves)) if dense else None
+    plain = _passes(lambda values: rasterize_densely(camera, SplatGeometry(*values[:5]), values[5]).sum(), leaves)
+    yardstick = Yardstick("dense PyTorch", *plain) if dense else None
     name = f"{scene.name}, {size} x {size}"
     return Case("rasterize", name, dtype, size * size, "pixel", *_passes(run, leaves), yardstick)
 
@@ -142,18 +141,15 @@ def split_sum_case(dtype: torch.dtype, device: torch.device) -> Case:
     given = [unit(), uniform[:, :3].contiguous(), uniform[:, 3].contiguous(), unit(), light]
     leaves = [value.to(device, dtype) for value in given]
 
-    def ours(values: list[Tensor]) -> Tensor:
-        normal, albedo, roughness, outgoing, radiance = values
-        return torch.cat(split_sum_radiance(normal, albedo, roughness, outgoing, PrefilteredLight(radiance))).sum()
-
-    def plainly(values: list[Tensor]) -> Tensor:
-        normal, albedo, roughness, outgoing, radiance = values
-        light = PrefilteredLight(radiance)
-        return torch.cat(split_sum_plainly(normal, albedo, roughness, outgoing, light)).sum()
-
-    yardstick = Yardstick("plain PyTorch", *_passes(plainly, leaves))
+    ours, plain = (_passes(partial(_summed, shaded), leaves) for shaded in (split_sum_radiance, split_sum_plainly))
     name = f"{SEEN_SURFELS} x 1"
-    return Case("split-sum", name, dtype, SEEN_SURFELS, "surfel", *_passes(ours, leaves), yardstick)
+    return Case("split-sum", name, dtype, SEEN_SURFELS, "surfel", *ours, Yardstick("plain PyTorch", *plain))
+
+
+def _summed(shaded: Callable[..., Iterable[Tensor]], values: list[Tensor]) -> Tensor:
+    """The sum of all parts of the radiance of surfels under a light, which is the last of the values."""
+    *surfels, radiance = values
+    return torch.cat([*shaded(*surfels, PrefilteredLight(radiance))]).sum()
 
 
 def _passes(

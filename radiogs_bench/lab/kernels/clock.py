@@ -1,26 +1,23 @@
 """Measures seconds and peak memory of a function."""
 
-import ctypes
 import resource
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import torch
 
 from radiogs_core.errors import UsageError
 
-STATUS = Path("/proc/self/status")
-CLEAR_PEAK = Path("/proc/self/clear_refs")
+from ...store import provenance
 
 
 def seconds(work: Callable[[], object], device: torch.device) -> float:
     """Seconds of the function: on the CPU processor time of this process, unaffected by others; on CUDA wall time."""
     clock = time.perf_counter if device.type == "cuda" else processor_seconds
-    _wait(device)
+    provenance.wait_for(device)
     start = clock()
     work()
-    _wait(device)
+    provenance.wait_for(device)
     return clock() - start
 
 
@@ -46,31 +43,17 @@ def wall_seconds(work: Callable[[], object]) -> float:
 
 
 def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
-    """Peak memory of the function beyond what was held before it, bytes.
-
-    On the CPU this is the resident set of the whole process, after the allocator has released its cache.
-    """
+    """Peak memory of a function beyond what was held before, bytes; on the CPU the resident set of the process."""
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)
         work()
         return torch.cuda.max_memory_allocated(device) - before
-    if not CLEAR_PEAK.exists():
+    if not provenance.PEAK_RESET.exists():
         raise UsageError(
             "peak memory cannot be measured here", "Only Linux resets a process's peak (/proc/self/clear_refs)."
         )
-    ctypes.CDLL(None).malloc_trim(0)
-    CLEAR_PEAK.write_text("5")  # Linux: sets the peak of the resident set back to its present size
-    before = _status("VmRSS")
+    provenance.reset_peaks(device)
+    before = provenance.resident()
     work()
-    return _status("VmHWM") - before
-
-
-def _status(field: str) -> int:
-    line = next(line for line in STATUS.read_text().splitlines() if line.startswith(f"{field}:"))
-    return int(line.split()[1]) * 1024
-
-
-def _wait(device: torch.device) -> None:
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
+    return provenance.resident_peak() - before

@@ -77,10 +77,7 @@ def blob(inside: bool, count: int = 100_000, rays: int = 1 << 18) -> KernelScene
 
 
 def cloud(path: Path) -> KernelScene:
-    """Surfels on the points of an .npz (``means3d`` [points, 3], as gsplat's test_garden.npz), normals upwards.
-
-    Raises DataError if the file has no such points.
-    """
+    """Surfels on the points ``means3d`` [points, 3] of an .npz, as gsplat's; normals upwards. Raises DataError."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             points = np.asarray(archive["means3d"], np.float64)

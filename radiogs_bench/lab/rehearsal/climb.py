@@ -34,10 +34,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """The measurements by size, and why the rehearsal ended before the last size, if it did.
-
-    The last of the sizes may lack phases (``SizeResult.whole``).
-    """
+    """The measurements by size, of which the last may lack phases, and why it ended before the last size, if it did."""
 
     rungs: Sequence[SizeResult]
     refusal: Refusal | None
@@ -101,7 +98,7 @@ def _measured(plan: Plan, size: int | None, folder: Path, progress: Progress) ->
                 rehearsal = RowRehearsal(plan, row, size, Store(Path(own)), phases, seen)
                 rows[row.key], facts[row.key] = rehearsal.all(), rehearsal.facts
         except TooLarge as large:
-            broke_at = large.title
+            broke_at = str(large)
         except KeyboardInterrupt:
             stopped = True
     taken = time.perf_counter() - wall
@@ -122,10 +119,7 @@ def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:
 def refusal_of(
     rungs: Sequence[SizeResult], size: int | None, memory: Mapping[str, int], seconds: float
 ) -> Refusal | None:
-    """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it.
-
-    ``memory``: bytes that may be taken, by kind. ``seconds``: how many are left.
-    """
+    """Why a size should not be tried with ``memory`` (bytes) and ``seconds``, by what smaller ones took; else None."""
     if not rungs or size is None:
         return None
     if len(rungs) > 1:  # one size does not tell what of the memory grows with it

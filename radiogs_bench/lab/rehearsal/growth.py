@@ -46,8 +46,6 @@ def extended(rungs: Sequence[SizeResult], size: int) -> list[Phase]:
     """The phases at another size: seconds and bytes on the line through the last two rungs, never falling with size.
 
     The standard error of seconds is that of a line through two measured means.
-
-    It takes two rungs: images and libraries take memory whatever the size, and one rung does not tell how much.
     """
     earlier, last = rungs[-2], rungs[-1]
     assert earlier.size is not None

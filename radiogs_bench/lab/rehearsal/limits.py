@@ -1,6 +1,5 @@
 """The machine's free memory, and its speed beside another machine's."""
 
-import ctypes
 import gc
 import time
 from collections.abc import Callable, Mapping
@@ -8,6 +7,10 @@ from dataclasses import dataclass
 
 import psutil
 import torch
+
+from radiogs_core.kernels.runtime import return_freed_memory
+
+from ...store.provenance import resident, wait_for
 
 MATRIX = 1024
 """Side of the matrices whose product is timed: large enough to be bound by arithmetic."""
@@ -55,20 +58,10 @@ def memory_there(device: torch.device) -> dict[str, int]:
     return found
 
 
-def resident() -> int:
-    """Resident set of this process, bytes."""
-    return int(psutil.Process().memory_info().rss)
-
-
 def give_memory_back() -> None:
-    """Return to the system what Python and the allocator keep for later: it would count as the next size's.
-
-    glibc keeps freed blocks below the highest one that is in use; other allocators have no such call.
-    """
+    """Return to the system what Python and the allocator keep for later: it would count as the next size's."""
     gc.collect()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
+    return_freed_memory()
 
 
 def in_use(device: torch.device) -> dict[str, int]:
@@ -93,7 +86,6 @@ def _fastest(device: torch.device, do: Callable[[], object]) -> float:
     for _ in range(REPEATS):
         started = time.perf_counter()
         do()
-        if device.type == "cuda":
-            torch.cuda.synchronize(device)
+        wait_for(device)
         taken.append(time.perf_counter() - started)
     return min(taken)

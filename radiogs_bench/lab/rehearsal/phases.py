@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import torch
 
-from ...store.provenance import peak_memory, reset_peaks
+from ...store.provenance import peak_memory, reset_peaks, wait_for
 
 Result = TypeVar("Result")
 
@@ -48,19 +48,12 @@ class Phase:
 
 
 class TooLarge(Exception):
-    """A phase asked for more memory than there is."""
-
-    def __init__(self, title: str) -> None:
-        super().__init__(title)
-        self.title = title
+    """A phase, whose title is the text, asked for more memory than there is."""
 
 
 @dataclass
 class Phases:
-    """The phases that were measured, in order.
-
-    clock: seconds that have passed, or, on a CPU that others use too, those for which this process had a core.
-    """
+    """The phases that were measured, in order; ``clock`` may count only seconds for which the process had a core."""
 
     device: torch.device
     clock: Callable[[], float] = time.perf_counter
@@ -80,7 +73,7 @@ class Phases:
 
     def timed(self, title: str, do: Callable[[], Result]) -> tuple[Result, float]:
         """The result and the seconds, with the device idle before and after. Raises TooLarge."""
-        self._finish()
+        wait_for(self.device)
         started = self.clock()
         try:
             result = do()
@@ -88,17 +81,13 @@ class Phases:
             if of_memory(error):
                 raise TooLarge(title) from error
             raise
-        self._finish()
+        wait_for(self.device)
         return result, self.clock() - started
 
     def end(self, title: str, key: str, whole: int, seconds: Sequence[float]) -> None:
         """Keep a phase whose peaks are those since ``begin``."""
         self.done.append(Phase(title, key, tuple(seconds), whole, peak_memory(self.device)))
         self.say(f"{title}: {self.done[-1].mean:.2f} s, {self.done[-1].peaks['host'] / 2**30:.2f} GiB")
-
-    def _finish(self) -> None:
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
 
 
 def of_memory(error: BaseException | None) -> bool:

@@ -104,12 +104,7 @@ def _forecast(
 
 
 def _other(name: str, device: torch.device, forecast: Sequence[Plain], base: Mapping[str, int]) -> Plain:
-    """The forecast for another device, between what arithmetic and what memory traffic alone would say.
-
-    Seconds are multiplied by the ratio of speeds here and there, of operations for the lower end and of bytes for the
-    upper one, whichever is smaller or larger. Memory is what the process took here beyond ``base``, which it had at
-    first.
-    """
+    """The forecast for another device: seconds times the ratios of speeds here and there, memory beyond ``base``."""
     known, here = KNOWN_DEVICES[name], speed_of(device)
     low, high = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
     at = "device" if device.type == "cuda" else "host"
@@ -129,10 +124,7 @@ def _other(name: str, device: torch.device, forecast: Sequence[Plain], base: Map
 
 
 def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> tuple[float, float]:
-    """Seconds of a whole run with models of one size, and their standard error from the steps' measurement alone.
-
-    All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once.
-    """
+    """Seconds of a whole run with models of one size, and their standard error; shared stages are trained once."""
     trained = {key for keys in rows.values() for key in keys if " " not in key}
     shown = [key for keys in rows.values() for key in keys if " " in key]
     times = {phase.key: 0 for phase in phases} | dict.fromkeys(trained, 1)

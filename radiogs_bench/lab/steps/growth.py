@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 
@@ -15,7 +15,7 @@ from radiogs_core.scene.scene import Scene
 from ..kernels.cases import Case, rasterize_case, trace_case
 from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
-from .passes import one_pass, warm_up
+from .passes import Result, one_pass, warm_up
 from .record import milliseconds
 from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
@@ -81,10 +81,7 @@ USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
 def bench_growth(
     method: Method, scene: Scene, device: torch.device, passes: int, announce: Callable[[str], None]
 ) -> Iterator[Plain]:
-    """Every axis in turn: what grew, the values, seconds and bytes at each, and how they grow.
-
-    Sizes take turns, ``passes`` times for steps, so that all of them see what load there is.
-    """
+    """Every axis in turn: what grew, seconds and bytes, and how they grow; sizes take turns, under one load."""
     for axis in KERNELS:
         announce(f"{axis.what}: {axis.grows}")
         yield from _rows(axis, {axis.what: _kernels([_case(axis, value, device) for value in axis.values], device)})
@@ -146,10 +143,7 @@ def _rows(axis: Axis, found: Mapping[str, Sequence[Measured]]) -> Iterator[Plain
 
 
 def exponents(sizes: Sequence[int], amounts: Sequence[float], least: float = 0.0) -> list[float | None]:
-    """Slopes of log(amount) over log(size) from each size to the next.
-
-    None where one of the two amounts is not above ``least``. A part that does not grow draws the first slopes down.
-    """
+    """Slopes of log(amount) over log(size) from each size to the next; None where an amount is not above ``least``."""
     between = zip(sizes, sizes[1:], amounts, amounts[1:], strict=False)
     return [
         math.log(after / before) / math.log(large / small) if min(before, after) > least else None
@@ -172,14 +166,10 @@ def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
     return table
 
 
-Result = TypeVar("Result")
-
-
 class Watching:
     """Seconds of every time that something was done, by title, and peak bytes of the first time.
 
-    To find a peak, memory is given back first, and getting it again takes time: such seconds count only where there are
-    no others.
+    To find a peak takes time: the seconds of the first time count only where there are no others.
     """
 
     def __init__(self, device: torch.device) -> None:

@@ -1,8 +1,7 @@
-"""Measures passes over a method at one size.
+"""Measures passes over a method at one size: seconds by part, page faults, operations, launches and work counters.
 
-For each piece of work: its seconds, the parts of the code that took them, page faults, PyTorch's operations, launches
-of our own kernels, and work counters. Seconds by part come from the Python stack, which is looked at every few
-milliseconds: nothing has to be marked in the code that is measured, so that one account fits every method.
+Seconds by part come from the Python stack, which is looked at every few milliseconds: nothing has to be marked in the
+code that is measured, so that one account fits every method.
 """
 
 import gc
@@ -15,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from statistics import median
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 from unittest.mock import patch
 
 import torch
@@ -27,7 +26,7 @@ from radiogs_core.instruments import recording
 from radiogs_core.kernels.recorded import Recorded
 
 from ..kernels.clock import page_faults, processor_seconds, seconds
-from .passes import one_pass
+from .passes import Result, one_pass
 from .sizes import Size
 from .subject import Subject
 
@@ -201,9 +200,6 @@ def counting() -> Iterator[Counts]:
         with patch.object(wp, "launch", launched), patch.object(Recorded, "run", ran), _Operations(counts):
             yield counts
         counts.work = {name: instruments.work[name] for name in SHOWN_WORK if instruments.work[name]}
-
-
-Result = TypeVar("Result")
 
 
 class Times:

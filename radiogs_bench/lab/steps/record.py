@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import UsageError
 
-from ...store.seal import Broken, OtherSchema, read_sealed
+from ...store.seal import read_kept
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -77,22 +77,12 @@ def as_table(name: str, size: Mapping[str, Any]) -> "Table":
 
 def read_record(path: Path) -> Plain:
     """A record of ``bench steps --json``. Raises DataError for any other file."""
-    make = "Make one:  radiogs-bench bench steps --json FILE"
-    try:
-        return read_sealed(path, SCHEMA, ("machine", "method", "scene", "sizes"))
-    except FileNotFoundError:
-        raise DataError(f"there is no record {path}", "", make) from None
-    except OtherSchema as error:
-        raise DataError(f"{path} is no record of this version ({SCHEMA})", error.what, make) from error
-    except Broken as broken:
-        raise DataError(f"cannot use the record {path}: {broken.reason}", "", make) from broken
+    keys = ("machine", "method", "scene", "sizes")
+    return read_kept(path, "record", SCHEMA, keys, "Make one:  radiogs-bench bench steps --json FILE")
 
 
 def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted: Collection[str]) -> dict[str, Plain]:
-    """The measurements that a record has at the wanted sizes. ``ours``: a record of here and now, of any sizes.
-
-    Raises UsageError where the records are of other machines, methods or scenes, or where none of the sizes is there.
-    """
+    """A record's measurements at the wanted sizes. Raises UsageError for none, or other machines, methods or scenes."""
     differing = [name for name in MACHINE if ours["machine"].get(name) != theirs["machine"].get(name)]
     differing += [name for name in ("method", "scene") if ours[name] != theirs[name]]
     if differing:
@@ -109,10 +99,7 @@ def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted:
 
 
 def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> "Table":
-    """A line for everything that both did at a size; ratios above 1 are faster now.
-
-    Raises UsageError where the models or the images differ.
-    """
+    """A line for all that both did at a size; above 1 is faster now. Raises UsageError for other models or images."""
     from rich.table import Table
 
     differing = [f"{name} {ours[name]} against {theirs[name]}" for name in MODEL if ours[name] != theirs[name]]
@@ -135,10 +122,7 @@ def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -
 
 
 def times_as_fast(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str]:
-    """The median before over the median now, and the least and the most that the intervals of both allow.
-
-    A median of zero is less than a tick of the clock.
-    """
+    """The ratio of the medians before and now, and the least and the most that the intervals of both allow."""
     if not (before["median"] > 0 and now["median"] > 0):
         return "too short", ""
     ratio = f"{before['median'] / now['median']:.2f}"

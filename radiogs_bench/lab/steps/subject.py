@@ -47,10 +47,7 @@ class Subject:
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
-    """The method on the scene, enlarged to a size. Raises UsageError as ``require_size`` does.
-
-    A method that cannot be rehearsed takes the first steps of its stages.
-    """
+    """The method on the scene, enlarged to a size. Raises UsageError as ``require_size`` does."""
     require_size(method, size)
     budget = sized_budget(method, size)
     wanted = largest_model(method, budget) if size.surfels is None else size.surfels
@@ -71,10 +68,7 @@ def sized_budget(method: Method, size: Size) -> Any:
 
 
 def require_size(method: Method, size: Size) -> None:
-    """Raise UsageError for a method without the size's preset, or that cannot be given the size's number of surfels.
-
-    ``WARM_UP`` takes any method.
-    """
+    """Raise UsageError for a method without the size's preset, or that cannot be given its number of surfels."""
     if size.preset not in method.presets:
         raise UsageError(
             f"{method.name} has no preset '{size.preset}'",

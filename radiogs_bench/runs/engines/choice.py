@@ -9,8 +9,6 @@ Name = Literal["inprocess", "pool", "ray"]
 ONE_THREAD = 1
 """Default threads per cell on a cluster: with one, a cluster's cores are used best."""
 
-ENGINES: tuple[Name, ...] = ("inprocess", "pool", "ray")
-
 
 @dataclass(frozen=True)
 class Engine:
@@ -32,10 +30,7 @@ class Engine:
 
 
 def choose(name: str | None, workers: int | None, address: str | None, threads: int | None = None) -> Engine:
-    """The engine for the given options: several workers mean a pool, an address a cluster, otherwise this process.
-
-    Raises UsageError for options that do not go together.
-    """
+    """The engine for the options: workers mean a pool, an address a cluster, else this process. Raises UsageError."""
     chosen = name or ("ray" if address else "pool" if (workers or 1) > 1 else "inprocess")
     if workers is not None and (chosen == "ray" or (chosen == "inprocess" and workers > 1)):
         raise UsageError(

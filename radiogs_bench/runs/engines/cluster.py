@@ -34,7 +34,6 @@ from .delegate import (
     names_of,
     run_remote_cell,
     run_shared_stages,
-    shared_stages,
 )
 from .in_process import STOPPING, Task, record_failure
 
@@ -62,10 +61,7 @@ def ray_library() -> Any:
 
 @contextmanager
 def connected(address: str | None) -> Iterator[Any]:
-    """The module ``ray``, connected to the cluster at ``address``, or to one on this machine.
-
-    Raises UsageError if Ray is not installed or no cluster answers.
-    """
+    """The module ``ray``, connected to the cluster at ``address``, or to one on this machine. Raises UsageError."""
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
     ray = ray_library()
@@ -155,7 +151,7 @@ class Cluster:
         return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
 
     def _first(self, cell: Cell) -> Any:
-        shared = shared_stages(cell)
+        shared = cell.stages[:-1]
         if not shared:
             return RemoteResult({}, None, "")
         key = shared[-1].key
@@ -246,7 +242,7 @@ def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
         try:
             cluster.send(task)
         except Claimed as claimed:
-            logger.info("%s: left to %s", task.label, claimed.holder)
+            logger.info("%s: left to %s", task.label, claimed)
             held.append(task)
     return held
 

@@ -73,11 +73,6 @@ def names_of(stage: StageKey) -> tuple[str, str]:
     return product_name(stage.key), checkpoint_name(stage.key)
 
 
-def shared_stages(cell: Cell) -> tuple[StageKey, ...]:
-    """The stages of a cell that other cells may share: all but the last."""
-    return cell.stages[:-1]
-
-
 def file_of(name: str) -> str:
     """The file in which a store keeps tensors under a name."""
     return f"{name}.pt"
@@ -85,7 +80,7 @@ def file_of(name: str) -> str:
 
 def run_shared_stages(remote: RemoteCell, given: Files) -> RemoteResult:
     """Run the stages that several cells share, from checkpoints if any are given."""
-    wanted = [file_of(product_name(stage.key)) for stage in shared_stages(remote.cell)]
+    wanted = [file_of(product_name(stage.key)) for stage in remote.cell.stages[:-1]]
     return _run(remote, given, wanted, lambda bench, scene: all_but_last(bench, remote.cell, scene))
 
 

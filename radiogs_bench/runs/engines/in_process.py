@@ -62,7 +62,7 @@ def run_cells(
                     announced.add(task.label)
                 failure = _run(task, run, store)
         except Claimed as claimed:
-            logger.info("%s: left to %s", task.label, claimed.holder)
+            logger.info("%s: left to %s", task.label, claimed)
             return False
         if failure is None:
             progress.say(f"{task.label}: done in {time.perf_counter() - started:.1f} s")

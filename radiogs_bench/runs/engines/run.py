@@ -54,10 +54,7 @@ class Ended:
 
 
 def run_plan(plan: RunPlan, bench: Bench, engine: Engine) -> Ended:
-    """Run the missing cells of a plan's shard.
-
-    Raises the errors that end a whole run: Interrupted, DataError, StoreError.
-    """
+    """Run the missing cells of a plan's shard. Raises Interrupted, DataError and StoreError, which end a whole run."""
     cells = plan.own_cells
     unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
     if engine.name == "ray" and unfinished:
@@ -209,10 +206,7 @@ def give(process: "subprocess.Popen[str]", order: Mapping[str, Any]) -> None:
 
 
 class OthersProgress:
-    """One task for each thing that is done for a cell: ``corner ours seed 0: stage 1, geometry``.
-
-    ``labels``: of the cells, by key.
-    """
+    """One task for each thing that is done for a cell: ``corner ours seed 0: stage 1, geometry``."""
 
     def __init__(self, progress: Progress, store: Store, labels: Mapping[str, str]) -> None:
         self.progress, self.store, self.labels = progress, store, labels

@@ -1,7 +1,4 @@
-"""Albedo: alignment with the true one up to a factor per channel, and the difference of colours as people see it.
-
-Albedo and light are known only up to such a factor.
-"""
+"""Albedo, which is known up to a factor per channel: its alignment with the true one, and the difference of colours."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -47,10 +44,7 @@ FACTORS: Mapping[str, Callable[[Tensor], Tensor]] = {
 def albedo_scale(
     predictions: Sequence[Image], truths: Sequence[Image], masks: Sequence[Mask], rules: Albedo = PER_CHANNEL_MEDIAN
 ) -> Float[Tensor, "3"]:
-    """Factor per channel from predictions to truths (linear), over the views and pixels that the rules name.
-
-    Ones if there are no such pixels or the rules do not align.
-    """
+    """Factor per channel from predictions to truths (linear), over the rules' views and pixels; ones without any."""
     if rules.align == "none":
         return torch.ones(3)
     kept = fitted_views(len(truths), rules)

@@ -46,10 +46,7 @@ def relative_squared_error(
     rules: Environment,
     weight: Float[Tensor, "samples 1"] | None = None,
 ) -> float:
-    """Weighted sum of squared errors over that of squared truths, after the least-squares factor of ``rules``.
-
-    The factor is that of these samples. Without weights all count alike. NaN for a truth that is black.
-    """
+    """Weighted squared errors over squared truths, after the rules' least-squares factor; NaN for a black truth."""
     each = torch.ones_like(truth[:, :1]) if weight is None else weight
     dimensions = (0,) if rules.scale == "factor a channel" else (0, 1)
     if rules.scale != "none":
@@ -63,10 +60,7 @@ def relative_squared_error(
 def irradiance(
     radiance: Float[Tensor, "height width 3"], normals: Float[Tensor, "points 3"]
 ) -> Float[Tensor, "points 3"]:
-    """Unshadowed irradiance of surfaces with these unit normals, linear RGB, in the type of the map.
-
-    Each texel has the direction of its centre and its exact solid angle.
-    """
+    """Unshadowed irradiance of surfaces with unit normals, linear RGB; texels have their exact solid angles."""
     light, power = _towards(radiance), _weight(radiance) * radiance.flatten(0, 1)
     return torch.cat([(normal @ light.T).clamp_(min=0) @ power for normal in normals.split(AT_ONCE)])
 
@@ -95,10 +89,7 @@ def glossy_reflection(
 
 
 def at_rows(light: EnvironmentMap, rows: int) -> Float[Tensor, "{rows} columns 3"]:
-    """A light as a map of ``rows`` and twice as many columns, float64 on the CPU.
-
-    A finer map is averaged (``averaged``), a coarser one is looked up.
-    """
+    """A light at ``rows`` and twice as many columns, float64 on the CPU: averaged if it is finer, else looked up."""
     radiance = light.radiance.double().cpu()
     if len(radiance) > rows:
         return averaged(radiance, rows, 2 * rows)

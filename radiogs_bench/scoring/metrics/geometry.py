@@ -63,10 +63,7 @@ def over_background(
     coverage: Float[Tensor, "height width 1"],
     lengths: Float[Tensor, "height width 1"] | float = 1.0,
 ) -> Float[Tensor, "height width 3"]:
-    """Normals of the given lengths blended over (0, 0, 1): length coverage n + (1 - coverage) (0, 0, 1).
-
-    Values outside the coverage have no effect.
-    """
+    """Normals blended over (0, 0, 1): length coverage n + (1 - coverage) (0, 0, 1), none outside the coverage."""
     behind = torch.tensor(BEHIND, dtype=normal.dtype, device=normal.device)
     return torch.where(coverage > 0, normalize(normal, dim=-1) * lengths * coverage, 0.0) + behind * (1 - coverage)
 

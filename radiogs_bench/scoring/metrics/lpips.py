@@ -1,8 +1,4 @@
-"""LPIPS v0.1 (Zhang et al. 2018), only with the published weights.
-
-The networks are the convolutional parts of torchvision's AlexNet, VGG16 and SqueezeNet 1.1, up to where LPIPS taps
-them.
-"""
+"""LPIPS v0.1 (Zhang et al. 2018), only with the published weights, on torchvision's convolutional networks."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache

@@ -21,11 +21,7 @@ Mask = Float[Tensor, "height width 1"]
 def predicted(
     image: Image, alpha: Mask, mask: Mask, rules: Picture, scale: Float[Tensor, "*pixels channels"] | None = None
 ) -> Image:
-    """The prediction as compared.
-
-    ``image`` is on black; ``alpha`` is its own coverage, ``mask`` the true one. ``scale`` is applied after conversion
-    to 8 bits and before masks.
-    """
+    """The prediction as compared: an image on black with its own coverage ``alpha``; ``mask`` is the true coverage."""
     laid = in_bits(_over(rules.background, image, alpha), rules.prediction_bits)
     if scale is not None:
         laid = laid * scale

@@ -129,10 +129,7 @@ class Protocol:
         mask: Mask | None = None,
         alpha: Mask | None = None,
     ) -> Scores:
-        """``psnr``, ``ssim`` and ``lpips`` of linear albedo; ``scale`` is what ``albedo_scale`` found.
-
-        With ``delta_e`` (``colour_difference``) where the rules ask for it.
-        """
+        """``psnr``, ``ssim``, ``lpips`` of linear albedo times ``scale``, and ``delta_e`` if the rules ask for it."""
         rules = self.albedo.picture
         mask, alpha = coverages(target, mask, alpha)
         if not usable(mask, rules):
@@ -267,10 +264,7 @@ def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mas
 
 
 def alike(one: Protocol, other: Protocol, metric: str) -> bool:
-    """Whether both compute ``metric`` (``task/measure``) by the same conventions.
-
-    Metrics that no protocol governs, such as times, are alike in all.
-    """
+    """Whether both compute ``task/measure`` by the same conventions; metrics that none governs are alike."""
     return conventions(one, metric) == conventions(other, metric)
 
 

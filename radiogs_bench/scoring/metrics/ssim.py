@@ -23,10 +23,7 @@ def ssim(
     target: Float[Tensor, "height width channels"],
     rules: Ssim = WANG,
 ) -> float:
-    """Mean SSIM over pixels and channels.
-
-    Raises UsageError for an image that is smaller than the window (without padding) or than the reflected border.
-    """
+    """Mean SSIM over pixels and channels. Raises UsageError for an image smaller than the window or its border."""
     smallest = smallest_side(rules)
     if min(image.shape[:2]) < smallest:
         raise UsageError(

@@ -128,7 +128,7 @@ class StanfordOrb(Protocol):
         prediction = aligned(prediction, target, region)
         ours, theirs = (masked(side, region).clamp(0, 1) for side in (prediction, target))
         return {
-            "psnr": Value(psnr_linear(prediction, target, region)),
+            "psnr": Value(_floored(ours, theirs, region)),
             "ssim": Value(ssim(ours, theirs, self.ssim)),
             "lpips": perceptual(srgb_encode(ours), srgb_encode(theirs), self.lpips[0]),
             **compared(ours, theirs),
@@ -197,11 +197,6 @@ def psnr_h(image: Rgb, target: Rgb, region: Region) -> float:
 def psnr_l(image: Rgb, target: Rgb, region: Region) -> float:
     """PSNR-L in dB: PSNR of display images."""
     return _floored(displayed(image, region), displayed(target, region), region)
-
-
-def psnr_linear(image: Rgb, target: Rgb, region: Region) -> float:
-    """PSNR in dB of linear values clipped to [0, 1]: what the evaluator calls PSNR of albedo."""
-    return _floored(masked(image, region).clamp(0, 1), masked(target, region).clamp(0, 1), region)
 
 
 def displayed(image: Rgb, region: Region) -> Rgb:

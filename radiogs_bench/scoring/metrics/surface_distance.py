@@ -108,10 +108,7 @@ def sampled_surface(
 
 
 def pyvista() -> Any:
-    """pyvista, imported where meshes are read or a window is opened: few commands need it, and VTK loads slowly.
-
-    Raises UsageError where it cannot be loaded: VTK needs graphics libraries of the system.
-    """
+    """pyvista, imported where it is needed, as VTK loads slowly. Raises UsageError where graphics libraries lack."""
     try:
         return import_module("pyvista")
     except ImportError as error:
@@ -122,7 +119,7 @@ def pyvista() -> Any:
         ) from error
 
 
-def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
+def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Triangles]:
     """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without it."""
     library = pyvista()
     try:
@@ -151,12 +148,7 @@ def distance_from_mesh(vertices: Float[np.ndarray, "vertices 3"], faces: Triangl
 def distance_from_points(truth: Points) -> Distance:
     """Distances from the nearest of some points."""
     tree = cKDTree(truth)
-
-    def distance(points: Points) -> Float[np.ndarray, " points"]:
-        nearest: Float[np.ndarray, " points"] = tree.query(points)[0]
-        return nearest
-
-    return distance
+    return lambda points: np.asarray(tree.query(points)[0])
 
 
 def distance_from_cells(samples: SurfaceSamples) -> Distance:
@@ -170,8 +162,7 @@ def distance_from_cells(samples: SurfaceSamples) -> Distance:
         near = near.reshape(len(points), -1)
         local = np.einsum("pnij,pni->pnj", frame[near], points[:, None] - centre[near])
         beyond = np.maximum(np.abs(local) - half[near], 0)
-        nearest: Float[np.ndarray, " points"] = np.linalg.norm(beyond, axis=-1).min(-1)
-        return nearest
+        return np.asarray(np.linalg.norm(beyond, axis=-1).min(-1))
 
     return distance
 
@@ -183,7 +174,5 @@ def points_in_cells(samples: SurfaceSamples, count: int, seed: int = 0) -> Point
     area = size.prod(-1)
     chosen = generator.choice(len(samples), count, p=area / area.sum())
     local = (generator.random((count, 2)) - 0.5) * size[chosen]
-    drawn: Points = samples.centre.numpy()[chosen] + np.einsum(
-        "pij,pj->pi", samples.frame.numpy()[chosen][..., :2], local
-    )
-    return drawn
+    across = samples.frame.numpy()[chosen][..., :2]
+    return np.asarray(samples.centre.numpy()[chosen] + np.einsum("pij,pj->pi", across, local))

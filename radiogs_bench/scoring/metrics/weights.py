@@ -75,10 +75,7 @@ def complaint(net: Net) -> str:
 
 
 def read_weights(net: Net, folder: Path) -> tuple[dict[str, Tensor], list[Tensor]]:
-    """The network's convolutions by torchvision's names, and the head's weights [1, channels, 1, 1] by layer.
-
-    Raises DataError for a file that is missing or cannot be read.
-    """
+    """Convolutions by torchvision's names, and the head's weights [1, channels, 1, 1] by layer. Raises DataError."""
     features, head = _first(folder, FILES[net].features), _first(folder, FILES[net].head)
     if features is None or head is None:
         raise DataError(f"LPIPS weights of {net} not found", f"{lacking(net)}.", DOWNLOAD)

@@ -33,7 +33,6 @@ HIDDEN = {
 }  # fmt: skip
 PLACES = {
     provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
-    clock: ("STATUS", "CLEAR_PEAK"),
 }
 """Constants that name files of ``/proc``, by module."""
 

@@ -21,10 +21,11 @@ from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.lab.rehearsal.climb import refusal_of, sizes_of
 from radiogs_bench.lab.rehearsal.growth import SizeResult, extended
-from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
+from radiogs_bench.lab.rehearsal.limits import give_memory_back
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
 from radiogs_bench.lab.rehearsal.plan import RehearsedRow
 from radiogs_bench.lab.rehearsal.record import lines_of, whole_of
+from radiogs_bench.store.provenance import resident
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.instruments import recording
 from radiogs_core.on_surfels import fit_geometry
