@@ -15,10 +15,8 @@ from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
 from radiogs_core.scene.light_sampler import LightSampler
-from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import own_radiance, shade_surfels
 
@@ -113,12 +111,8 @@ def decide_light_sampling(
         lowest=tolerance.loss(float(below)),
         bound=tolerance.loss(float(above)),
         worst=tolerance.worst_case(float(without.mean())),
-        tail=0.0,
-        unseen=1.0,
-        gradient=0.0,
         share=drawn / (spread + drawn),
         rays=len(surfels) * drawn,
-        seconds=0.0,
     )
     verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
     shape = concentration(light)
@@ -206,13 +200,7 @@ def plan_for_light(
     findings = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
     light = EnvironmentMap(scene.environment)
     sampling = decide_light_sampling(scene.surfels, light, findings.tolerance, spread, drawn, seed)
-    plan: EffectPlan = replace(findings.plan, light_sampling=sampling.verdict == "on")
-    return Findings(plan, (*findings.evidence, sampling), findings.tolerance)
-
-
-def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the training images (``image_share``)."""
-    return image_share((view.camera for view in scene.train), surfels)
+    return findings.extended(sampling, light_sampling=sampling.verdict == "on")
 
 
 def training_viewpoints(
@@ -220,12 +208,12 @@ def training_viewpoints(
 ) -> Viewpoints:
     """The training views of a probe: PROBE_VIEWS of them, evenly spread over the list, with their images on black.
 
-    ``share``: ``training_share`` of the surfels, if it was computed before.
+    ``share``: ``image_share`` of the surfels in the training images, if it was computed before.
     """
     scene = run.scene
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
     views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
-    share = training_share(scene, surfels) if share is None else share
+    share = image_share((view.camera for view in scene.train), surfels) if share is None else share
     return Viewpoints(views, share, run.variant.straight)
 
 

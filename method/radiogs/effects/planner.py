@@ -16,9 +16,9 @@ from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects
 from ..rays import RaySettings
 from .evidence import Evidence
 from .image_share import image_share
-from .probe import IN_TRAINING, PROBES, Findings, Occasion, level_of, probe
+from .probe import IN_TRAINING, PROBES, Occasion, level_of, probe
 from .probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from .staleness import Staleness, decide_refresh
+from .staleness import decide_refresh
 from .step_cost import Step
 
 DIRECTIONS = 16
@@ -80,7 +80,7 @@ class Planner:
         views: Sequence[PosedImage],
         step: Step,
         iteration: int,
-        stale: Staleness | None = None,
+        stale: Float[Tensor, " checked"] | None = None,
         kept: KeptLight | None = None,
     ) -> bool:
         """Probe, and adopt the resulting plan; returns whether it traces other rays than the plan before.
@@ -93,7 +93,9 @@ class Planner:
         try:
             findings = probe(self.scene(surfels, environment, views, occasion.seed, kept), step, occasion)
             if stale is not None:
-                findings = with_refresh(findings, stale, step, occasion)
+                level = level_of(len(IN_TRAINING))
+                factor, record = decide_refresh(stale, findings.tolerance, step, occasion, level)
+                findings = findings.extended(record, refresh=min(factor, MOST_REFRESH_FACTOR))
         except NumericalFailure as failure:
             self.plan = EffectPlan()
             why = f"the probe failed: {failure.what}"
@@ -156,13 +158,6 @@ def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]
         view = views[int(torch.randint(low, high, (), generator=generator))]
         drawn.append(ProbeView(view.camera, view.over(0.0)))
     return tuple(drawn)
-
-
-def with_refresh(findings: Findings, stale: Staleness, step: Step, occasion: Occasion) -> Findings:
-    """The findings with a decision about the refresh interval added."""
-    factor, record = decide_refresh(stale, findings.tolerance, step, occasion, level_of(len(IN_TRAINING)))
-    plan = replace(findings.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
-    return replace(findings, plan=plan, evidence=(*findings.evidence, record))
 
 
 def same_rays(first: EffectPlan, second: EffectPlan) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from radiogs_core.transport.plan import EffectPlan
 
@@ -49,6 +50,10 @@ class Findings:
     """A record for each effect, and one for the plan as a whole."""
     tolerance: Tolerance
     """The tolerated loss, with the method's own error."""
+
+    def extended(self, record: Evidence, **changes: Any) -> "Findings":
+        """The findings with a further record, and with ``changes`` of the plan's fields."""
+        return replace(self, plan=replace(self.plan, **changes), evidence=(*self.evidence, record))
 
 
 def level_of(effects: int) -> float:

@@ -31,7 +31,6 @@ from ..rays import RaySettings
 from ..settings import Budget, Variant
 from .assessment import light_factor_is_free
 from .covered_pixels import rendered_views
-from .evidence import Evidence
 from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, training_viewpoints
 from .plan_radiance import PlanRadiance
 from .probe import Findings, Occasion, probe
@@ -96,7 +95,11 @@ def probe_run(run: Run[Variant, Budget], model: Model | None, light: Environment
         return report(scene, training_findings(scene, run, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)
     scene, decay = probe_scene(run)
     findings = training_findings(scene, run)
-    findings = with_light_sampling(findings, decide_own_light_sampling(run, scene, findings))
+    sampling = decide_light_sampling(
+        scene.surfels, EnvironmentMap(scene.environment), findings.tolerance,
+        run.budget.relight_hemisphere_samples, run.budget.relight_light_samples, run.seed,
+    )  # fmt: skip
+    findings = findings.extended(sampling, light_sampling=sampling.verdict == "on")
     return report(scene, findings, EFFECTS, bounces_needed(findings, decay))
 
 
@@ -155,30 +158,6 @@ def relighting_findings(
     scene, _ = probe_scene(run)
     true = Model(scene.surfels, scene.environment.log())
     return probe_relighting(true, light, torch.ones(3), run, offset=OFFSET)
-
-
-def decide_own_light_sampling(run: Run[Variant, Budget], scene: ProbeScene, findings: Findings) -> Evidence:
-    """Decides whether relighting by the scene's true light needs directions that are drawn from the light.
-
-    Raises DataError if the light is not known.
-    """
-    light, budget = run.scene.training_light, run.budget
-    if light is None:
-        raise DataError(
-            f"the light of scene '{run.scene.name}' is not known",
-            "Directions cannot be drawn from an unknown light.",
-            "Probe a generated scene, or a trained model.",
-        )
-    return decide_light_sampling(
-        scene.surfels, light, findings.tolerance,
-        budget.relight_hemisphere_samples, budget.relight_light_samples, run.seed,
-    )  # fmt: skip
-
-
-def with_light_sampling(findings: Findings, record: Evidence) -> Findings:
-    """The findings with the decision about light sampling added."""
-    plan = replace(findings.plan, light_sampling=record.verdict == "on")
-    return replace(findings, plan=plan, evidence=(*findings.evidence, record))
 
 
 def bounces_needed(findings: Findings, decay: Decay) -> int:

@@ -30,7 +30,7 @@ from ..settings import Budget, Variant
 from ..shaders import MonteCarlo, Shader
 from .planner import Planner
 from .probe_scene import KeptLight
-from .staleness import Staleness, staleness
+from .staleness import staleness
 from .step_cost import step_of
 
 KEPT_DIRECTIONS = 256
@@ -98,7 +98,7 @@ class PlannedInverseRendering(InverseRendering):
         if not self.iteration or (other_rays and cache.policy.traced_again):
             cache.renew(self.model, self.iteration)
 
-    def _staleness(self, model: Model) -> Staleness | None:
+    def _staleness(self, model: Model) -> Float[Tensor, " checked"] | None:
         """The staleness of the cached light; None if light is never traced again."""
         cache, plan = self.cache, self.planner.plan
         if not (plan.traces and cache.policy.traced_again):

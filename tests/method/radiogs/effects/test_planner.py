@@ -11,7 +11,7 @@ from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
 from radiogs.effects.planner import Planner
 from radiogs.effects.probe import Occasion
 from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
-from radiogs.effects.staleness import Staleness, decide_refresh
+from radiogs.effects.staleness import decide_refresh
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
 from radiogs.invert import InverseRendering
@@ -136,10 +136,10 @@ def test_a_probe_does_not_trace_surfels_with_kept_light() -> None:
 
 def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
-    still = Staleness(1e-9 * torch.rand(200))
+    still = 1e-9 * torch.rand(200)
     factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)
     assert (factor, record.verdict) == (2, "off")
-    moving = Staleness(1e-2 * torch.rand(200))
+    moving = 1e-2 * torch.rand(200)
     factor, record = decide_refresh(moving, tolerance, budgeted, Occasion(0, 20, EffectPlan(refresh=2)), 1e-3)
     assert (factor, record.verdict) == (1, "on")
 
