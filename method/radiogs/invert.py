@@ -143,10 +143,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         super().restore(state)
         self.shader.restore(state["shader"])
 
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
-
 
 def start_of(run: Run[Variant, Budget], made: Mapping[str, Any]) -> Start:
     """The start of stage 2: new materials, a new light, and the given parts of the truth.

@@ -3,7 +3,7 @@ files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -100,7 +100,7 @@ class TrainedCommand:
         for path in sorted(self.workspace.done("").parent.glob("*.json")):
             record = read_record(path)
             if record is not None and record.command not in commands and record.order.startswith(self.order):
-                commands[record.command] = record.plain()
+                commands[record.command] = asdict(record)
         predictions = self._found()
         remarks = [*self.workspace.file.traps, *CODES[self.workspace.file.reader].remarks]
         if found is not None and not found.startswith(code.commit):

@@ -130,8 +130,8 @@ class Assessment:
         bounds = {}
         for index, key in enumerate(errors):
             rows = slice(2 * index, 2 * index + (1 if key[1] == "sharp" else 2))
-            largest = (float(values[rows].max()) for values in (mean, below, above))
-            bounds[key] = _Bounds(*largest, difference=float(above[2 * index]))
+            largest = [float(values[rows].max()) for values in (mean, below, above)]
+            bounds[key] = _Bounds(*largest, float(above[2 * index]))
         return bounds
 
     def _measured(

@@ -84,10 +84,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
 
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
-
 
 CHANNELS = 5
 """Channels of albedo, roughness and metalness; the published loss divides by 5 even if metalness is not learnt."""
