@@ -12,13 +12,12 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
-from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import own_radiance, shade_surfels
+from radiogs_core.transport.splatting import own_radiance
 
 from ..model import Model
 from ..rays import RaySettings
@@ -31,6 +30,7 @@ from .image_share import image_share
 from .planner import PROBE_VIEWS
 from .probe import LEVEL, PROBES, Findings, Occasion, probe
 from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from .staleness import colour_along_normals
 from .step_cost import Step
 from .tile_errors import ReferenceImage, mean_error
 from .tolerance import TOLERANCE_DB, Tolerance
@@ -101,7 +101,8 @@ def decide_light_sampling(
     normal = some.frame[..., 2]
 
     def error(directions: tuple[Tensor, Tensor]) -> Float[Tensor, " surfels"]:
-        return (_shaded(some, light, directions) - truth).square().mean(-1).view(-1, DRAWS).mean(1)
+        colour = colour_along_normals(some, unoccluded(*directions), light.radiance)
+        return (colour - truth).square().mean(-1).view(-1, DRAWS).mean(1)
 
     without = error(hemisphere_directions(normal, spread, generator))
     rise = without - error(relighting_directions(normal, LightSampler(light), spread, drawn, generator))
@@ -126,15 +127,7 @@ def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.G
     directions = relighting_directions(
         surfels.frame[..., 2], LightSampler(widened_light(light)), *REFERENCE_DIRECTIONS, generator
     )
-    return _shaded(surfels, light, directions)
-
-
-def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
-    """Display colour (sRGB) along the normals, without occlusion, from unit directions and their solid angles."""
-    along = surfels.frame[:, None, :, 2]
-    return srgb_encode(
-        shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
-    )
+    return colour_along_normals(surfels, unoccluded(*directions), light.radiance)
 
 
 def widened_light(light: EnvironmentMap) -> EnvironmentMap:

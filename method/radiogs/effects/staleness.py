@@ -47,12 +47,16 @@ def staleness(
     old = cached.of(index)
     fresh = tracer.incident(index, old.direction, old.weight, plan)
     some = surfels.take(index)
-    before, after = (_along_normals(some, each, environment) for each in (old, fresh))
-    return (srgb_encode(after) - srgb_encode(before)).square().mean(-1)
+    before, after = (colour_along_normals(some, each, environment) for each in (old, fresh))
+    return (after - before).square().mean(-1)
 
 
-def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) -> Float[Tensor, "surfels 3"]:
-    return shade_surfels(surfels, surfels.albedo, incident, surfels.frame[:, None, :, 2], environment)[:, 0].sum(1)
+def colour_along_normals(
+    surfels: Surfels, incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> Float[Tensor, "surfels 3"]:
+    """Display colour (sRGB) of surfels seen along their normals. ``environment``: linear radiance of the light."""
+    along = surfels.frame[:, None, :, 2]
+    return srgb_encode(shade_surfels(surfels, surfels.albedo, incident, along, environment)[:, 0].sum(1))
 
 
 def decide_refresh(
