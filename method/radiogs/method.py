@@ -41,8 +41,6 @@ class RadioGS:
     relighting_modes = RELIGHTING
     sizes = staticmethod(sizes)
     short_run = staticmethod(short_run)
-    recipe_values = staticmethod(recipe_values)
-    recipe_table = staticmethod(recipe_table)
     sources = ("radiogs.showing",)
     recipes: Mapping[str, str] = {name: each.title for name, each in RECIPES.items()}
     published_recipe = PUBLISHED
@@ -90,6 +88,10 @@ class RadioGS:
         """
         return replace(variant, given=parts)
 
+    def recipe_values(self, name: str, layout: str, scene: str) -> Mapping[str, Any]:
+        """The values of a recipe for a scene; see ``radiogs_core.capabilities.OffersRecipes``."""
+        return recipe_values(name, layout, scene)
+
     def recipe_at(self, name: str, variant: Variant, budget: Budget) -> str:
         """``printed, shortened (600 steps, rates x 12)``; see ``radiogs_bench.methods.ShortensRecipes``.
 
@@ -102,6 +104,10 @@ class RadioGS:
         if steps < PRESETS["paper"].inverse_iterations:
             return f"{name}, shortened ({steps:,} steps, rates x {variant.materials.rates.factor(steps):.3g})"
         return name if preset == "paper" else f"{name}, closed at {preset}"
+
+    def recipe_table(self) -> str:
+        """All values of the recipes with their sources, as Markdown."""
+        return recipe_table()
 
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.errors import NumericalFailure
-from radiogs_core.scene.camera import Camera
+from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, plan_of
 
@@ -32,18 +32,6 @@ PROBE_VIEWS = 8
 STEPS_A_PROBE = 400
 """Least number of steps for each probe after the second. With preset tiny a probe takes as long as 10 to 13 steps, so
 that probes stay below 3 % of the time."""
-
-
-@runtime_checkable
-class PosedImage(Protocol):
-    """A training view for a probe: a camera and its image."""
-
-    @property
-    def camera(self) -> Camera:
-        """The camera that took the image."""
-
-    def over(self, background: float) -> Float[Tensor, "height width 3"]:
-        """The image in display sRGB, composited on a grey background."""
 
 
 class Planner:
@@ -77,7 +65,7 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[PosedImage],
+        views: Sequence[TrainingView],
         step: Step,
         iteration: int,
         stale: Float[Tensor, " checked"] | None = None,
@@ -109,7 +97,7 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[PosedImage],
+        views: Sequence[TrainingView],
         seed: int,
         kept: KeptLight | None = None,
     ) -> ProbeScene:
@@ -149,7 +137,7 @@ class Planner:
         self.share = state["share"]
 
 
-def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]:
+def drawn_views(views: Sequence[TrainingView], seed: int) -> tuple[ProbeView, ...]:
     """PROBE_VIEWS of the views, one drawn from each of that many equal parts of their list."""
     generator, count = torch.Generator().manual_seed(seed), min(PROBE_VIEWS, len(views))
     drawn = []

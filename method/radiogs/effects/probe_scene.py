@@ -98,20 +98,14 @@ class KeptLight:
     """The light on these surfels, traced now."""
 
 
-@dataclass(frozen=True)
-class ProbeScene:
+@dataclass(frozen=True, kw_only=True)
+class ProbeScene(Viewpoints):
     """A model, its views, and the light that arrives at it. No tensor has a gradient."""
 
     surfels: Surfels
     """The surfels with their materials."""
     environment: Float[Tensor, "rows columns 3"]
     """Linear radiance of the distant light, latitude-longitude (see ``scene.light``)."""
-    views: tuple[ProbeView, ...]
-    """See ``Viewpoints``."""
-    share: Float[Tensor, " surfels"]
-    """See ``Viewpoints``."""
-    straight: bool
-    """See ``Viewpoints``."""
     incident: Incident
     """Light that arrives at the surfels, traced with all effects on."""
     untraced: Incident
@@ -158,10 +152,12 @@ def trace_scene(
     index = every if among is None else among
     seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
     traced = ProbeScene(
-        surfels, environment, viewpoints.views, viewpoints.share, viewpoints.straight,
+        **vars(viewpoints),
+        surfels=surfels,
+        environment=environment,
         incident=Incident(direction, weight, seen, radiance),
         untraced=tracer.untraced(every, direction, weight),
-    )  # fmt: skip
+    )
     if not bounces:
         return traced
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))

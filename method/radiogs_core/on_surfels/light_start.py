@@ -142,11 +142,8 @@ def starting_light_and_albedo(
         if found is not None:
             return *found, True
     level = white_light(views, start.white, start.brightest)
-    light, albedo = (
-        learnt.centre.new_full((rows, 2 * rows, 3), level),
-        torch.full_like(learnt.albedo_logit, start.albedo),
-    )
-    return light, albedo, False
+    light = learnt.centre.new_full((rows, 2 * rows, 3), level)
+    return light, torch.full_like(learnt.albedo_logit, start.albedo), False
 
 
 def light_and_albedo(

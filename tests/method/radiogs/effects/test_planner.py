@@ -20,6 +20,8 @@ from radiogs.rays import RaySettings
 from radiogs.settings import Variant
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
+from radiogs_core.learning.views import TrainingView, Whole
+from radiogs_core.scene.scene import View
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
@@ -65,19 +67,13 @@ def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> Non
     assert "failed" in stage.planner.evidence[-1].why
 
 
-@dataclasses.dataclass(frozen=True)
-class View:
-    """A training view for a planner."""
-
-    camera: Any
-    image: torch.Tensor
-
-    def over(self, background: float) -> torch.Tensor:
-        return self.image
-
-
-def views_of(made: ProbeScene) -> list[View]:
-    return [View(view.camera, view.target) for view in made.views if view.target is not None]
+def views_of(made: ProbeScene) -> list[TrainingView]:
+    """Training views for a planner, which show the targets of a probe's views."""
+    shown = [(view.camera, view.target) for view in made.views if view.target is not None]
+    return [
+        TrainingView(camera, View("", camera, {}), Whole(target), Whole(torch.ones_like(target[..., 0])))
+        for camera, target in shown
+    ]
 
 
 def without_rays() -> Planner:
