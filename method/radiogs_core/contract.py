@@ -267,10 +267,19 @@ class Method(Protocol[VariantT, BudgetT]):
         """The model from the product of the last stage."""
 
 
+def values_of(of: object, *names: str) -> dict[str, Any]:
+    """The named fields of a variant or budget, with their plain values, for ``StageSpec.reads``."""
+    return {name: _plain(getattr(of, name)) for name in names}
+
+
 def values_but(of: object, *names: str) -> dict[str, Any]:
-    """All fields of a variant or budget except the named ones, with their plain values, for ``StageSpec.reads``."""
-    kept = {each.name: getattr(of, each.name) for each in fields(of) if each.name not in names}  # type: ignore[arg-type]
-    return {name: asdict(value) if is_dataclass(value) else value for name, value in kept.items()}
+    """All fields of a variant or budget except the named ones, for ``StageSpec.reads``."""
+    chosen = (field.name for field in fields(of) if field.name not in names)  # type: ignore[arg-type]
+    return values_of(of, *chosen)
+
+
+def _plain(value: Any) -> Any:
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def whole_numbers(budget: Any) -> tuple[str, ...]:

@@ -131,7 +131,7 @@ class Assessment:
         for index, key in enumerate(errors):
             rows = slice(2 * index, 2 * index + (1 if key[1] == "sharp" else 2))
             largest = [float(values[rows].max()) for values in (mean, below, above)]
-            bounds[key] = _Bounds(*largest, float(above[2 * index]))
+            bounds[key] = _Bounds(float(above[2 * index]), *largest)
         return bounds
 
     def _measured(
@@ -159,14 +159,14 @@ class Assessment:
 class _Bounds:
     """Estimate of a squared error, display sRGB, with its bounds."""
 
+    difference: float
+    """Upper bound of the mean squared difference between the two images, whatever the target."""
     mean: float
     """The estimate."""
     below: float
     """Lower bound."""
     above: float
     """Upper bound."""
-    difference: float
-    """Upper bound of the mean squared difference between the two images, whatever the target."""
 
 
 def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
