@@ -20,6 +20,7 @@ from .splatting import (
     shade_surfels,
     splat,
     towards,
+    unit_or_zero,
 )
 
 
@@ -70,12 +71,6 @@ def blended_maps(seen: Splat) -> dict[str, Float[Tensor, "height width _"]]:
         "normal": unit_or_zero(seen.normal),
         "depth": seen.depth[..., None],
     }
-
-
-def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-    """Vectors of length 1; those of length zero stay zero."""
-    length = vectors.square().sum(-1, keepdim=True)
-    return vectors * torch.where(length > 0, length, torch.inf).rsqrt()
 
 
 @torch.no_grad()
