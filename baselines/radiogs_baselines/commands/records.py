@@ -36,7 +36,6 @@ class Record:
     file_bytes: int
     """Sum of their sizes."""
     exit_code: int
-    """Exit code."""
     seconds: float
     """Duration, seconds."""
     peak_bytes: int | None

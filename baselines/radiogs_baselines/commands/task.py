@@ -29,7 +29,6 @@ class Task:
     """One command and the files that it has to write."""
 
     workspace: Workspace
-    """Workspace."""
     name: str
     """Name of the command."""
     order: str

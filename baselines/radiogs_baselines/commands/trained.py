@@ -81,7 +81,6 @@ class TrainedCommand:
     """A trained model in the workspace of a run. A ``contract.Trained``."""
 
     workspace: Workspace
-    """Workspace."""
     product: Mapping[str, Any]
     """Records of the commands of training, by name."""
     order: str

@@ -103,11 +103,8 @@ class _Substitute:
     """A plan that leaves an effect out, completely or in part, with its measurements."""
 
     effect: str
-    """Name of the effect."""
     plan: EffectPlan
-    """The plan."""
     measured: Measured
-    """Measurements of the plan."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,6 @@ class _Decision:
     plan: EffectPlan
     """The chosen plan; for the verdict "on", the plan without the effect, which was refused."""
     verdict: Verdict
-    """The verdict."""
     why: str
     """The reason, in words."""
     measured: Measured

@@ -35,7 +35,6 @@ class ProbeView:
     """A view of a probe."""
 
     camera: Camera
-    """The camera."""
     target: Float[Tensor, "height width 3"] | None
     """The training image of this camera, display sRGB on black; None if there is none."""
 

@@ -86,7 +86,6 @@ class Renderer:
     """Renders surfels under a light. The image of a camera does not depend on earlier images."""
 
     surfels: Surfels
-    """The surfels."""
     albedo: Float[Tensor, "surfels 3"]
     """Linear albedo of the visible surfels."""
     environment: Float[Tensor, "rows columns 3"]
