@@ -19,12 +19,8 @@ from ..rays import RaySettings
 
 PROBE_OFFSET = 6.66
 """Distance from their surfel at which a probe's rays start, in its standard deviations: twice sqrt(2 ln 255), the
-distance at which the opacity of the densest surfel has fallen to 1/255. Surfels with overlapping footprints sample one
-surface, and trained ones are tilted against it. With rays that start at one standard deviation, as in training, 13 % of
-the sky is occluded at the median surfel of the trained ``convex`` sphere, and leaving that out costs 0.3 dB; from the
-rim of the footprint it costs 0.17 dB, from this distance 0.02 dB. On ``corner`` it costs more than 7 dB from any
-distance (docs/effects.md)."""
-
+distance at which the opacity of the densest surfel has fallen to 1/255. Nearer surfels with overlapping footprints
+sample the same surface, which does not occlude itself (docs/effects.md)."""
 
 SHARP_ROUGHNESS = 0.2
 """A roughness that training may still reach on any surface; the specular lobe is assessed at this roughness too."""
