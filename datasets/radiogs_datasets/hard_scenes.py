@@ -15,7 +15,7 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from .reduction import each_view, with_long_side
+from .reduction import with_long_side
 
 BASE = "corner"
 """The miniature that every condition changes."""
@@ -51,7 +51,7 @@ def placed(scene: Scene, factor: float = 1.0, extents: float = 0.0) -> Scene:
             sources["depth"] = lambda: view.read("depth") * factor
         return replace(view, camera=replace(view.camera, camera_to_world=pose.float()), sources=sources)
 
-    return each_view(scene, moved)
+    return scene.each_view(moved)
 
 
 def painted(scene: Scene, value: float) -> Scene:
@@ -79,7 +79,7 @@ def under_brighter_lights(scene: Scene, factor: float) -> Scene:
         return replace(view, sources=kept | {name: partial(relit, view.sources[name]) for name in names})
 
     lights = {name: EnvironmentMap(light.radiance * factor) for name, light in scene.lights.items()}
-    return replace(each_view(scene, brighter), lights=lights)
+    return replace(scene.each_view(brighter), lights=lights)
 
 
 def under_a_sun(scene: Scene, radiance: float) -> Scene:

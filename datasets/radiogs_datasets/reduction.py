@@ -84,17 +84,11 @@ def with_long_side(scene: Scene, pixels: int) -> Scene:
 def _with_sizes(scene: Scene, size: Callable[[int, int], Size], mark: str, said: str) -> Scene:
     """By area: radiance and colour in linear light, weighted by coverage. A camera keeps its field of view exactly."""
     return replace(
-        each_view(scene, lambda view: _view(view, size)),
+        scene.each_view(lambda view: _view(view, size)),
         checksum=f"{scene.checksum}/{mark}",
         repairs=(*scene.repairs, said),
         loaders=(*scene.loaders, __name__),
     )
-
-
-def each_view(scene: Scene, change: Callable[[View], View]) -> Scene:
-    """The scene with all of its views changed."""
-    train, test, relight = (tuple(map(change, views)) for views in (scene.train, scene.test, scene.relight))
-    return replace(scene, train=train, test=test, relight=relight)
 
 
 def _view(view: View, size: Callable[[int, int], Size]) -> View:

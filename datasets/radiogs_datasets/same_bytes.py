@@ -52,14 +52,9 @@ class SameBytes:
 
     def held(self, scene: Scene) -> Scene:
         """The scene with every map read like this."""
-        train, test, relight = (
-            tuple(
-                replace(view, sources={name: partial(self.read, source) for name, source in view.sources.items()})
-                for view in views
-            )
-            for views in (scene.train, scene.test, scene.relight)
+        return scene.each_view(
+            lambda view: replace(view, sources={name: partial(self.read, each) for name, each in view.sources.items()})
         )
-        return replace(scene, train=train, test=test, relight=relight)
 
 
 _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are read", default=None)

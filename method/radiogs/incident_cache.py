@@ -1,7 +1,6 @@
 """Cache of V and L_ind of all surfels between two tracings (paper, section on inverse rendering)."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
@@ -14,22 +13,7 @@ from radiogs_core.transport.tracer import incident_along
 
 from .model import Model
 from .rays import RaySettings
-from .settings import Budget
-
-
-@dataclass(frozen=True)
-class IncidentPolicy:
-    """When incident light is traced in stage 2, and whether it has gradient."""
-
-    traced_again: bool
-    """Whether light is traced again after the beginning of stage 2."""
-    gradient: bool
-    """Whether traced light has gradient to the surfels that rays hit."""
-
-    @classmethod
-    def of(cls, incident: Literal["traced", "detached", "precomputed"]) -> "IncidentPolicy":
-        """The policy of ``Variant.incident``."""
-        return cls(traced_again=incident != "precomputed", gradient=incident == "traced")
+from .settings import Budget, Variant
 
 
 @dataclass(frozen=True)
@@ -52,13 +36,17 @@ class IncidentCache:
     """V and L_ind of all surfels, each along its own directions.
 
     A step traces the light on the surfels that it draws, and caches it; every ``refresh_interval`` steps the light on
-    all surfels is traced again.
+    all surfels is traced again. ``Variant.incident`` may limit both.
     """
 
     def __init__(
-        self, model: Model, rays: RaySettings, policy: IncidentPolicy, budget: Budget, generator: torch.Generator
+        self, model: Model, rays: RaySettings, variant: Variant, budget: Budget, generator: torch.Generator
     ) -> None:
-        self.rays, self.policy, self.budget, self.generator = rays, policy, budget, generator
+        self.rays, self.budget, self.generator = rays, budget, generator
+        self.traced_again = variant.incident != "precomputed"
+        """Whether light is traced again after the beginning of stage 2."""
+        self.gradient = variant.incident == "traced"
+        """Whether traced light has gradient to the surfels that rays hit."""
         self.tracer = rays.tracer(model.surfels)
         self.sampled: SampledLight | None = None
         self.renew(model, 0)
@@ -103,9 +91,9 @@ class IncidentCache:
         return value.view(self.sets * len(value), -1, *value.shape[2:])
 
     def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
-        """The light on the surfels ``index`` along a set of directions: traced now and cached, or from the cache if the
-        policy traces once."""
-        if not self.policy.traced_again:
+        """The light on the surfels ``index`` along a set of directions: traced now and cached, or from the cache if
+        light is traced once."""
+        if not self.traced_again:
             return self.of_set(index, self.set_of(iteration))
         if iteration % self.interval == 0 and iteration != self.traced_at:
             self.refresh(model, iteration)
@@ -151,7 +139,7 @@ class IncidentCache:
 
     def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
         """The light on the surfels ``index`` along new directions; also stores it in the cache as set ``number``."""
-        with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
+        with torch.set_grad_enabled(torch.is_grad_enabled() and self.gradient):
             fresh = self.along(index, *self.directions(model, index))
         self.store(index, number, fresh)
         return fresh

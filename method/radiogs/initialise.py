@@ -49,12 +49,6 @@ class UnseenMaterials(Shading):
             "log_environment": learning.light_rate,
         }
 
-    def images(
-        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
-    ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """No images and no losses."""
-        return {}, {}
-
 
 class SplitSumShading(UnseenMaterials):
     """Split-sum shading of the surfels, and the simplified radiometric consistency of their radiance with it."""

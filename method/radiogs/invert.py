@@ -20,7 +20,7 @@ from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import own_radiance, splat, towards
 
 from .consistency import RadiometricConsistency
-from .incident_cache import IncidentCache, IncidentPolicy
+from .incident_cache import IncidentCache
 from .model import Model
 from .oracle import Start, with_given_parts
 from .rays import RaySettings
@@ -47,8 +47,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """The shader of L_PBR that the variant selects."""
         if self.variant.shading == "split-sum":
             return SplitSum(self.variant.masking)
-        rays, policy = RaySettings.of(self.variant, self.start.indirect), IncidentPolicy.of(self.variant.incident)
-        cache = IncidentCache(self.model, rays, policy, self.budget, self.generator)
+        rays = RaySettings.of(self.variant, self.start.indirect)
+        cache = IncidentCache(self.model, rays, self.variant, self.budget, self.generator)
         return MonteCarlo(RadiometricConsistency.of(self.variant), cache)
 
     @property
@@ -142,10 +142,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         """The inverse of ``state``."""
         super().restore(state)
         self.shader.restore(state["shader"])
-
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
 
 
 def start_of(run: Run[Variant, Budget], made: Mapping[str, Any]) -> Start:

@@ -4,13 +4,13 @@ Defaults are those of the recipe ``recommended`` (``recipes``). Shares are share
 ``radiogs_core.learning.geometry`` has the settings for surfels.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 from radiogs_core.on_surfels.length import LengthRule
 from radiogs_core.on_surfels.start_values import StartValues
-from radiogs_core.plain_values import require
+from radiogs_core.plain_values import NotNegative, require
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class SplitSumLearning:
 
 
 @dataclass(frozen=True)
-class MaterialWeights:
+class MaterialWeights(NotNegative):
     """Weights of the losses of stage 2 except L_rad (``Variant.radiometric_weight``); 0 leaves a loss out."""
 
     absolute: float = ABSOLUTE_WEIGHT
@@ -70,12 +70,9 @@ class MaterialWeights:
     light_smoothness: float = 0.005
     """Weight of the squared differences of neighbouring texels' log-radiance."""
 
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
-
 
 @dataclass(frozen=True)
-class MaterialRates:
+class MaterialRates(NotNegative):
     """Adam's learning rates in stage 2; those of albedo and roughness are the paper's.
 
     A light that was searched for (``LightStart``) is held. Learnt in stage 2 it drifts, and albedo with it: after 3,000
@@ -101,9 +98,6 @@ class MaterialRates:
     """Power of the length rule for the rates of albedo, light and harmonics (``on_surfels.length``)."""
     roughness_length_power: float = 0.5
     """Power of the length rule for the rate of roughness, of which a step's gradient is mostly noise."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
 
     def factor(self, steps: int) -> float:
         """The length rule's factor of these rates in a stage 2 of so many steps; 1 at the paper's 20,000."""

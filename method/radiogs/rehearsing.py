@@ -67,7 +67,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
         refreshed, whole = frozenset({REFRESH_EVERY}), (budget.inverse_iterations - 1) // budget.refresh_interval
         tracing = StepKind("step that traces all light anew", refreshed, whole)
         kinds["invert"] = _kinds((tracing,), budget.inverse_iterations, INVERT_STEPS)
-    rehearsed = _in_the_hull(_pruning_once(variant))
+    rehearsed = _shortened(variant)
     ways = tuple(
         Relighting(
             TITLES.get(mode, f"by {title}"),
@@ -80,19 +80,12 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     return ShortRun(rehearsed, short, kinds, ways)
 
 
-def _pruning_once(variant: Variant) -> Variant:
-    """The variant that searches for hidden surfels once in the short stage 1, if at all, and removes none."""
-    rules = variant.geometry.density
-    once = replace(
-        rules, hidden_at=(PRUNED_AFTER / INITIALISE_STEPS,) if rules.hidden_at else (), least_contribution=0.0
-    )
-    return replace(variant, geometry=replace(variant.geometry, density=once))
-
-
-def _in_the_hull(variant: Variant) -> Variant:
-    """The variant whose surfels start in the visual hull, which has enough points for any number of them."""
-    start = replace(variant.geometry.start, points="hull")
-    return replace(variant, geometry=replace(variant.geometry, start=start))
+def _shortened(variant: Variant) -> Variant:
+    """The variant that starts in the visual hull, searches for hidden surfels once, if at all, and removes none."""
+    learning = variant.geometry
+    hidden_at = (PRUNED_AFTER / INITIALISE_STEPS,) if learning.density.hidden_at else ()
+    density = replace(learning.density, hidden_at=hidden_at, least_contribution=0.0)
+    return replace(variant, geometry=replace(learning, start=replace(learning.start, points="hull"), density=density))
 
 
 def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:

@@ -4,9 +4,10 @@
 (``IncidentCache``). ``SplitSum`` is prefiltered light without occlusion and without indirect light.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -26,13 +27,14 @@ from .incident_cache import IncidentCache
 from .model import Model
 
 
-@runtime_checkable
-class Shader(Protocol):
+class Shader(ABC):
     """Computes L_rad and L_PBR while materials and light are learnt."""
 
+    @abstractmethod
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad, without its weight, for the step ``iteration`` on a view of ``camera``."""
 
+    @abstractmethod
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
     ) -> Float[Tensor, "surfels sets 3"]:
@@ -40,10 +42,12 @@ class Shader(Protocol):
         incident directions. ``light``: prefiltered."""
 
     def state(self) -> dict[str, Any]:
-        """Tensors and plain values from which ``restore`` continues bit for bit."""
+        """Tensors and plain values from which ``restore`` continues bit for bit; none by default."""
+        return {}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state that ``state`` returned."""
+        assert not state
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class Arriving:
         return traced and self.log_environment is light and self.version == light._version
 
 
-class MonteCarlo:
+class MonteCarlo(Shader):
     """Eq. 8 over traced rays: L_rad from new rays of N_g random surfels, L_PBR from the cached light of all surfels."""
 
     def __init__(self, radiometric: RadiometricConsistency, cache: IncidentCache) -> None:
@@ -147,7 +151,7 @@ class MonteCarlo:
         self.cache.incident, self.arriving = Incident(**state["incident"]), None
 
 
-class SplitSum:
+class SplitSum(Shader):
     """Split-sum shading by prefiltered light. It traces no rays and has no state."""
 
     def __init__(self, masking: Masking) -> None:
@@ -168,10 +172,3 @@ class SplitSum:
             surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light
         )
         return (diffuse + specular)[:, None]
-
-    def state(self) -> dict[str, Any]:
-        """An empty state."""
-        return {}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Does nothing."""

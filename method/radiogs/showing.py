@@ -27,7 +27,8 @@ from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .constants import as_text
-from .effects.new_light import probe_relighting, training_share
+from .effects.image_share import image_share
+from .effects.new_light import probe_relighting
 from .model import Model
 from .rays import RaySettings
 from .recipes import PUBLISHED, RECIPES
@@ -120,7 +121,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
     @cached_property
     def training_share(self) -> Float[Tensor, " surfels"]:
         """Each surfel's share of the training images (``image_share``); it does not depend on the light."""
-        return training_share(self.run.scene, self.model.surfels)
+        return image_share((view.camera for view in self.run.scene.train), self.model.surfels)
 
 
 class Renderer:

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, asdict, dataclass, fields, is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
@@ -204,6 +204,14 @@ def require(settings: Any, wanted: str, *names: str) -> None:
         for each in value if isinstance(value, tuple) else (value,):
             if each is not None and not (_is_finite(each) and RANGES[wanted](each)):
                 raise UsageError(f"{name}: {each} is not {wanted}")
+
+
+@dataclass(frozen=True)
+class NotNegative:
+    """Numbers that are zero or above, such as the weights of losses. Raises UsageError for any other number."""
+
+    def __post_init__(self) -> None:
+        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 def _is_finite(number: Any) -> bool:

@@ -92,7 +92,7 @@ class CommandMethod:
         """The model from the product of the last stage. Raises DataError if its files are gone or changed."""
         workspace = Workspace.of(self.file, self.home, run)
         self._require_whole(workspace, tensors)
-        made_by = digest_of_order(*self._decides(run), [Record.of(each).files for each in tensors.values()])
+        made_by = digest_of_order(*self._decides(run), [Record(**each).files for each in tensors.values()])
         return TrainedCommand(workspace, tensors, made_by)
 
     def _begin(self, number: int, run: Run, product: Mapping[str, Any]) -> "CommandStage":
@@ -142,7 +142,7 @@ class CommandMethod:
         """Raise DataError unless the files of all earlier commands are there and unchanged."""
         for command in self.file.train:
             if command.name in product:
-                record = Record.of(product[command.name])
+                record = Record(**product[command.name])
                 require_unchanged(workspace, record, partial(written, workspace, command))
 
 
@@ -179,12 +179,12 @@ class CommandStage:
 
     def state(self) -> dict[str, Any]:
         """The command's record under ``done``, or None before it has succeeded."""
-        return {"done": None if self._record is None else self._record.plain()}
+        return {"done": None if self._record is None else asdict(self._record)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state; a command that is not done starts again. Raises DataError if its files are gone."""
         if state["done"] is not None:
-            self._record = Record.of(state["done"])
+            self._record = Record(**state["done"])
             require_unchanged(self._task.workspace, self._record, self._task.wrote)
             self.iteration = 1
 
@@ -196,7 +196,7 @@ class CommandStage:
                 "A command writes its results when it ends.",
                 "Leave this method out of scores that are taken during training.",
             )
-        return {**self._product, self._task.name: self._record.plain()}
+        return {**self._product, self._task.name: asdict(self._record)}
 
 
 def read_method(path: Path) -> CommandMethod:

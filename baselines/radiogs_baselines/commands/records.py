@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,20 +36,10 @@ class Record:
     file_bytes: int
     """Sum of their sizes."""
     exit_code: int
-    """Exit code."""
     seconds: float
     """Duration, seconds."""
     peak_bytes: int | None
     """Peak of resident memory over all its processes; GPU memory is not measured. None: not measured."""
-
-    @staticmethod
-    def of(values: Mapping[str, Any]) -> "Record":
-        """The record from plain values: the inverse of ``plain``."""
-        return Record(**{field.name: values[field.name] for field in fields(Record)})
-
-    def plain(self) -> dict[str, Any]:
-        """The record as plain values, for storage."""
-        return asdict(self)
 
     def matches(self, wrote: Callable[[], Listing]) -> bool:
         """Whether the files that the command ``wrote`` are still there, with the same names and sizes."""
@@ -83,8 +73,8 @@ def read_record(path: Path) -> Record | None:
     """The record at ``path``; None if there is none, or if it is of another version."""
     values = read_json(path)
     try:
-        return None if values is None else Record.of(values)
-    except (KeyError, TypeError):
+        return None if values is None else Record(**values)
+    except TypeError:
         return None
 
 

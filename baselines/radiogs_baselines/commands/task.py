@@ -5,7 +5,7 @@ import re
 import shutil
 import signal
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from radiogs_core.errors import ExplainedError
@@ -29,7 +29,6 @@ class Task:
     """One command and the files that it has to write."""
 
     workspace: Workspace
-    """Workspace."""
     name: str
     """Name of the command."""
     order: str
@@ -124,7 +123,7 @@ class Attempt:
             seconds=ended.seconds,
             peak_bytes=ended.peak_bytes,
         )
-        write_json(workspace.done(task.name), record.plain())
+        write_json(workspace.done(task.name), asdict(record))
         return record
 
     def end(self) -> None:

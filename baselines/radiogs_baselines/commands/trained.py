@@ -3,7 +3,7 @@ files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,6 @@ class TrainedCommand:
     """A trained model in the workspace of a run. A ``contract.Trained``."""
 
     workspace: Workspace
-    """Workspace."""
     product: Mapping[str, Any]
     """Records of the commands of training, by name."""
     order: str
@@ -100,7 +99,7 @@ class TrainedCommand:
         for path in sorted(self.workspace.done("").parent.glob("*.json")):
             record = read_record(path)
             if record is not None and record.command not in commands and record.order.startswith(self.order):
-                commands[record.command] = record.plain()
+                commands[record.command] = asdict(record)
         predictions = self._found()
         remarks = [*self.workspace.file.traps, *CODES[self.workspace.file.reader].remarks]
         if found is not None and not found.startswith(code.commit):
@@ -143,15 +142,15 @@ class TrainedCommand:
         for a light that is not one of the scene's; NotOffered if the method has no command that relights.
         """
         if light is None:
-            if self.workspace.file.render is not None:
-                self._bring_about(self._rendering(), after_step)
+            if (rendering := self.workspace.file.render) is not None:
+                self._bring_about(self._task(rendering, "render", ["render"], self._own_files), after_step)
             else:
                 self._own_files()
             return self._prepared()
-        name = self._name_of(light)
-        if self.workspace.file.relight is None:
+        name, relighting = self._name_of(light), self.workspace.file.relight
+        if relighting is None:
             raise NotOffered(f"{self.workspace.file.title} has no command that relights")
-        self._bring_about(self._relighting(name), after_step)
+        self._bring_about(self._relighting(relighting, name), after_step)
         return self._prepared_under(name)
 
     def _bring_about(self, task: Task, after_step: Callable[[], None]) -> None:
@@ -164,14 +163,7 @@ class TrainedCommand:
         finally:
             attempt.end()
 
-    def _rendering(self) -> Task:
-        command = self.workspace.file.render
-        assert command is not None
-        return self._task(command, "render", ["render"], self._own_files)
-
-    def _relighting(self, light: str) -> Task:
-        command = self.workspace.file.relight
-        assert command is not None
+    def _relighting(self, command: RelightCommand, light: str) -> Task:
         lights = sorted(self._lit_views()) if command.all_lights else [light]
         one = "" if command.all_lights else light
         name = f"relight-{light}" if one else "relight"

@@ -27,7 +27,6 @@ class Workspace:
     home: Path
     """Folder of that file."""
     run: Run
-    """The run."""
     root: Path
     """Folder of the workspace."""
 

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
+from radiogs_core.transport.sampling import sphere_directions, tangent_frame
 
 from .patterns import waves
 from .solids import Relief, Turned
@@ -166,10 +166,7 @@ def _turned_cells(solid: Turned, spacing: float) -> Cells:
 
 def _relief_cells(solid: Relief, count: int) -> Cells:
     """A spherical Fibonacci lattice of directions; axes: up the gradient of the radius, across it, outwards."""
-    number = torch.arange(count, dtype=torch.float64)
-    height = 1 - (2 * number + 1) / count
-    sine = (1 - height.square()).sqrt()
-    direction = torch.stack([sine * (number * GOLDEN_ANGLE).cos(), sine * (number * GOLDEN_ANGLE).sin(), height], -1)
+    direction = sphere_directions(count)
     radius, gradient = radii(solid, direction)
     steep = gradient.norm(dim=-1)
     up = torch.where(

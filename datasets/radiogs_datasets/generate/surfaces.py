@@ -20,7 +20,7 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
-from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
+from radiogs_core.transport.sampling import sphere_directions, tangent_frame
 
 from ..bounded_reading import read_json
 from . import rounds, trefoil
@@ -121,10 +121,7 @@ def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Pat
 def _sphere(solid: Sphere, spacing: float) -> _Patch:
     """A spherical Fibonacci lattice."""
     count = math.ceil(4 * math.pi * solid.radius**2 / spacing**2)
-    place = torch.arange(count, dtype=torch.float64)
-    height = 1 - (2 * place + 1) / count
-    sine = (1 - height.square()).sqrt()
-    normal = torch.stack([sine * (place * GOLDEN_ANGLE).cos(), sine * (place * GOLDEN_ANGLE).sin(), height], -1)
+    normal = sphere_directions(count)
     step = solid.radius * math.sqrt(4 * math.pi / count)
     centre = torch.tensor(solid.centre, dtype=torch.float64) + solid.radius * normal
     return _Patch(centre, tangent_frame(normal), torch.full((count, 2), step, dtype=torch.float64))

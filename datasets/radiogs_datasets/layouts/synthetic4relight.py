@@ -73,11 +73,7 @@ def load_synthetic4relight(folder: Path) -> Scene:
         for frame, (image, mask) in zip(train_split.frames, train_files, strict=True)
     )
     test = tuple(
-        View(
-            _name(frame),
-            test_split.camera(frame, *sizes[image]),
-            _test_maps(folder, stem, lights),
-        )
+        View(_name(frame), test_split.camera(frame, *sizes[image]), _test_maps(folder, stem, lights))
         for frame, stem, (image, *_) in zip(test_split.frames, test_stems, test_files, strict=True)
     )
     decode_if_small([*train, *test], sizes)

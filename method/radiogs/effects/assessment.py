@@ -15,13 +15,13 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 
-from .bounds import Bootstrap, zero_events_upper
+from .bounds import bootstrap_t, zero_events_upper
 from .covered_pixels import CoveredPixels, rendered_views
 from .decision import decide
 from .evidence import Measured, Verdict
 from .plan_radiance import PlanRadiance
 from .probe_scene import ProbeScene
-from .step_cost import Step, cost
+from .step_cost import Step
 from .substitutes import restricted_to
 from .tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
 from .tolerance import Tolerance
@@ -46,9 +46,8 @@ class Assessment:
     def __init__(
         self, scene: ProbeScene, step: Step, seed: int, level: float, decibel: float, mse: float | None
     ) -> None:
-        self.scene, self.step, self.seed, self.mse = scene, step, seed, mse
-        self.level = level
-        self.bootstrap = Bootstrap(level, torch.Generator().manual_seed(seed))
+        self.scene, self.step, self.seed, self.level, self.mse = scene, step, seed, level, mse
+        self.generator = torch.Generator().manual_seed(seed)
         self.radiance = PlanRadiance(scene)
         self.gradients = Gradients(self.radiance)
         full = {
@@ -125,15 +124,14 @@ class Assessment:
 
     def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
         """Bounds on the larger of mean difference and mean rise; sharp images have no target, hence no rise."""
-        stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
-        below, above = self.bootstrap.bounds(stacked)
+        stacked = torch.cat([each.weighted for each in errors.values()])
+        below, above = bootstrap_t(stacked, self.level, self.generator)
         mean = stacked.double().mean(1).cpu()
         bounds = {}
         for index, key in enumerate(errors):
             rows = slice(2 * index, 2 * index + (1 if key[1] == "sharp" else 2))
-            bounds[key] = _Bounds(
-                float(mean[rows].max()), float(below[rows].max()), float(above[rows].max()), float(above[2 * index])
-            )
+            largest = [float(values[rows].max()) for values in (mean, below, above)]
+            bounds[key] = _Bounds(float(above[2 * index]), *largest)
         return bounds
 
     def _measured(
@@ -146,8 +144,6 @@ class Assessment:
         worst_tile = max(float(each.difference.max()) for each in errors.values())
         tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
         tiles = len(next(iter(errors.values())).difference)
-        saved = self.step.work(EffectPlan())["rays"] - self.step.work(plan)["rays"]
-        seconds = 1e-6 * (cost(self.step.work(EffectPlan())) - cost(self.step.work(plan)))
         return Measured(
             contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
             lowest=max(tolerance.loss(each.below) for each in bounds.values()),
@@ -155,10 +151,7 @@ class Assessment:
             worst=max(tolerance.worst_case(each.difference) for each in bounds.values()),
             tail=tail,
             unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
-            gradient=0.0,
-            share=self.step.saving(plan, EffectPlan()),
-            rays=round(saved),
-            seconds=seconds,
+            **self.step.saved(plan, EffectPlan()),
         )
 
 
@@ -166,14 +159,14 @@ class Assessment:
 class _Bounds:
     """Estimate of a squared error, display sRGB, with its bounds."""
 
+    difference: float
+    """Upper bound of the mean squared difference between the two images, whatever the target."""
     mean: float
     """The estimate."""
     below: float
     """Lower bound."""
     above: float
     """Upper bound."""
-    difference: float
-    """Upper bound of the mean squared difference between the two images, whatever the target."""
 
 
 def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:

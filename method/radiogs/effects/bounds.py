@@ -31,43 +31,35 @@ def zero_events_upper(trials: int, level: float) -> float:
     return -math.expm1(math.log(level) / trials) if trials else 1.0
 
 
-class Bootstrap:
-    """One-sided bounds on means by the bootstrap-t, each with an error of ``level``.
+def bootstrap_t(
+    values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
+) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
+    """Lower and upper bounds on each statistic's mean by the bootstrap-t, float64, each with an error of ``level``.
 
     The bound is mean - q s / sqrt(n), with q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)). Skewed
-    samples, such as squared errors, get a longer tail than by Student's t. All samples of one size share their
-    resamples; ``generator`` shuffles values into batches.
+    samples, such as squared errors, get a longer tail than by Student's t. All statistics share their resamples.
+
+    More than MOST_BATCHES values are first averaged in that many batches; ``generator`` shuffles values into batches.
+    Bounds are infinite for fewer than two values, and if so many resamples are constant that the quantile is not known.
     """
-
-    def __init__(self, level: float, generator: torch.Generator) -> None:
-        self.level, self.generator = level, generator
-        self.resamples = math.ceil(RESAMPLES_PER_TAIL / level)
-
-    def bounds(
-        self, values: Float[Tensor, "statistics sample"]
-    ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
-        """Lower and upper bounds of each statistic's mean, float64.
-
-        More than MOST_BATCHES values are first averaged in that many batches. Bounds are infinite for fewer than two
-        values, and if so many resamples are constant that the quantile is not known.
-        """
-        values = _batched(values.detach().double().cpu(), self.generator)
-        mean, count = values.mean(1), values.shape[1]
-        if count < 2:
-            return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
-        times = resample_counts(count, self.resamples).double()
-        centred = values - mean[:, None]
-        moved = centred @ times.T / count
-        spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
-        # The standard error of a constant resample is zero: its ratio may be any number, of either sign.
-        constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
-        ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
-        rank = max(1, math.floor(self.level * self.resamples))
-        lowest = torch.where(constant, -torch.inf, ratio).kthvalue(rank, 1).values
-        highest = torch.where(constant, torch.inf, ratio).kthvalue(self.resamples + 1 - rank, 1).values
-        error = values.std(1) / math.sqrt(count)
-        known = error > 0
-        return torch.where(known, mean - highest * error, mean), torch.where(known, mean - lowest * error, mean)
+    values = _batched(values.detach().double().cpu(), generator)
+    mean, count = values.mean(1), values.shape[1]
+    if count < 2:
+        return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
+    resamples = math.ceil(RESAMPLES_PER_TAIL / level)
+    times = resample_counts(count, resamples).double()
+    centred = values - mean[:, None]
+    moved = centred @ times.T / count
+    spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
+    # The standard error of a constant resample is zero: its ratio may be any number, of either sign.
+    constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
+    ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
+    rank = max(1, math.floor(level * resamples))
+    lowest = torch.where(constant, -torch.inf, ratio).kthvalue(rank, 1).values
+    highest = torch.where(constant, torch.inf, ratio).kthvalue(resamples + 1 - rank, 1).values
+    error = values.std(1) / math.sqrt(count)
+    known = error > 0
+    return torch.where(known, mean - highest * error, mean), torch.where(known, mean - lowest * error, mean)
 
 
 @lru_cache(maxsize=8)
@@ -75,13 +67,6 @@ def resample_counts(count: int, resamples: int) -> Float[Tensor, "resamples samp
     """Number of times that each of ``count`` values is drawn in each resample; the seed is ``count``."""
     drawn = torch.randint(count, (resamples, count), generator=torch.Generator().manual_seed(count))
     return torch.zeros(drawn.shape).scatter_add_(1, drawn, torch.ones(1).expand_as(drawn))
-
-
-def bootstrap_t(
-    values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
-) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
-    """Lower and upper bounds on the means of the statistics, each with an error of ``level``; see ``Bootstrap``."""
-    return Bootstrap(level, generator).bounds(values)
 
 
 def _batched(values: Float[Tensor, "statistics sample"], generator: torch.Generator) -> Tensor:

@@ -9,7 +9,7 @@ Verdict = Literal["on", "local", "off"]
 """Whether an effect is simulated; "local": only where it matters."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measured:
     """Measurements of the loss and of the saved work without one effect."""
 
@@ -21,11 +21,11 @@ class Measured:
     """One-sided upper bound of the loss, dB."""
     worst: float
     """Loss under the worst correlation of errors, dB."""
-    tail: float
+    tail: float = 0.0
     """Largest rise of the squared error in one tile, divided by the tolerated rise in one tile."""
-    unseen: float
+    unseen: float = 1.0
     """Upper bound on the share of tiles above that tolerance, if no measured tile was; 1 otherwise."""
-    gradient: float
+    gradient: float = 0.0
     """Largest relative change of a gradient of the learnt quantities; 0 if it was not computed.
 
     It is computed only if the images change and accept the plan.
@@ -34,7 +34,7 @@ class Measured:
     """Share of a step's work that is saved."""
     rays: int
     """Number of rays that a step saves."""
-    seconds: float
+    seconds: float = 0.0
     """Seconds that a step saves, by an estimate; no decision depends on it."""
 
     @property

@@ -12,15 +12,12 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
-from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
 from radiogs_core.scene.light_sampler import LightSampler
-from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import own_radiance, shade_surfels
+from radiogs_core.transport.splatting import own_radiance
 
 from ..model import Model
 from ..rays import RaySettings
@@ -33,6 +30,7 @@ from .image_share import image_share
 from .planner import PROBE_VIEWS
 from .probe import LEVEL, PROBES, Findings, Occasion, probe
 from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from .staleness import colour_along_normals
 from .step_cost import Step
 from .tile_errors import ReferenceImage, mean_error
 from .tolerance import TOLERANCE_DB, Tolerance
@@ -103,7 +101,8 @@ def decide_light_sampling(
     normal = some.frame[..., 2]
 
     def error(directions: tuple[Tensor, Tensor]) -> Float[Tensor, " surfels"]:
-        return (_shaded(some, light, directions) - truth).square().mean(-1).view(-1, DRAWS).mean(1)
+        colour = colour_along_normals(some, unoccluded(*directions), light.radiance)
+        return (colour - truth).square().mean(-1).view(-1, DRAWS).mean(1)
 
     without = error(hemisphere_directions(normal, spread, generator))
     rise = without - error(relighting_directions(normal, LightSampler(light), spread, drawn, generator))
@@ -113,12 +112,8 @@ def decide_light_sampling(
         lowest=tolerance.loss(float(below)),
         bound=tolerance.loss(float(above)),
         worst=tolerance.worst_case(float(without.mean())),
-        tail=0.0,
-        unseen=1.0,
-        gradient=0.0,
         share=drawn / (spread + drawn),
         rays=len(surfels) * drawn,
-        seconds=0.0,
     )
     verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
     shape = concentration(light)
@@ -132,15 +127,7 @@ def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.G
     directions = relighting_directions(
         surfels.frame[..., 2], LightSampler(widened_light(light)), *REFERENCE_DIRECTIONS, generator
     )
-    return _shaded(surfels, light, directions)
-
-
-def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
-    """Display colour (sRGB) along the normals, without occlusion, from unit directions and their solid angles."""
-    along = surfels.frame[:, None, :, 2]
-    return srgb_encode(
-        shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
-    )
+    return colour_along_normals(surfels, unoccluded(*directions), light.radiance)
 
 
 def widened_light(light: EnvironmentMap) -> EnvironmentMap:
@@ -206,13 +193,7 @@ def plan_for_light(
     findings = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
     light = EnvironmentMap(scene.environment)
     sampling = decide_light_sampling(scene.surfels, light, findings.tolerance, spread, drawn, seed)
-    plan: EffectPlan = replace(findings.plan, light_sampling=sampling.verdict == "on")
-    return Findings(plan, (*findings.evidence, sampling), findings.tolerance)
-
-
-def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the training images (``image_share``)."""
-    return image_share((view.camera for view in scene.train), surfels)
+    return findings.extended(sampling, light_sampling=sampling.verdict == "on")
 
 
 def training_viewpoints(
@@ -220,12 +201,12 @@ def training_viewpoints(
 ) -> Viewpoints:
     """The training views of a probe: PROBE_VIEWS of them, evenly spread over the list, with their images on black.
 
-    ``share``: ``training_share`` of the surfels, if it was computed before.
+    ``share``: ``image_share`` of the surfels in the training images, if it was computed before.
     """
     scene = run.scene
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
     views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
-    share = training_share(scene, surfels) if share is None else share
+    share = image_share((view.camera for view in scene.train), surfels) if share is None else share
     return Viewpoints(views, share, run.variant.straight)
 
 

@@ -1,5 +1,6 @@
 """Radiance of surfels under different plans, along the same directions, so that differences have no sampling noise."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import torch
@@ -40,6 +41,7 @@ class PlanRadiance:
         self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
         self.environment = scene.environment.clone().requires_grad_()
         self.outgoing = torch.stack([towards(view.camera, surfels) for view in scene.views], 1)
+        self._known: dict[tuple[bool, bool], tuple[Tensor, Tensor]] = {}
 
     @cached_property
     def projections(self) -> list[Projection]:
@@ -76,23 +78,14 @@ class PlanRadiance:
 
     def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
         """The four parts of white surfaces, shaded from traced light, and from its untraced substitute."""
-        if sharp:
-            return self._sharp
-        return self._whole if samples == 1 else self._half
-
-    @cached_property
-    def _whole(self) -> tuple[Tensor, Tensor]:
-        return self._both(self.scene.incident, self.scene.untraced)
-
-    @cached_property
-    def _half(self) -> tuple[Tensor, Tensor]:
-        incident, untraced = self.scene.incident, self.scene.untraced
-        half = incident.weight.shape[1] // 2
-        return self._both(incident.thinned(half), untraced.thinned(half))
-
-    @cached_property
-    def _sharp(self) -> tuple[Tensor, Tensor]:
-        return self._both(self.scene.incident, self.scene.untraced, sharp=True)
+        halved = samples > 1 and not sharp
+        if (halved, sharp) not in self._known:
+            both = self.scene.incident, self.scene.untraced
+            if halved:
+                half = both[0].weight.shape[1] // 2
+                both = both[0].thinned(half), both[1].thinned(half)
+            self._known[halved, sharp] = self._lit(both[0], sharp), self._lit(both[1], sharp)
+        return self._known[halved, sharp]
 
     @cached_property
     def _first(self) -> Tensor:
@@ -103,11 +96,7 @@ class PlanRadiance:
                 "The light scattered by one surface alone was not traced.",
                 "Trace the scene with bounces=True.",
             )
-        once = Incident(incident.direction, incident.weight, incident.visibility, first)
-        return self._lit(once)
-
-    def _both(self, incident: Incident, untraced: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
-        return self._lit(incident, sharp), self._lit(untraced, sharp)
+        return self._lit(replace(incident, radiance=first))
 
     def _lit(self, incident: Incident, sharp: bool = False) -> Float[Tensor, "surfels views 4 3"]:
         white = torch.ones_like(self.albedo)

@@ -2,23 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.errors import NumericalFailure
-from radiogs_core.scene.camera import Camera
+from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, plan_of
 
 from ..rays import RaySettings
 from .evidence import Evidence
 from .image_share import image_share
-from .probe import IN_TRAINING, PROBES, Findings, Occasion, level_of, probe
+from .probe import IN_TRAINING, PROBES, Occasion, level_of, probe
 from .probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from .staleness import Staleness, decide_refresh
+from .staleness import decide_refresh
 from .step_cost import Step
 
 DIRECTIONS = 16
@@ -32,18 +32,6 @@ PROBE_VIEWS = 8
 STEPS_A_PROBE = 400
 """Least number of steps for each probe after the second. With preset tiny a probe takes as long as 10 to 13 steps, so
 that probes stay below 3 % of the time."""
-
-
-@runtime_checkable
-class PosedImage(Protocol):
-    """A training view for a probe: a camera and its image."""
-
-    @property
-    def camera(self) -> Camera:
-        """The camera that took the image."""
-
-    def over(self, background: float) -> Float[Tensor, "height width 3"]:
-        """The image in display sRGB, composited on a grey background."""
 
 
 class Planner:
@@ -77,10 +65,10 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[PosedImage],
+        views: Sequence[TrainingView],
         step: Step,
         iteration: int,
-        stale: Staleness | None = None,
+        stale: Float[Tensor, " checked"] | None = None,
         kept: KeptLight | None = None,
     ) -> bool:
         """Probe, and adopt the resulting plan; returns whether it traces other rays than the plan before.
@@ -93,7 +81,9 @@ class Planner:
         try:
             findings = probe(self.scene(surfels, environment, views, occasion.seed, kept), step, occasion)
             if stale is not None:
-                findings = with_refresh(findings, stale, step, occasion)
+                level = level_of(len(IN_TRAINING))
+                factor, record = decide_refresh(stale, findings.tolerance, step, occasion, level)
+                findings = findings.extended(record, refresh=min(factor, MOST_REFRESH_FACTOR))
         except NumericalFailure as failure:
             self.plan = EffectPlan()
             why = f"the probe failed: {failure.what}"
@@ -107,7 +97,7 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[PosedImage],
+        views: Sequence[TrainingView],
         seed: int,
         kept: KeptLight | None = None,
     ) -> ProbeScene:
@@ -147,7 +137,7 @@ class Planner:
         self.share = state["share"]
 
 
-def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]:
+def drawn_views(views: Sequence[TrainingView], seed: int) -> tuple[ProbeView, ...]:
     """PROBE_VIEWS of the views, one drawn from each of that many equal parts of their list."""
     generator, count = torch.Generator().manual_seed(seed), min(PROBE_VIEWS, len(views))
     drawn = []
@@ -156,13 +146,6 @@ def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]
         view = views[int(torch.randint(low, high, (), generator=generator))]
         drawn.append(ProbeView(view.camera, view.over(0.0)))
     return tuple(drawn)
-
-
-def with_refresh(findings: Findings, stale: Staleness, step: Step, occasion: Occasion) -> Findings:
-    """The findings with a decision about the refresh interval added."""
-    factor, record = decide_refresh(stale, findings.tolerance, step, occasion, level_of(len(IN_TRAINING)))
-    plan = replace(findings.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
-    return replace(findings, plan=plan, evidence=(*findings.evidence, record))
 
 
 def same_rays(first: EffectPlan, second: EffectPlan) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from radiogs_core.transport.plan import EffectPlan
 
@@ -49,6 +50,10 @@ class Findings:
     """A record for each effect, and one for the plan as a whole."""
     tolerance: Tolerance
     """The tolerated loss, with the method's own error."""
+
+    def extended(self, record: Evidence, **changes: Any) -> "Findings":
+        """The findings with a further record, and with ``changes`` of the plan's fields."""
+        return replace(self, plan=replace(self.plan, **changes), evidence=(*self.evidence, record))
 
 
 def level_of(effects: int) -> float:
@@ -98,11 +103,8 @@ class _Substitute:
     """A plan that leaves an effect out, completely or in part, with its measurements."""
 
     effect: str
-    """Name of the effect."""
     plan: EffectPlan
-    """The plan."""
     measured: Measured
-    """Measurements of the plan."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,6 @@ class _Decision:
     plan: EffectPlan
     """The chosen plan; for the verdict "on", the plan without the effect, which was refused."""
     verdict: Verdict
-    """The verdict."""
     why: str
     """The reason, in words."""
     measured: Measured

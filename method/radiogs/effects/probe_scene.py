@@ -19,12 +19,8 @@ from ..rays import RaySettings
 
 PROBE_OFFSET = 6.66
 """Distance from their surfel at which a probe's rays start, in its standard deviations: twice sqrt(2 ln 255), the
-distance at which the opacity of the densest surfel has fallen to 1/255. Surfels with overlapping footprints sample one
-surface, and trained ones are tilted against it. With rays that start at one standard deviation, as in training, 13 % of
-the sky is occluded at the median surfel of the trained ``convex`` sphere, and leaving that out costs 0.3 dB; from the
-rim of the footprint it costs 0.17 dB, from this distance 0.02 dB. On ``corner`` it costs more than 7 dB from any
-distance (docs/effects.md)."""
-
+distance at which the opacity of the densest surfel has fallen to 1/255. Nearer surfels with overlapping footprints
+sample the same surface, which does not occlude itself (docs/effects.md)."""
 
 SHARP_ROUGHNESS = 0.2
 """A roughness that training may still reach on any surface; the specular lobe is assessed at this roughness too."""
@@ -35,7 +31,6 @@ class ProbeView:
     """A view of a probe."""
 
     camera: Camera
-    """The camera."""
     target: Float[Tensor, "height width 3"] | None
     """The training image of this camera, display sRGB on black; None if there is none."""
 
@@ -98,20 +93,14 @@ class KeptLight:
     """The light on these surfels, traced now."""
 
 
-@dataclass(frozen=True)
-class ProbeScene:
+@dataclass(frozen=True, kw_only=True)
+class ProbeScene(Viewpoints):
     """A model, its views, and the light that arrives at it. No tensor has a gradient."""
 
     surfels: Surfels
     """The surfels with their materials."""
     environment: Float[Tensor, "rows columns 3"]
     """Linear radiance of the distant light, latitude-longitude (see ``scene.light``)."""
-    views: tuple[ProbeView, ...]
-    """See ``Viewpoints``."""
-    share: Float[Tensor, " surfels"]
-    """See ``Viewpoints``."""
-    straight: bool
-    """See ``Viewpoints``."""
     incident: Incident
     """Light that arrives at the surfels, traced with all effects on."""
     untraced: Incident
@@ -158,10 +147,12 @@ def trace_scene(
     index = every if among is None else among
     seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
     traced = ProbeScene(
-        surfels, environment, viewpoints.views, viewpoints.share, viewpoints.straight,
+        **vars(viewpoints),
+        surfels=surfels,
+        environment=environment,
         incident=Incident(direction, weight, seen, radiance),
         untraced=tracer.untraced(every, direction, weight),
-    )  # fmt: skip
+    )
     if not bounces:
         return traced
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))

@@ -16,6 +16,7 @@ from radiogs_core.capabilities import EffectRecord, Probe
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.image.display import displayed
+from radiogs_core.learning.known_scene import OFFSET
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
@@ -31,7 +32,6 @@ from ..rays import RaySettings
 from ..settings import Budget, Variant
 from .assessment import light_factor_is_free
 from .covered_pixels import rendered_views
-from .evidence import Evidence
 from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, training_viewpoints
 from .plan_radiance import PlanRadiance
 from .probe import Findings, Occasion, probe
@@ -39,10 +39,6 @@ from .probe_scene import ProbeRays, ProbeScene, trace_scene
 from .step_cost import step_of
 from .substitutes import plan_without
 from .tile_errors import light_factor
-
-OFFSET = 0.1
-"""Distance from their surfel at which rays start, in its standard deviations. Surfels that lie exactly on their surface
-occlude each other only by rounding."""
 
 BOUNCES = 8
 """Number of surfaces that light is followed over, as in the images of generated scenes."""
@@ -96,17 +92,20 @@ def probe_run(run: Run[Variant, Budget], model: Model | None, light: Environment
         return report(scene, training_findings(scene, run, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)
     scene, decay = probe_scene(run)
     findings = training_findings(scene, run)
-    findings = with_light_sampling(findings, decide_own_light_sampling(run, scene, findings))
+    sampling = decide_light_sampling(
+        scene.surfels, EnvironmentMap(scene.environment), findings.tolerance,
+        run.budget.relight_hemisphere_samples, run.budget.relight_light_samples, run.seed,
+    )  # fmt: skip
+    findings = findings.extended(sampling, light_sampling=sampling.verdict == "on")
     return report(scene, findings, EFFECTS, bounces_needed(findings, decay))
 
 
-def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, EnvironmentMap]:
+def true_model(scene: Scene) -> tuple[Surfels, EnvironmentMap]:
     """Surfels on the true surfaces of a scene with their true materials, and its true light.
 
-    ``spacing``: distance between surfels, world units. Raises DataError if surfaces or light are not known, and for
-    surfaces that emit light or have no specular lobe.
+    Raises DataError if surfaces or light are not known, and for surfaces that emit light or have no specular lobe.
     """
-    samples = None if scene.surfaces is None else scene.true_surfaces(spacing)
+    samples = None if scene.surfaces is None else scene.true_surfaces(SPACING)
     # The environment is the only light of a probe, and all surfels have a lobe.
     if samples is None or samples.emission is not None or not samples.specular or scene.training_light is None:
         raise DataError(
@@ -155,30 +154,6 @@ def relighting_findings(
     scene, _ = probe_scene(run)
     true = Model(scene.surfels, scene.environment.log())
     return probe_relighting(true, light, torch.ones(3), run, offset=OFFSET)
-
-
-def decide_own_light_sampling(run: Run[Variant, Budget], scene: ProbeScene, findings: Findings) -> Evidence:
-    """Decides whether relighting by the scene's true light needs directions that are drawn from the light.
-
-    Raises DataError if the light is not known.
-    """
-    light, budget = run.scene.training_light, run.budget
-    if light is None:
-        raise DataError(
-            f"the light of scene '{run.scene.name}' is not known",
-            "Directions cannot be drawn from an unknown light.",
-            "Probe a generated scene, or a trained model.",
-        )
-    return decide_light_sampling(
-        scene.surfels, light, findings.tolerance,
-        budget.relight_hemisphere_samples, budget.relight_light_samples, run.seed,
-    )  # fmt: skip
-
-
-def with_light_sampling(findings: Findings, record: Evidence) -> Findings:
-    """The findings with the decision about light sampling added."""
-    plan = replace(findings.plan, light_sampling=record.verdict == "on")
-    return replace(findings, plan=plan, evidence=(*findings.evidence, record))
 
 
 def bounces_needed(findings: Findings, decay: Decay) -> int:
@@ -238,12 +213,10 @@ def difference_maps(
 
 
 @torch.no_grad()
-def solve_radiosity(
-    surfels: Surfels, light: EnvironmentMap, samples: int, seed: int, bounces: int = BOUNCES
-) -> tuple[Surfels, Decay]:
+def solve_radiosity(surfels: Surfels, light: EnvironmentMap, samples: int, seed: int) -> tuple[Surfels, Decay]:
     """The surfels with their outgoing radiance under a light, the same in all directions, and its decay.
 
-    ``samples``: directions of each surfel. ``bounces``: surfaces that light is followed over.
+    ``samples``: directions of each surfel.
     """
     normal = surfels.frame[..., 2]
     direction, weight = hemisphere_directions(normal, samples, torch.Generator().manual_seed(seed))
@@ -251,7 +224,7 @@ def solve_radiosity(
     lit = Incident(direction, weight, visibility_of(hits)[0].view(weight.shape), torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, normal[:, None], light.radiance)[:, 0]
     sent = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    total, decay = scatter(surfels, sent, direction, weight, bounces - 1)
+    total, decay = scatter(surfels, sent, direction, weight, BOUNCES - 1)
     harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
     return Surfels.of(surfels.parameters() | {"sh": harmonics}), decay
 

@@ -1,6 +1,6 @@
 """Staleness of the cached incident light between two refreshes, and the decision about their interval."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -17,7 +17,7 @@ from .bounds import bootstrap_t
 from .decision import decide
 from .evidence import Evidence, Measured
 from .probe import Occasion
-from .step_cost import Step, cost
+from .step_cost import Step
 from .tolerance import Tolerance
 
 CHECKED = 256
@@ -28,14 +28,6 @@ LATER = 2
 square grows fourfold."""
 
 
-@dataclass(frozen=True)
-class Staleness:
-    """Error of the cached incident light."""
-
-    error: Float[Tensor, " checked"]
-    """Squared change, display sRGB, of the radiance of CHECKED surfels along their normals after a new trace."""
-
-
 @torch.no_grad()
 def staleness(
     tracer: SurfelTracer,
@@ -44,9 +36,10 @@ def staleness(
     cached: Incident,
     plan: EffectPlan,
     generator: torch.Generator,
-) -> Staleness:
-    """Traces the cached directions of CHECKED surfels again, so that the change is due to time alone.
+) -> Float[Tensor, " checked"]:
+    """Squared change, display sRGB, of the radiance of CHECKED surfels along their normals after a new trace.
 
+    The cached directions are traced again, so that the change is due to time alone.
     ``environment``: linear radiance of the light. ``plan``: the effects that are traced.
     """
     drawn = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)
@@ -54,22 +47,26 @@ def staleness(
     old = cached.of(index)
     fresh = tracer.incident(index, old.direction, old.weight, plan)
     some = surfels.take(index)
-    before, after = (_along_normals(some, each, environment) for each in (old, fresh))
-    return Staleness((srgb_encode(after) - srgb_encode(before)).square().mean(-1))
+    before, after = (colour_along_normals(some, each, environment) for each in (old, fresh))
+    return (after - before).square().mean(-1)
 
 
-def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) -> Float[Tensor, "surfels 3"]:
-    return shade_surfels(surfels, surfels.albedo, incident, surfels.frame[:, None, :, 2], environment)[:, 0].sum(1)
+def colour_along_normals(
+    surfels: Surfels, incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> Float[Tensor, "surfels 3"]:
+    """Display colour (sRGB) of surfels seen along their normals. ``environment``: linear radiance of the light."""
+    along = surfels.frame[:, None, :, 2]
+    return srgb_encode(shade_surfels(surfels, surfels.albedo, incident, along, environment)[:, 0].sum(1))
 
 
 def decide_refresh(
-    stale: Staleness, tolerance: Tolerance, step: Step, occasion: Occasion, level: float
+    stale: Float[Tensor, " checked"], tolerance: Tolerance, step: Step, occasion: Occasion, level: float
 ) -> tuple[int, Evidence]:
     """The new factor of the refresh interval, at most one step LATER away from the present one, and its evidence.
 
-    ``level``: error probability of the bounds.
+    ``stale``: see ``staleness``. ``level``: error probability of the bounds.
     """
-    grown = LATER**2 * stale.error
+    grown = LATER**2 * stale
     below, above = bootstrap_t(grown[None], level, torch.Generator().manual_seed(occasion.seed))
     before = occasion.before
     now = EffectPlan(traced=before.traced, refresh=before.refresh)
@@ -79,12 +76,7 @@ def decide_refresh(
         lowest=tolerance.loss(float(below)),
         bound=tolerance.loss(float(above)),
         worst=tolerance.worst_case(float(above)),
-        tail=0.0,
-        unseen=1.0,
-        gradient=0.0,
-        share=step.saving(later, now),
-        rays=round(step.work(now)["rays"] - step.work(later)["rays"]),
-        seconds=1e-6 * (cost(step.work(now)) - cost(step.work(later))),
+        **step.saved(later, now),
     )
     verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
     factor = before.refresh
@@ -93,6 +85,5 @@ def decide_refresh(
     elif before.refresh > 1 and measured.bound > LATER**2 * tolerance.decibel:
         # The present interval exceeds the tolerance already.
         factor //= LATER
-    left_out = factor > EffectPlan().refresh
-    verdict = "off" if left_out else "on"
+    verdict = "off" if factor > EffectPlan().refresh else "on"
     return factor, Evidence("refresh", verdict, why, occasion.iteration, occasion.seed, tolerance.decibel, measured)

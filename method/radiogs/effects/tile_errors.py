@@ -21,18 +21,9 @@ class TileErrors:
     """Number of the tile's pixels that show a surface."""
 
     @property
-    def weighted_difference(self) -> Float[Tensor, " tiles"]:
-        """Differences weighted so that their mean is the mean squared difference over covered pixels."""
-        return self.difference * self._weight
-
-    @property
-    def weighted_rise(self) -> Float[Tensor, " tiles"]:
-        """Rises weighted so that their mean is the mean rise over covered pixels."""
-        return self.rise * self._weight
-
-    @property
-    def _weight(self) -> Tensor:
-        return TILE**2 * len(self.covered) / self.covered.sum()
+    def weighted(self) -> Float[Tensor, "2 tiles"]:
+        """Difference and rise, weighted so that their means over tiles are means over covered pixels."""
+        return torch.stack([self.difference, self.rise]) * (TILE**2 * len(self.covered) / self.covered.sum())
 
 
 @dataclass(frozen=True)

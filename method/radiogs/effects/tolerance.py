@@ -22,8 +22,6 @@ class Tolerance:
     """Mean squared error MSE_0 of the method's own images, display sRGB, over covered pixels."""
     decibel: float = TOLERANCE_DB
     """Tolerated loss of the mean, dB."""
-    local_decibel: float = LOCAL_TOLERANCE_DB
-    """Tolerated loss in one tile, dB."""
 
     @property
     def error(self) -> float:
@@ -32,8 +30,8 @@ class Tolerance:
 
     @property
     def local_error(self) -> float:
-        """Rise of the squared error of one tile that corresponds to a loss of ``local_decibel``."""
-        return self.mse * (10 ** (self.local_decibel / 10) - 1)
+        """Rise of the squared error of one tile that corresponds to a loss of ``LOCAL_TOLERANCE_DB``."""
+        return self.mse * (10 ** (LOCAL_TOLERANCE_DB / 10) - 1)
 
     def loss(self, rise: float) -> float:
         """Loss, dB, by a rise of the squared error: 10 log10(1 + rise / MSE_0)."""

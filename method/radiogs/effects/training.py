@@ -22,7 +22,7 @@ from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.tracer import incident_along
 
 from ..consistency import RadiometricConsistency
-from ..incident_cache import IncidentCache, IncidentPolicy
+from ..incident_cache import IncidentCache
 from ..invert import InverseRendering
 from ..model import Model
 from ..rays import RaySettings
@@ -30,7 +30,7 @@ from ..settings import Budget, Variant
 from ..shaders import MonteCarlo, Shader
 from .planner import Planner
 from .probe_scene import KeptLight
-from .staleness import Staleness, staleness
+from .staleness import staleness
 from .step_cost import step_of
 
 KEPT_DIRECTIONS = 256
@@ -58,9 +58,8 @@ class PlannedInverseRendering(InverseRendering):
 
     def make_shader(self) -> Shader:
         """Eq. 8 with the effects of the plan."""
-        policy = IncidentPolicy.of(self.variant.incident)
         self.cache = PlannedIncidentCache(
-            self.model, RaySettings.of(self.variant), policy, self.budget, self.generator, self.planner
+            self.model, RaySettings.of(self.variant), self.variant, self.budget, self.generator, self.planner
         )
         return PlannedMonteCarlo(RadiometricConsistency.of(self.variant), self.cache)
 
@@ -95,13 +94,13 @@ class PlannedInverseRendering(InverseRendering):
             stale = self._staleness(model) if self.iteration else None
             kept = cache.kept(surfels, self.planner.samples)
             other_rays = self.planner.observe(surfels, model.environment, self.views, step, self.iteration, stale, kept)
-        if not self.iteration or (other_rays and cache.policy.traced_again):
+        if not self.iteration or (other_rays and cache.traced_again):
             cache.renew(self.model, self.iteration)
 
-    def _staleness(self, model: Model) -> Staleness | None:
+    def _staleness(self, model: Model) -> Float[Tensor, " checked"] | None:
         """The staleness of the cached light; None if light is never traced again."""
         cache, plan = self.cache, self.planner.plan
-        if not (plan.traces and cache.policy.traced_again):
+        if not (plan.traces and cache.traced_again):
             return None
         cache.tracer.follow(model.surfels)
         drawn = torch.Generator(self.generator.device).manual_seed(self.seed + self.iteration)
@@ -191,7 +190,7 @@ class PlannedIncidentCache(IncidentCache):
         self,
         model: Model,
         rays: RaySettings,
-        policy: IncidentPolicy,
+        variant: Variant,
         budget: Budget,
         generator: torch.Generator,
         planner: Planner,
@@ -199,7 +198,7 @@ class PlannedIncidentCache(IncidentCache):
         self.planner, self.begun = planner, False
         self.last: LastLight | None = None
         """The light of the last tracing of the surfels without rays, under a plan that keeps it."""
-        super().__init__(model, rays, policy, budget, generator)
+        super().__init__(model, rays, variant, budget, generator)
         self.begun = True
 
     @property

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from ..errors import UsageError
-from ..plain_values import require
+from ..plain_values import NotNegative, require
 from ..surfels.density import AdaptiveDensity
 from ..surfels.starting_points import SurfelStart
 from ..surfels.surroundings import SurroundingsStart
@@ -21,7 +21,7 @@ DEGREES = 3
 
 
 @dataclass(frozen=True)
-class GeometryWeights:
+class GeometryWeights(NotNegative):
     """Weights of the losses; 0 turns a loss off."""
 
     absolute: float = ABSOLUTE_WEIGHT
@@ -45,9 +45,6 @@ class GeometryWeights:
     """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.05
     """Weight of the gradient of the normal map where the image has no edges."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class GeometrySchedule:
 
 
 @dataclass(frozen=True)
-class SurfelRates:
+class SurfelRates(NotNegative):
     """Adam's learning rates of the surfels' parameters; the values are those of 2DGS."""
 
     position: float = 1.6e-4
@@ -100,7 +97,7 @@ class SurfelRates:
     """Share of each rate above, except those of positions, that is left at the end."""
 
     def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
+        super().__post_init__()
         require(self, "between 0 and 1", "end_share")
 
 

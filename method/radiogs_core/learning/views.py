@@ -24,7 +24,6 @@ class Levels:
     """Pixels as integer levels of an image file."""
 
     levels: Integer[Tensor, "*shape"]
-    """The levels."""
     most: int
     """The level that stands for 1."""
 

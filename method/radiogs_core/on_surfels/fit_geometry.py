@@ -7,7 +7,7 @@ training views.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -22,7 +22,7 @@ from ..learning.views import TrainingView
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
 from ..scene.scene import Scene, View
-from ..surfels.density import AdaptiveDensityControl, DensityControl
+from ..surfels.density import AdaptiveDensityControl
 from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
@@ -39,17 +39,19 @@ SHAPE = ("rotation", "log_scale")
 """The parameters of ``DECAYING`` that are frozen while only colours are learnt (``schedule.moving_from``)."""
 
 
-@runtime_checkable
-class Shading(Protocol):
-    """Materials and light that are learnt from the training images together with the surfels' radiance."""
+class Shading:
+    """Materials and light that are learnt from the training images together with the surfels' radiance.
 
-    tensors: Mapping[str, Tensor]
+    This class learns none, which is novel-view synthesis alone: the materials keep their initial values.
+    """
+
+    tensors: Mapping[str, Tensor] = {}
     """Initial values, by name, of the tensors that are learnt in addition to the surfels."""
-    rates: Mapping[str, float]
+    rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
     """Learning rates of these tensors, and of the surfels' materials by the names of their raw parameters."""
-    image_weight: float
+    image_weight = 1.0
     """Weight of the reconstruction losses of ``images``; the loss of the surfels' own radiance has weight 1."""
-    geometry_gradient: bool
+    geometry_gradient = False
     """Whether these losses have gradient to the surfels' positions, rotations, scales and opacities."""
 
     def images(
@@ -59,22 +61,8 @@ class Shading(Protocol):
 
         Each radiance is blended and compared with the training image. ``own``: L_G of each surfel towards the camera,
         [surfels, 3], with gradient to its harmonics alone. ``tensors``: the present values of ``Shading.tensors``.
-        ``progress``: share of the stage's steps that are done.
+        ``progress``: share of the stage's steps that are done. Without a subclass both are empty.
         """
-
-
-class NoShading:
-    """Novel-view synthesis alone: the materials keep their initial values."""
-
-    tensors: Mapping[str, Tensor] = {}
-    rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
-    image_weight = 1.0
-    geometry_gradient = False
-
-    def images(
-        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
-    ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
-        """No images and no losses."""
         return {}, {}
 
 
@@ -99,7 +87,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         views = self.views  # the density control keeps them, not the stage: in a cycle the stage would not be freed
         surfels = self._start(scene, tuple(view.reread() for view in views), budget.initial_surfels)
         self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.rate))
-        self.density: DensityControl = AdaptiveDensityControl(
+        self.density = AdaptiveDensityControl(
             learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, surfels,
             lambda surfels: largest_contribution(surfels, views),
             None if self.space is None else self.space.stretch,
@@ -251,7 +239,7 @@ def fit_geometry(learning: GeometryLearning, budget: object, view_share: float =
         owner="radiogs_core",
         reads={"learning": asdict(learning), "view_share": view_share, "budget": asdict(half)},
         sources=(__name__,),
-        begin=lambda run, _: FitGeometry(run, learning, half, view_share, NoShading()),
+        begin=lambda run, _: FitGeometry(run, learning, half, view_share, Shading()),
         compiles=True,
     )
 

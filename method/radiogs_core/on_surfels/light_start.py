@@ -10,6 +10,7 @@ points alone do not determine the low frequencies of the light.
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and takes seconds.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -116,10 +117,9 @@ def starting_model(
 
     See ``starting_light_and_albedo`` for the arguments.
     """
-    found = _searched(learnt, views, rows, start, generator, two_sided, plan)
-    light, albedo = found or _constant(learnt, views, rows, start)
+    light, albedo, searched = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided, plan)
     surfels = replace(learnt.with_material(start.albedo, start.roughness), albedo_logit=torch.logit(albedo))
-    return StartingModel(surfels, light.log(), searched=found is not None)
+    return StartingModel(surfels, light.log(), searched)
 
 
 def starting_light_and_albedo(
@@ -130,38 +130,20 @@ def starting_light_and_albedo(
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
-) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"], bool]:
     """The initial light, [rows, 2 rows, 3], and the initial albedo of the surfels ``learnt`` by stage 1, linear RGB.
 
-    Both are constant if ``start.light`` is "constant" or if too few points are seen for a search. ``two_sided``:
-    whether rays also hit surfels from behind. ``plan``: whether the search simulates visibility and indirect light
-    (see ``transport_to``).
+    Both are constant if ``start.light`` is "constant" or if too few points are seen for a search; the last value is
+    whether they were searched for. ``two_sided``: whether rays also hit surfels from behind. ``plan``: whether the
+    search simulates visibility and indirect light (see ``transport_to``).
     """
-    found = _searched(learnt, views, rows, start, generator, two_sided, plan)
-    return found or _constant(learnt, views, rows, start)
-
-
-LightAndAlbedo = tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]
-"""A light, [rows, 2 rows, 3], and the albedo of each surfel, both linear RGB."""
-
-
-def _searched(
-    learnt: Surfels,
-    views: tuple[TrainingView, ...],
-    rows: int,
-    start: StartValues,
-    generator: torch.Generator,
-    two_sided: bool,
-    plan: EffectPlan,
-) -> LightAndAlbedo | None:
-    if start.light == "constant":
-        return None
-    return light_and_albedo(learnt, views, rows, start, generator, two_sided, plan)
-
-
-def _constant(learnt: Surfels, views: tuple[TrainingView, ...], rows: int, start: StartValues) -> LightAndAlbedo:
+    if start.light != "constant":
+        found = light_and_albedo(learnt, views, rows, start, generator, two_sided, plan)
+        if found is not None:
+            return *found, True
     level = white_light(views, start.white, start.brightest)
-    return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
+    light = learnt.centre.new_full((rows, 2 * rows, 3), level)
+    return light, torch.full_like(learnt.albedo_logit, start.albedo), False
 
 
 def light_and_albedo(
@@ -172,7 +154,7 @@ def light_and_albedo(
     generator: torch.Generator,
     two_sided: bool = True,
     plan: EffectPlan = EVERYTHING,
-) -> LightAndAlbedo | None:
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]] | None:
     """A light map of ``rows`` rows and the surfels' albedo under it, both linear RGB.
 
     Returns None, and counts ``lights_not_sought``, if fewer than ``FEWEST_POINTS`` points are found. ``two_sided`` and
@@ -273,7 +255,7 @@ def least_variation_light(
     """
     radiance = points.radiance.clamp(min=LINEAR_KNEE)
     near, far = _near_pairs(points, learning), _far_pairs(points, learning)
-    level = float(radiance.mean()) / learning.mean_albedo
+    level, white_log = float(radiance.mean()) / learning.mean_albedo, math.log(learning.white)
     log_light = radiance.new_full((transport.rows, 2 * transport.rows, 3), level).log().requires_grad_()
     adam = torch.optim.Adam([log_light], lr=learning.rate)
     for step in range(learning.steps):
@@ -288,7 +270,7 @@ def least_variation_light(
         brightest = _among_neighbours(log_albedo, near).amax(-1).quantile(learning.brightest)
         loss = variation + learning.smoothness * unevenness(log_light)
         loss = loss + learning.chroma_smoothness * unevenness(log_light - log_light.mean(-1, keepdim=True))
-        loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
+        loss = loss + learning.colour * colour + learning.white_paint * (brightest - white_log).square()
         adam.zero_grad()
         loss.backward()
         adam.step()

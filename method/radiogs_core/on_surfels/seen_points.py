@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
-from ..transport.splatting import Splat, splat
+from ..transport.splatting import Splat, splat, unit_or_zero
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,9 @@ def seen_points(camera: Camera, seen: Splat, pixels: Int[Tensor, " points"]) -> 
     albedo, roughness, width = (
         seen.images[name].flatten(0, 1)[pixels] / alpha for name in ("albedo", "roughness", "width")
     )
-    normal = seen.normal.flatten(0, 1)[pixels]
-    length = normal.square().sum(-1, keepdim=True)
     return SeenPoints(
         position=camera.centre + rays * seen.depth.flatten()[pixels, None],
-        normal=normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        normal=unit_or_zero(seen.normal.flatten(0, 1)[pixels]),
         albedo=albedo,
         roughness=roughness[:, 0],
         outgoing=-torch.nn.functional.normalize(rays, dim=-1),

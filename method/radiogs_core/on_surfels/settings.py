@@ -6,11 +6,11 @@ methods start from the same surfels.
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
 from ..learning.geometry import GeometryLearning
-from ..plain_values import require
+from ..plain_values import NotNegative, require
 from .length import POSITIONS
 from .start_values import StartValues
 
@@ -134,14 +134,6 @@ class SurfelVariant:
     def of_training(self) -> dict[str, Any]:
         """The fields that decide the trained model, as plain values."""
         return {name: value for name, value in asdict(self).items() if name not in self.shown_only}
-
-
-@dataclass(frozen=True)
-class NotNegative:
-    """Numbers that are zero or above, such as the weights of losses. Raises UsageError for any other number."""
-
-    def __post_init__(self) -> None:
-        require(self, "zero or above", *(each.name for each in fields(self)))
 
 
 WeightsT = TypeVar("WeightsT", bound=NotNegative)

@@ -11,13 +11,14 @@ from ..contract import BudgetT, Run, VariantT
 from ..learning.backward import backward
 from ..learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from ..surfels.optimiser import SurfelOptimiser
+from .model import SurfelModel
 
 
 class SurfelStage(ABC, Generic[VariantT, BudgetT]):
     """Learns surfels, and further tensors, from the training views of a scene; a ``contract.Stage``.
 
     A subclass makes ``optimiser`` in its ``__init__``, from the initial values of its parameters, and implements
-    ``losses`` and ``product``. It may override ``begin_step``, which runs before the losses of each step.
+    ``losses``, and ``model`` or ``product``. It may override ``begin_step``, which runs before the losses of each step.
     """
 
     name = "invert"
@@ -55,9 +56,14 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
         """Step the optimiser with the gradients of the losses of ``view``."""
         self.optimiser.step()
 
-    @abstractmethod
+    @property
+    def model(self) -> SurfelModel:
+        """The model at the current iteration."""
+        raise NotImplementedError
+
     def product(self) -> dict[str, Any]:
-        """The input of the next stage, or of ``Method.restore``, as plain tensors."""
+        """The input of the next stage, or of ``Method.restore``, as plain tensors: those of the model."""
+        return self.model.tensors()
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""

@@ -3,7 +3,6 @@
 They have a module of their own, so that a stage that only stores them does not depend on the search.
 """
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -61,11 +60,6 @@ class LightStart:
         require(self, "between 0 and 1", "far_share", "brightest")
         require(self, "above zero", "other_paint", "same_paint")
         require(self, "above 0 and below 1", "white", "mean_albedo", "albedo_range")
-
-    @property
-    def white_log(self) -> float:
-        """Logarithm of white paint's albedo."""
-        return math.log(self.white)
 
 
 @dataclass(frozen=True)

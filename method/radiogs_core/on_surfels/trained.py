@@ -18,7 +18,6 @@ from ..scene.light import EnvironmentMap
 from ..scene.light_sampler import require_finite_light
 from ..surfels.ply import write_ply
 from ..surfels.surfels import Surfels
-from ..transport.splatting import Splat
 from .model import SurfelModel
 
 ARRIVING = INCIDENT, INCIDENT_DIRECT = "incident", "incident_direct"
@@ -121,23 +120,6 @@ class Shown:
         wanted = self.default.union(further).intersection(self.offers)
         maps = self.renderer.render(camera, *further)
         return {name: values for name, values in maps.items() if name in wanted}
-
-
-def blended_maps(seen: Splat) -> dict[str, Float[Tensor, "height width _"]]:
-    """The maps that do not depend on shading; ``seen`` has the channels ``albedo`` and ``roughness``."""
-    return {
-        "albedo": seen.images["albedo"],
-        "roughness": seen.images["roughness"],
-        "alpha": seen.alpha[..., None],
-        "normal": unit_or_zero(seen.normal),
-        "depth": seen.depth[..., None],
-    }
-
-
-def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-    """Vectors of length 1; those of length zero stay zero."""
-    length = vectors.square().sum(-1, keepdim=True)
-    return vectors * torch.where(length > 0, length, torch.inf).rsqrt()
 
 
 def reduced(budget: object, published: object, *names: str) -> dict[str, str]:

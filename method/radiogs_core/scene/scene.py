@@ -1,7 +1,7 @@
 """A scene: views with their maps, lights for relighting, and the scene's centre and unit of length."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -103,6 +103,11 @@ class Scene:
     """Samples the true surfaces (see ``true_surfaces``); None where they are not known. Generated scenes know them."""
     surfaces_by: tuple[str, ...] = ()
     """Modules that define ``surfaces``. Their sources are part of the key of a cell that uses it."""
+
+    def each_view(self, change: Callable[[View], View]) -> "Scene":
+        """The scene with all of its views changed."""
+        train, test, relight = (tuple(map(change, views)) for views in (self.train, self.test, self.relight))
+        return replace(self, train=train, test=test, relight=relight)
 
     def true_surfaces(self, spacing: float) -> SurfaceSamples:
         """Samples of the true surfaces, about ``spacing`` world units apart. Raises DataError where none are known."""

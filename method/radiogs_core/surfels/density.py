@@ -1,7 +1,7 @@
 """Density control adds and removes surfels while their geometry is learnt.
 
-``DensityControl`` is the interface of a strategy. ``AdaptiveDensityControl`` is the strategy of 3DGS: it clones small
-surfels with a large positional gradient, splits large surfels with one, and prunes faint surfels. It also prunes
+``AdaptiveDensityControl`` is the strategy of 3DGS: it clones small surfels with a large positional gradient, splits
+large surfels with one, and prunes faint surfels. It also prunes
 
 - surfels that no view has seen since the last round. They face away from every camera or are buried, so no view would
   see them again, and they would still occlude traced rays;
@@ -15,7 +15,7 @@ in half-images at the surfel's centre, and the number of surfels has a maximum.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -24,45 +24,6 @@ from torch import Tensor
 from ..plain_values import require
 from ..scene.camera import Camera
 from .surfels import Surfels
-
-
-@runtime_checkable
-class DensityControl(Protocol):
-    """A strategy of adding and removing surfels, with its statistics."""
-
-    def observe(
-        self,
-        camera: Camera,
-        centre: Float[Tensor, "surfels 3"],
-        gradient: Float[Tensor, "surfels 3"],
-        in_view: Bool[Tensor, " surfels"],
-    ) -> None:
-        """Update the statistics after one step.
-
-        Args:
-            camera: Camera of the step's view.
-            centre: Positions of the surfels, world units.
-            gradient: Gradient of the loss with respect to ``centre``.
-            in_view: Whether the view saw the surfel.
-        """
-
-    def due(self, iteration: int, iterations: int) -> bool:
-        """Whether to ``act`` after ``iteration`` of ``iterations`` steps."""
-
-    def act(
-        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
-    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        """Add and remove surfels; call it only where ``due`` says so.
-
-        Returns the new surfels, and for each the index of the old surfel whose optimiser moments it inherits (-1 for
-        new surfels without moments).
-        """
-
-    def state(self) -> dict[str, Any]:
-        """Tensors and plain values from which to continue bit for bit."""
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
 
 
 @dataclass(frozen=True)
@@ -239,7 +200,11 @@ class AdaptiveDensityControl:
         gradient: Float[Tensor, "surfels 3"],
         in_view: Bool[Tensor, " surfels"],
     ) -> None:
-        """Add the step's view to the positional gradient."""
+        """Add the step's view to the positional gradient.
+
+        ``gradient``: of the loss with respect to the world positions ``centre``. ``in_view``: whether the view saw each
+        surfel.
+        """
         self.gradient.add(camera, centre, gradient, in_view)
 
     def due(self, iteration: int, iterations: int) -> bool:
@@ -266,7 +231,8 @@ class AdaptiveDensityControl:
     ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
         """Run a round, prune surfels that contribute little to every view, reset opacities, or all, as scheduled.
 
-        A round clones, splits and prunes, and resets the statistics.
+        A round clones, splits and prunes, and resets the statistics. Call it only where ``due`` is true. Returns the
+        new surfels, and for each the index of the old surfel whose optimiser moments it inherits (-1: none).
         """
         changed, origin = self._with_round(surfels, iteration, iterations, generator)
         if self._resets(iteration, iterations):

@@ -9,6 +9,7 @@ from ..surfels.surfels import Surfels
 from .incident import Incident
 from .plan import EffectPlan
 from .prefiltered_light import PrefilteredLight, split_sum_radiance
+from .splatting import unit_or_zero
 from .tracer import RAYS_AT_ONCE, SurfelTracer, gather_incident, visibility_of
 
 
@@ -75,8 +76,7 @@ def hit_radiance(
     """
     seen, whole = visibility_of(hits)
     blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
-    length = blended[:, :3].square().sum(-1, keepdim=True)
-    hit_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
+    hit_normal = unit_or_zero(blended[:, :3])
     diffuse, specular = split_sum_radiance(hit_normal, blended[:, 3:6], blended[:, 6], -direction, light)
     if blended.shape[1] > 7:
         is_open = blended[:, 7:]

@@ -16,9 +16,11 @@ from .splatting import (
     DIFFUSE_INDIRECT,
     SPECULAR_DIRECT,
     SPECULAR_INDIRECT,
+    Splat,
     shade_surfels,
     splat,
     towards,
+    unit_or_zero,
 )
 
 
@@ -56,12 +58,17 @@ def _maps(
 ) -> dict[str, Tensor]:
     channels = {"direct": direct, "indirect": indirect, "albedo": albedo, "roughness": surfels.roughness[:, None]}
     seen = splat(camera, surfels, channels, depth_unit=1.0)
-    length = seen.normal.square().sum(-1, keepdim=True)
+    image = displayed(seen.images["direct"] + seen.images["indirect"], seen.alpha, straight).clamp(0, 1)
+    return {**seen.images, "image": image, **blended_maps(seen)}
+
+
+def blended_maps(seen: Splat) -> dict[str, Float[Tensor, "height width _"]]:
+    """The maps that do not depend on shading; ``seen`` has the channels ``albedo`` and ``roughness``."""
     return {
-        **seen.images,
-        "image": displayed(seen.images["direct"] + seen.images["indirect"], seen.alpha, straight).clamp(0, 1),
+        "albedo": seen.images["albedo"],
+        "roughness": seen.images["roughness"],
         "alpha": seen.alpha[..., None],
-        "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        "normal": unit_or_zero(seen.normal),
         "depth": seen.depth[..., None],
     }
 

@@ -36,6 +36,14 @@ def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 
 
 
 @torch.no_grad()
+def sphere_directions(count: int) -> Float[Tensor, "count 3"]:
+    """Spherical Fibonacci set of unit directions, float64; each represents 4 pi / count steradian."""
+    step = torch.arange(count, dtype=torch.float64)
+    height, azimuth = 1 - (2 * step + 1) / count, step * GOLDEN_ANGLE
+    sine = (1 - height.square()).sqrt()
+    return torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height], -1)
+
+
 def hemisphere_directions(
     normal: Float[Tensor, "surfels 3"],
     samples: int,

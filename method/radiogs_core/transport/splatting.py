@@ -124,13 +124,13 @@ def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Fl
     """
     across = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]
-    return pad(_facing(across, down, points[1:-1, 1:-1], toward), (0, 0, 1, 1, 1, 1))
-
-
-def _facing(across: Tensor, down: Tensor, points: Tensor, toward: Tensor) -> Tensor:
     # x right times y down points away from the camera: the order is swapped to face it.
-    normal = torch.linalg.cross(down, across)
-    length = normal.square().sum(-1, keepdim=True)
-    unit = normal * torch.where(length > 0, length, torch.inf).rsqrt()
-    facing = (unit * (toward - points)).sum(-1, keepdim=True)
-    return torch.where(facing < 0, -unit, unit)
+    unit = unit_or_zero(torch.linalg.cross(down, across))
+    facing = (unit * (toward - points[1:-1, 1:-1])).sum(-1, keepdim=True)
+    return pad(torch.where(facing < 0, -unit, unit), (0, 0, 1, 1, 1, 1))
+
+
+def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+    """Vectors of length 1; those of length zero stay zero."""
+    length = vectors.square().sum(-1, keepdim=True)
+    return vectors * torch.where(length > 0, length, torch.inf).rsqrt()

@@ -79,13 +79,6 @@ class SurfelTracer:
         _ = self.bvh
         return self
 
-    def recolour(self, surfels: Surfels) -> None:
-        """Trace ``surfels`` from now on: the same surfels with other harmonics.
-
-        The bounding volumes stay, and rays have gradient to the harmonics but not to the geometry of ``surfels``.
-        """
-        self.surfels = surfels
-
     @property
     def geometry(self) -> SplatGeometry:
         """Geometry of the current surfels for the tracing kernel."""

@@ -20,7 +20,7 @@ from radiogs_bench.store.schema import FirstStep, Result
 from radiogs_bench.suites.experiment import COST
 from radiogs_core.contract import Run
 from radiogs_core.instruments import count
-from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, Shading
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelVariant
 from scenes import sphere_scene
 
@@ -169,7 +169,7 @@ def test_a_stage_whose_optimiser_names_no_tensors_has_losses_alone() -> None:
 def geometry() -> FitGeometry:
     variant, budget = SurfelVariant(), GEOMETRY_PRESETS["smoke"]
     run = Run(sphere_scene(views=2, size=16), variant, budget, 0, CPU, Path())
-    return FitGeometry(run, variant.geometry, budget, 1.0, NoShading())
+    return FitGeometry(run, variant.geometry, budget, 1.0, Shading())
 
 
 def test_watching_a_stage_on_surfels_changes_no_bit() -> None:

@@ -4,19 +4,18 @@ import functools
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 import torch
 
 from radiogs.effects.evidence import Evidence
+from radiogs.effects.new_light import decide_light_sampling
 from radiogs.effects.probe import Findings
 from radiogs.effects.probe_scene import ProbeScene
 from radiogs.effects.probing import (
     EFFECTS,
     Decay,
     bounces_needed,
-    decide_own_light_sampling,
     probe_run,
     probe_scene,
     relighting_findings,
@@ -46,6 +45,13 @@ def found_on(name: str, seed: int) -> tuple[ProbeScene, Findings, Decay]:
 
 def records(found: Findings) -> dict[str, Evidence]:
     return {record.effect: record for record in found.evidence}
+
+
+def light_sampling(scene: ProbeScene, light: EnvironmentMap, found: Findings) -> str:
+    """Verdict about the directions of preset tiny that are drawn from the light."""
+    budget = PRESETS["tiny"]
+    directions = budget.relight_hemisphere_samples, budget.relight_light_samples
+    return decide_light_sampling(scene.surfels, light, found.tolerance, *directions, 0).verdict
 
 
 SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
@@ -157,15 +163,14 @@ def test_directions_are_drawn_from_a_sun_but_not_from_an_even_light(
     name: str, light: Callable[[], torch.Tensor], verdict: str
 ) -> None:
     scene, found, _ = found_on(name, 0)
-    lit = replace(load_scene(name), training_light=EnvironmentMap(light()))
-    assert decide_own_light_sampling(replace(run(name, 0), scene=lit), scene, found).verdict == verdict
+    assert light_sampling(scene, EnvironmentMap(light()), found) == verdict
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "verdict"), [("convex", "on"), ("occluder", "off")])
 def test_directions_are_drawn_from_the_wide_suns_of_generated_skies_where_it_matters(name: str, verdict: str) -> None:
     scene, found, _ = found_on(name, 0)
-    assert decide_own_light_sampling(run(name, 0), scene, found).verdict == verdict
+    assert light_sampling(scene, EnvironmentMap(scene.environment), found) == verdict
 
 
 def test_light_in_a_closed_room_decays_by_the_albedo() -> None:

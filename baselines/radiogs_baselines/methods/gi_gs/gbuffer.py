@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import SOLID_ALPHA, Splat, splat
+from radiogs_core.transport.splatting import SOLID_ALPHA, Splat, splat, unit_or_zero
 
 from ..gs_ir.metallic import MetallicSurfels
 
@@ -67,13 +67,12 @@ def gbuffer(camera: Camera, seen: Splat) -> GBuffer:
         seen.images[name].flatten(0, 1)[pixel] / alpha[pixel, None] for name in ("albedo", "roughness", "metallic")
     )
     rays = camera.ray_directions().flatten(0, 1)[pixel]
-    depth, normal = seen.depth.detach(), seen.normal.detach().flatten(0, 1)[pixel]
-    length = normal.square().sum(-1, keepdim=True)
+    depth = seen.depth.detach()
     return GBuffer(
         camera=camera,
         pixel=pixel,
         position=(rays @ camera.axes) * depth.flatten()[pixel, None],
-        normal=normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        normal=unit_or_zero(seen.normal.detach().flatten(0, 1)[pixel]),
         outgoing=-torch.nn.functional.normalize(rays, dim=-1),
         albedo=albedo,
         roughness=roughness[:, 0],

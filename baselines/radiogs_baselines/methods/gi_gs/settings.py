@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
+from radiogs_core.on_surfels.settings import MaterialLearning, SurfelBudget, SurfelVariant, presets
 from radiogs_core.on_surfels.split_sum_light import Frame
-from radiogs_core.plain_values import require
+from radiogs_core.plain_values import NotNegative, require
 from radiogs_core.transport.prefiltered_light import Masking
 
 from ..gs_ir.metallic import MetallicStart

@@ -8,9 +8,10 @@ from torch import Tensor
 
 from radiogs_core.contract import STANDARD_MAPS, MapKind, Maps, Prepared, Run
 from radiogs_core.on_surfels.split_sum_light import SplitSumLight
-from radiogs_core.on_surfels.trained import INCIDENT, Shown, TrainedOnSurfels, blended_maps, light_start, reduced
+from radiogs_core.on_surfels.trained import INCIDENT, Shown, TrainedOnSurfels, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.maps import blended_maps
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 from ..gs_ir.metallic import MetallicSurfels

@@ -72,10 +72,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
 
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``MetallicSurfels.tensors``)."""
-        return self.model.tensors()
-
 
 def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
     """Mean L1 between the shaded image and the training image on black, display sRGB.

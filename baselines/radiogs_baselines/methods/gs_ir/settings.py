@@ -6,9 +6,9 @@ Unless a field says otherwise, defaults are those of the published scripts for T
 from dataclasses import dataclass, field
 from typing import Literal
 
-from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
+from radiogs_core.on_surfels.settings import MaterialLearning, SurfelBudget, SurfelVariant, presets
 from radiogs_core.on_surfels.split_sum_light import Frame
-from radiogs_core.plain_values import require
+from radiogs_core.plain_values import NotNegative, require
 from radiogs_core.transport.prefiltered_light import Masking
 
 from .metallic import MetallicStart

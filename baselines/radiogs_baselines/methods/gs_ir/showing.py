@@ -11,9 +11,10 @@ from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.on_surfels.split_sum_light import Frame, SplitSumLight
-from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, blended_maps, light_start, reduced
+from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.maps import blended_maps
 
 from .model import Model
 from .prefilter import filtered_light

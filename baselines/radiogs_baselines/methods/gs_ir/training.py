@@ -23,13 +23,14 @@ from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
+from radiogs_core.transport.sampling import sphere_directions
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
 from .model import Model
 from .prefilter import filtered_light
 from .settings import Budget, Variant
 from .shading import View
-from .volumes import IrradianceVolume, Lattice, OcclusionVolume, projection, sphere_directions
+from .volumes import IrradianceVolume, Lattice, OcclusionVolume, projection
 
 MATERIALS = ("albedo", "roughness", "metallic")
 """Blended maps that the smoothness loss reads; metallic only if it is learnt."""
@@ -83,10 +84,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             "prior": weights.prior * material_prior(shown.points.roughness, shown.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
-
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
 
 
 CHANNELS = 5
@@ -187,7 +184,7 @@ def bake(surfels: Surfels, lattice: Lattice, reach: Reach, directions: int) -> O
     """
     near = corners_near(surfels, lattice)
     tracer = SurfelTracer(surfels).built()
-    direction = sphere_directions(directions, dtype=lattice.low.dtype, device=lattice.low.device)
+    direction = sphere_directions(directions).to(lattice.low)
     onto = projection(direction)
     parts = []
     for some in lattice.positions(near).split(max(1, RAYS_AT_ONCE // directions)):

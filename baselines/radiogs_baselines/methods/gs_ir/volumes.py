@@ -192,14 +192,6 @@ def cosine_directions(normal: Float[Tensor, "points 3"], samples: int) -> Float[
     return local @ tangent_frame(normal).mT
 
 
-def sphere_directions(count: int, **like: Any) -> Float[Tensor, "count 3"]:
-    """Spherical Fibonacci set of unit directions; each represents a solid angle of 4 pi / count steradian."""
-    step = torch.arange(count, dtype=torch.float64)
-    height, azimuth = 1 - (2 * step + 1) / count, step * GOLDEN_ANGLE
-    sine = (1 - height.square()).sqrt()
-    return torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height], -1).to(**like)
-
-
 def projection(direction: Float[Tensor, "count 3"]) -> Float[Tensor, "count 16"]:
     """Matrix Y(w) 4 pi / count, which projects values [..., count] onto harmonics of degrees 0 to 3."""
     of_each = _of_three_channels(torch.eye(COEFFICIENTS).to(direction))

@@ -16,7 +16,6 @@ from radiogs_core.on_surfels.trained import (
     SHOWN_WITH_INCIDENT,
     Shown,
     TrainedOnSurfels,
-    blended_maps,
     light_start,
     reduced,
 )
@@ -26,7 +25,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.maps import mean_incident
+from radiogs_core.transport.maps import blended_maps, mean_incident
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import Splat
@@ -87,7 +86,6 @@ class Renderer:
     """Renders surfels under a light. The image of a camera does not depend on earlier images."""
 
     surfels: Surfels
-    """The surfels."""
     albedo: Float[Tensor, "surfels 3"]
     """Linear albedo of the visible surfels."""
     environment: Float[Tensor, "rows columns 3"]

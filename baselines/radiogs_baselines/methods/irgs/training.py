@@ -64,12 +64,11 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """Weighted losses of a step on ``view``, by name; draws pixels and directions from the generator."""
         surfels = self.optimiser.surfels
-        if not self.moves:
-            surfels = surfels.detached(*GEOMETRY)
         if self.moves:
             self.tracer.follow(surfels)
-        else:
-            self.tracer.recolour(surfels)
+        else:  # the same surfels with other harmonics: the bounding volumes stay
+            surfels = surfels.detached(*GEOMETRY)
+            self.tracer.surfels = surfels
         model = LitSurfels(surfels, self.optimiser.tensors["log_environment"])
         own = {"radiance": own_radiance(view.camera, surfels)}
         seen = seen_surfels(view.camera, surfels, surfels.albedo, own, self.depth_unit)
@@ -120,10 +119,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             target = seen.depth_normal(view.camera, geometry.normal_target == "one-sided")
             losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, target)
         return losses
-
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``LitSurfels.tensors``)."""
-        return self.model.tensors()
 
 
 def pixel_loss(

@@ -50,7 +50,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
         start = variant.materials.start
-        light, albedo = starting_light_and_albedo(
+        light, albedo, _ = starting_light_and_albedo(
             learnt, self.views, budget.light_height, start, self.generator, variant.two_sided
         )
         roughness = torch.full_like(learnt.roughness_logit, start.roughness)
@@ -96,10 +96,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         super().restore(state)
         if self.retraces:
             self.table.restore(state["table"])
-
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
 
 
 def image_losses(

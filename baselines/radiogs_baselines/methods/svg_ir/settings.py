@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.settings import MaterialLearning, NotNegative, SurfelBudget, SurfelVariant, presets
+from radiogs_core.on_surfels.settings import MaterialLearning, SurfelBudget, SurfelVariant, presets
 from radiogs_core.on_surfels.start_values import StartValues
-from radiogs_core.plain_values import require
+from radiogs_core.plain_values import NotNegative, require
 
 
 @dataclass(frozen=True, kw_only=True)

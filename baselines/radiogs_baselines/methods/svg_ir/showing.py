@@ -16,13 +16,12 @@ from radiogs_core.on_surfels.trained import (
     Shown,
     TrainedOnSurfels,
     reduced,
-    unit_or_zero,
 )
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import mean_incident
-from radiogs_core.transport.splatting import splat, towards
+from radiogs_core.transport.splatting import splat, towards, unit_or_zero
 
 from .model import Model
 from .settings import PRESETS, Budget, Variant

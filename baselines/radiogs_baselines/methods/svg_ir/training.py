@@ -114,10 +114,6 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             model, self.table, index, view.camera.centre, light, distance
         )}  # fmt: skip
 
-    def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
-        return self.model.tensors()
-
 
 def radiance_consistency(
     model: Model,
@@ -149,7 +145,7 @@ def start_of(
 ) -> Model:
     """The surfels of stage 1 with initial materials, and an initial light of ``rows`` rows."""
     start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
-    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator)
+    light, albedo, _ = starting_light_and_albedo(learnt, views, rows, start, generator)
     return Model(
         surfels=learnt,
         cached=learnt,

@@ -97,11 +97,9 @@ class Renderer:
     """Renders a field under a light (``contract.Prepared``). A camera's image does not depend on earlier images."""
 
     field: Field
-    """The field."""
     variant: Variant
     """The run's variant."""
     light: RecoveredLight | NewLight
-    """The light."""
     seed: int
     """Seed of the random directions of each image."""
     shaded: bool

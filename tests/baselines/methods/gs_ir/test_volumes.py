@@ -15,10 +15,10 @@ from radiogs_baselines.methods.gs_ir.volumes import (
     OcclusionVolume,
     cosine_directions,
     projection,
-    sphere_directions,
 )
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import sphere_directions
 
 F64 = torch.float64
 OPEN = torch.zeros(COEFFICIENTS)
@@ -101,7 +101,7 @@ def test_inheritance_counts_grid_steps() -> None:
 
 def test_the_projection_is_onto_orthonormal_harmonics() -> None:
     """Products summed over the sphere give the identity; M = 1 has only the constant coefficient."""
-    direction = sphere_directions(4096, dtype=F64)
+    direction = sphere_directions(4096)
     onto = projection(direction)
     gram = (onto * len(direction) / (4 * math.pi)).T @ onto
     torch.testing.assert_close(gram, torch.eye(16, dtype=F64), rtol=0, atol=2e-3)

@@ -10,7 +10,7 @@ import torch
 from radiogs_core.contract import Run
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.on_surfels import fit_geometry
-from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, Shading
 from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
@@ -27,7 +27,7 @@ ROOM_BUDGET = with_values(
 
 
 def stage_on(scene: Scene) -> FitGeometry:
-    return FitGeometry(Run(scene, None, None, 0, CPU), GeometryLearning(), ROOM_BUDGET.geometry, 1.0, NoShading())
+    return FitGeometry(Run(scene, None, None, 0, CPU), GeometryLearning(), ROOM_BUDGET.geometry, 1.0, Shading())
 
 
 def trained(scene: Scene) -> tuple[float, Surfels]:

@@ -124,7 +124,10 @@ def test_a_tolerance_in_decibels_converts_to_an_image_error() -> None:
     assert Tolerance(0.0).loss(0.0) == 0.0
 
 
-HARMLESS = Measured(0.01, 0.0, 0.02, 0.4, 0.1, 0.02, 0.1, 0.3, 9000, 0.03)
+HARMLESS = Measured(
+    contribution=0.01, lowest=0.0, bound=0.02, worst=0.4, tail=0.1, unseen=0.02, gradient=0.1,
+    share=0.3, rays=9000, seconds=0.03,
+)  # fmt: skip
 
 
 def but(**changes: float) -> Measured:

@@ -11,7 +11,7 @@ from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
 from radiogs.effects.planner import Planner
 from radiogs.effects.probe import Occasion
 from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
-from radiogs.effects.staleness import Staleness, decide_refresh
+from radiogs.effects.staleness import decide_refresh
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
 from radiogs.invert import InverseRendering
@@ -20,6 +20,8 @@ from radiogs.rays import RaySettings
 from radiogs.settings import Variant
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
+from radiogs_core.learning.views import TrainingView, Whole
+from radiogs_core.scene.scene import View
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
@@ -65,19 +67,13 @@ def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> Non
     assert "failed" in stage.planner.evidence[-1].why
 
 
-@dataclasses.dataclass(frozen=True)
-class View:
-    """A training view for a planner."""
-
-    camera: Any
-    image: torch.Tensor
-
-    def over(self, background: float) -> torch.Tensor:
-        return self.image
-
-
-def views_of(made: ProbeScene) -> list[View]:
-    return [View(view.camera, view.target) for view in made.views if view.target is not None]
+def views_of(made: ProbeScene) -> list[TrainingView]:
+    """Training views for a planner, which show the targets of a probe's views."""
+    shown = [(view.camera, view.target) for view in made.views if view.target is not None]
+    return [
+        TrainingView(camera, View("", camera, {}), Whole(target), Whole(torch.ones_like(target[..., 0])))
+        for camera, target in shown
+    ]
 
 
 def without_rays() -> Planner:
@@ -136,10 +132,10 @@ def test_a_probe_does_not_trace_surfels_with_kept_light() -> None:
 
 def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
-    still = Staleness(1e-9 * torch.rand(200))
+    still = 1e-9 * torch.rand(200)
     factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)
     assert (factor, record.verdict) == (2, "off")
-    moving = Staleness(1e-2 * torch.rand(200))
+    moving = 1e-2 * torch.rand(200)
     factor, record = decide_refresh(moving, tolerance, budgeted, Occasion(0, 20, EffectPlan(refresh=2)), 1e-3)
     assert (factor, record.verdict) == (1, "on")
 
