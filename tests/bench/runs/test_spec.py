@@ -108,12 +108,30 @@ def test_a_spec_from_a_strangers_folder_runs_nothing_of_theirs(tmp_path: Path, m
     assert not (tmp_path / "out").exists()
 
 
+FROM_PYTHON = """
+import sys, traceback
+from pathlib import Path
+import radiogs_bench as rb
+from radiogs_core.on_surfels.fit_geometry import FitGeometry
+
+step, ways = FitGeometry.step, []
+
+def watched(stage, *given):
+    ways.append([Path(frame.filename) for frame in traceback.extract_stack()[1:]])
+    return step(stage, *given)
+
+FitGeometry.step = watched
+rb.run("ablations", "out", preset="smoke", scenes=["corner"], rows=["ours"], long_side=32)
+print([name for name in sys.modules if name.startswith("radiogs_bench.cli") or name == "cyclopts"])
+print(*dict.fromkeys(path.stem for path in ways[-1] if "radiogs_bench" in path.parts))
+"""
+"""A run in a process of its own; it prints the parsers that it loaded, and the files between ``rb.run`` and a step."""
+
+
 @pytest.mark.slow
-def test_a_run_from_python_loads_no_parser_of_command_lines(tmp_path: Path) -> None:
-    program = (
-        "import sys, radiogs_bench as rb\n"
-        f"rb.run('ablations', {str(tmp_path)!r}, preset='smoke', scenes=['corner'], rows=['ours'], long_side=32)\n"
-        "print([name for name in sys.modules if name.startswith('radiogs_bench.cli') or name == 'cyclopts'])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert done.stdout == "[]\n"
+def test_a_run_from_python_loads_no_parser_and_reaches_a_step_through_few_files(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", FROM_PYTHON], capture_output=True, text=True, check=True, cwd=tmp_path)
+    parsers, way = done.stdout.splitlines()
+    assert parsers == "[]"
+    assert way.split()[0] == "whole_runs"
+    assert len({*way.split(), "plan", "the stage"}) <= 7
