@@ -32,8 +32,7 @@ CAMERAS_THAT_AGREE = 3
 """Training cameras from which on there is a point that they look at."""
 
 PARALLEL = 0.01
-"""Mean squared sine of the angles between the cameras' axes and their mean, below which they meet nowhere: the axes lie
-within about 6 degrees, as on a slider."""
+"""Mean squared sine of angles between cameras' axes and their mean (about 6 degrees) below which they meet nowhere."""
 
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
@@ -173,10 +172,7 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
 
 
 def _look_at_something(scene: Scene) -> bool:
-    """Whether the cameras should look at one point: there are several, masks show an object, and axes meet.
-
-    In a scene without masks they may stand in a room and look outwards, or move along a street.
-    """
+    """Whether the cameras should look at one point: there are several, masks show an object, and axes meet."""
     if scene.surrounded or len(scene.train) < CAMERAS_THAT_AGREE:
         return False
     forward = torch.stack([view.camera.axes[:, 2] for view in scene.train]).double()

@@ -1,7 +1,4 @@
-"""Where scenes are: the miniatures of the package, and one folder of downloaded ones.
-
-Commands name the latter as ``tensoir/lego`` from anywhere. Nothing here imports PyTorch: to list names takes no time.
-"""
+"""Where scenes are: the miniatures of the package and a folder of downloaded ones, listed without importing PyTorch."""
 
 import os
 from collections.abc import Iterator
@@ -63,10 +60,7 @@ def in_data_sets(root: Path, name: str) -> list[Path]:
 
 
 def below(root: Path, name: Path) -> Iterator[Path]:
-    """Folders called like the last part of ``name``, within the folder that its other parts name.
-
-    Links are not followed. None where ``name`` has one part.
-    """
+    """Folders (no links) called like the last of several parts of ``name``, within the folder that the others name."""
     if len(name.parts) < 2 or name.is_absolute() or ".." in name.parts:
         return
     level = [root / name.parent]

@@ -309,8 +309,7 @@ def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
 
 
 def _image_channels(held: Mapping[str, str]) -> list[str]:
-    """The image's channels among a layer's channels, which are given by their names in capitals; none if they do not
-    form an image."""
+    """The channels that form an image, of a layer's channels by their names in capitals; none without an image."""
     for names in EXR_COLOURS:
         if all(name in held for name in names):
             return [held[name] for name in names]
@@ -323,8 +322,7 @@ def _image_channels(held: Mapping[str, str]) -> list[str]:
 
 
 def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:
-    """Raises DataError for what changes an image and is not applied: parts, a cut window, subsampled channels, other
-    primaries."""
+    """Raises DataError for what is not applied, such as parts, a cut window, subsampled channels, other primaries."""
     data, display = (np.asarray(header[name]).tolist() for name in ("dataWindow", "displayWindow"))
     coarse = [channel.name for channel in header["channels"] if (channel.xSampling, channel.ySampling) != (1, 1)]
     ratio, stored = float(header.get("pixelAspectRatio", 1)), np.ravel(header.get("chromaticities", REC709))

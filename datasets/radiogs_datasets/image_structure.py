@@ -136,10 +136,7 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
 
 
 def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None]:
-    """Height, width and ICC profile of a JPEG, by Pillow.
-
-    Raises DataError for a damaged header, a missing end, and colours that are neither grey nor three (CMYK).
-    """
+    """Height, width and ICC profile of a JPEG. Raises DataError for damage, a missing end, and colours such as CMYK."""
     if not data.startswith(JPEG_START):
         raise damaged(path, "it does not begin like a JPEG file")
     try:

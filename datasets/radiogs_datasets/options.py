@@ -11,8 +11,7 @@ TEST_EVERY = 8
 """Every eighth view of a scene without splits is a test view, as for MipNeRF360."""
 
 Meaning = Literal["object", "ignore"]
-"""Meanings of a mask's black pixels: nothing is there, so that masks are the object's coverage; or they are left out of
-training and metrics, because they show what does not belong to the scene."""
+"""Meanings of black in masks: no object is there, or the pixel is left out of training and metrics."""
 
 
 @dataclass(frozen=True)

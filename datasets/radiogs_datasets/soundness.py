@@ -141,8 +141,7 @@ FEWEST_PIXELS = 64
 
 
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
-    """Findings from the cameras: few training or test views, all at one position, or images smaller than SSIM's
-    window."""
+    """Findings: few training or test views, all cameras at one position, or images smaller than SSIM's window."""
     said = []
     if 0 < len(scene.train) < FEWEST_VIEWS:
         said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")

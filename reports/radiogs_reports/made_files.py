@@ -19,11 +19,7 @@ from .files import Unusable, opened
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
-"""A line with the digest of the content that the reports were made from, then one per file: SHA-256, and path relative
-to OUT.
-
-Files that it does not list are never deleted.
-"""
+"""A line with the digest of the reports' source, then SHA-256 and path in OUT per file; no other file is deleted."""
 
 BEGUN = "reports_begun.txt"
 """There while reports are written: a line with their suite, then one per file that stood in their places and is none of

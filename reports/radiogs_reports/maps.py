@@ -21,8 +21,7 @@ ANGLE_RANGE = 45.0
 """Angle between normals, in degrees, at which false colours saturate."""
 
 MOST_BYTES = 1 << 32
-"""Largest size of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to
-fill memory."""
+"""Largest size of a cell's arrays, unpacked: some thirty maps of 8192 x 4096. A small archive could fill memory."""
 
 MOST_STORED = 1 << 38
 """Largest size of a file of arrays as it is stored."""

@@ -1,5 +1,4 @@
-"""Placeholders in the texts of a method's file: their names, the fields where each is allowed, and their
-replacement."""
+"""Placeholders in the texts of a method's file: their names, the fields that allow each, and their replacement."""
 
 import string
 from collections.abc import Mapping, Sequence
@@ -54,10 +53,7 @@ def placeholders(text: str) -> list[str]:
 
 
 def check(text: str, known: Mapping[str, str], where: str) -> None:
-    """Raise UsageError for a placeholder that is not in ``known``, or for braces that are not a placeholder.
-
-    ``where`` names the field in the message.
-    """
+    """Raise UsageError, which names the field (``where``), for a placeholder not in ``known`` and for other braces."""
     try:
         names = placeholders(text)
     except ValueError as error:

@@ -1,7 +1,4 @@
-"""A running command: its log, time and memory, and how it is ended with all its children.
-
-The log holds the command's output, up to a maximum size, and is written while the command runs.
-"""
+"""A running command: its log, time and memory, and how it is ended with all its children."""
 
 import atexit
 import os
@@ -171,15 +168,11 @@ def _cannot_start(command: Command, why: str) -> CommandFailed:
 
 
 class BoundedLog:
-    """A file of bounded size that keeps the beginning and the end of a command's output.
+    """A file that keeps the first and the last ``limit`` / 2 bytes of a command's output.
 
     The end is written to a ring buffer behind the beginning, and ``close`` puts it in order; if the harness is killed,
     both are in the file. If the disk is full, further output is dropped and ``trouble`` says so, because a reader that
     stopped would block the command.
-
-    Args:
-        path: Path of the file.
-        limit: Largest size in bytes.
     """
 
     def __init__(self, path: Path, limit: int = LIMIT) -> None:
@@ -226,9 +219,7 @@ class BoundedLog:
                 self.trouble = f"the end of the log could not be put in order ({error.strerror})"
 
     def last_lines(self, count: int) -> str:
-        """The last ``count`` lines that are not empty; a progress bar that overwrites its line counts as its last
-        state.
-        """
+        """The last ``count`` lines that are not empty; the last state of a progress bar that overwrites its line."""
         lines = b"".join(self._recent).decode("utf-8", "replace").split("\n")
         shown = [line.rstrip("\r").rsplit("\r", 1)[-1].rstrip() for line in lines]
         return "\n".join([line for line in shown if line][-count:])

@@ -1,5 +1,4 @@
-"""The trained model of a public code: its commands render and relight it, and the reader of its layout reads the
-files."""
+"""The trained model of a public code: its commands render and relight it, and its layout's reader reads the files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -111,8 +111,7 @@ class Workspace:
         }
 
     def values(self, light: str = "") -> dict[str, str]:
-        """Values of all placeholders; ``light``: the light to relight under. Raises UsageError if the code is not
-        found."""
+        """Values of all placeholders; ``light``: to relight under. Raises UsageError if the code is not found."""
         interpreter = os.environ.get(self.file.code.python) if self.file.code.python else None
         values = self.named() | {"code": str(self._checkout()), "python": interpreter or "python"}
         if light:

@@ -19,8 +19,7 @@ KINDS_SHOWN = 3
 
 
 def likely_codes(folder: Path) -> list[str]:
-    """Codes whose marks the folder has, without those whose marks another of these codes also writes
-    (``Code.over``)."""
+    """Codes whose marks the folder has, unless another of these codes writes the marks, too (``Code.over``)."""
     marked = [name for name, code in CODES.items() if any(any(folder.glob(mark)) for mark in code.marks)]
     explained = {other for name in marked for other in CODES[name].over}
     return [name for name in marked if name not in explained]

@@ -38,8 +38,7 @@ class Pair:
     mask: Path | None
     """File of the target's mask; None if there is none."""
     wanted: tuple[str | None, str]
-    """Paths of output and target, as the JSON gives them; for validation images, relative to the folder. None: the JSON
-    gives ``null`` for the output."""
+    """Paths of output and target as in the JSON, or relative to the folder of validation images; None for ``null``."""
 
     @property
     def predicted(self) -> bool:
@@ -90,8 +89,7 @@ def unread(path: Path, pairs: Iterable[Pair]) -> list[str]:
 
 
 def holds_pairs(path: Path) -> bool:
-    """Whether ``path`` is a JSON of pairs, or contains such a JSON or validation images with references at any
-    depth."""
+    """Whether ``path`` is a JSON of pairs, or contains one, or validation images with references, at any depth."""
     files = [path] if path.is_file() else path.rglob("*.json")
     return any(map(_is_handed_in, files)) or any(pair.target is not None for pair in _validation_pairs(path))
 

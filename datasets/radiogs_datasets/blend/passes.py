@@ -43,8 +43,7 @@ class Maps:
     indirect: Map
     """Radiance after two or more surfaces."""
     incident_indirect: Map
-    """Indirect irradiance over pi at the surface: the cosine-weighted mean of the incident indirect radiance; zero
-    where nothing is diffuse."""
+    """Indirect irradiance over pi: cosine-weighted mean of incident indirect radiance; zero if nothing is diffuse."""
     albedo: Map
     """Diffuse albedo, linear RGB."""
     normal: Map

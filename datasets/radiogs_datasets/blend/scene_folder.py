@@ -95,10 +95,7 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
 
 
 def _begin(request: Request, folder: Path, state: Path) -> None:
-    """Make the place, or find it as it was left.
-
-    Raises UsageError where views of another request are finished in it, and for a folder of that name that is not ours.
-    """
+    """Make the place, or find it as it was left. Raises UsageError if it is not ours or has another request's views."""
     require_own_folders(folder.parent, state.parent.name, f"{state.parent.name}/{state.name}")
     if not state.is_dir():
         require_new(state.parent)

@@ -68,8 +68,7 @@ class Studio:
 
 
 ROWS = 480
-"""Rows that a map is refined to: Blender continues a map beyond its poles with the rows of the other pole, and that
-reaches half a row."""
+"""Rows that a map is refined to: beyond a pole, Blender continues a map with half a row of the other pole."""
 
 
 def refined(light: NDArray[np.float32]) -> NDArray[np.float32]:

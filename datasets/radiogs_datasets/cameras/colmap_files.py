@@ -239,10 +239,7 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
 
 
 def _text_images(path: Path) -> Iterator[StoredImage]:
-    """Photos in the file's order; the second line of each, its features, is skipped.
-
-    Raises DataError where that line is no list of features: without it every second photo would be lost.
-    """
+    """Photos in the file's order. Raises DataError where the second line of one is no list of features."""
     lines = _text(path).split("\n")
     count = place = 0
     while place < len(lines):

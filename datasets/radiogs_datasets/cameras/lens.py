@@ -30,8 +30,7 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k1"),
     "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
 }
-"""COLMAP's camera models that OpenCV can undistort, with their parameters in COLMAP's order (its
-``sensor/models.h``)."""
+"""COLMAP's camera models that OpenCV can undistort; parameters in COLMAP's order (its ``sensor/models.h``)."""
 
 LARGEST_COEFFICIENT = 1e6
 """Above it a coefficient is damage: those of real lenses are below a hundred."""

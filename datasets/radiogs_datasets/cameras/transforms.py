@@ -207,8 +207,7 @@ def _frame(
 
 
 def _merged(table: dict[str, Any], frame: dict[str, Any]) -> dict[str, Any]:
-    """The file's lens with the frame's fields in their place; a frame's angle makes the file's pixels void, and pixels
-    of a frame the file's angles."""
+    """The file's lens with the frame's fields in place; a frame's angle voids the file's pixels, and the reverse."""
     own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
     void = (*PIXELS, *ANGLES[1:]) if own_angle else ANGLES if own_pixels else ()
     return {name: value for name, value in table.items() if name not in void} | frame

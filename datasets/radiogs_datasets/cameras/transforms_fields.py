@@ -146,10 +146,7 @@ def _other_size(what: str, written: tuple[float, float], found: tuple[int, int])
 def _of_pixels(
     what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...], note: Note
 ) -> LensOfSize:
-    """Pixels of an image of one size; images of another size are refused, not guessed at.
-
-    Without a principal point it is the image's centre, without a size that of the images.
-    """
+    """The lens in pixels of an image of one size, or of the images' size if none is given; other sizes are refused."""
     given = {name: finite(fields[name]) for name in (*PIXELS, *SIZE) if fields.get(name) is not None}
     given.setdefault("fl_y", given.get("fl_x", math.nan))
     _require_pixels(what, fields, given)

@@ -60,10 +60,7 @@ class Pinhole:
 
 @lru_cache(maxsize=4096)
 def pinhole_of(lens: Lens) -> Pinhole:
-    """The pinhole camera of a lens; one that does not distort keeps all its pixels.
-
-    Raises ValueError if no rectangle of the image is left.
-    """
+    """The pinhole camera of a lens, of all pixels without distortion. Raises ValueError if no rectangle is left."""
     if lens.pinhole:
         return Pinhole(lens, 0, 0, lens.width, lens.height, 1.0)
     canvas = _canvas(lens)

@@ -31,8 +31,7 @@ PARTNERS, FEWEST_SHARED = 5, 8
 """Views with which a view shares most matches, and how many they have to share."""
 
 NEAR, NEAR_PIXELS = 1 / 300, 0.5
-"""Distance from the epipolar line, in longer sides of the image and at least in pixels, up to which a match agrees with
-the cameras."""
+"""Largest distance of a match from its epipolar line: in longer sides of the image, and at least in pixels."""
 
 FEWEST = 40
 """Matches of a view, or of all of them, below which nothing is said."""

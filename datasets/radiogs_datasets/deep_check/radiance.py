@@ -17,8 +17,7 @@ CLIPPED = 0.98
 """Display value from which on an image may be clipped."""
 
 OFF, EXPLAINED = 0.06, 0.4
-"""Median ratio of radiance, natural logarithm, from which on a sum contradicts its image, and the share of it that
-another reading may leave."""
+"""Median ratio (natural logarithm) at which a sum contradicts its image, and the share another reading may leave."""
 
 MOST_BEYOND, BEYOND = 0.05, 1.05
 """Share of the pixels whose indirect light may exceed the whole by this factor."""

@@ -17,8 +17,7 @@ FEWEST = 40
 """Points below which a view says nothing."""
 
 SUSPECT, SUSPECT_FROM = 2.0, 0.01
-"""Times the median difference of all views, and what is added to it, from which on other readings of a view's camera
-are tried."""
+"""Factor on the median difference of all views, and a summand, above which other readings of a camera are tried."""
 
 EXPLAINED = 0.5
 """Share of a difference that another reading may leave."""
@@ -44,8 +43,7 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:
-    """Mean difference of display colour between the surface and a view under a camera; infinite if it shows few points
-    of it."""
+    """Mean difference of display colour between surface and view under a camera; infinite if it shows few points."""
     at, visible = seen(surface, camera)
     if int(visible.sum()) < FEWEST:
         return np.inf

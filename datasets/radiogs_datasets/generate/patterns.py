@@ -135,10 +135,7 @@ WAVES = 24
 
 @lru_cache
 def waves(longest: float, shortest: float, seed: int) -> tuple[tuple[float, Point, float], ...]:
-    """Amplitude, wave vector (radian per unit) and phase of plane waves; amplitudes grow with the wavelength.
-
-    A sum of sines of unit variance, in random directions.
-    """
+    """Amplitude, wave vector (radian per unit) and phase of sines in random directions, with unit variance in sum."""
     random = np.random.default_rng(seed).random((WAVES, 3))
     length = longest * (shortest / longest) ** (np.arange(WAVES) / (WAVES - 1))
     amplitude = np.sqrt(2 * length / length.sum())
@@ -156,8 +153,7 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 
 GLYPH_WIDTH = 0.6
 GLYPH_SPACING = 0.35
-"""Width of a letter, and distance between the middles of the strokes of neighbouring letters, in heights of a
-letter."""
+"""Width of a letter, and distance between the strokes of neighbouring letters, in heights of a letter."""
 
 GLYPHS = {
     "A": "00 14 20, 0B 2B",

@@ -1,7 +1,4 @@
-"""Rendering one recipe with Mitsuba: radiance by path tracing, surface maps by exact intersection.
-
-Patterns of the world position are textures, evaluated in Dr.Jit by the formula that is the ground truth.
-"""
+"""Rendering one recipe with Mitsuba: radiance by path tracing, surface maps by exact intersection."""
 
 # Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Writing a generated scene as a folder in the TensoIR layout (see ``radiogs_datasets.layouts.tensoir``).
-
-``metadata.json`` keeps how the scene was made, and how much noise and indirect light it holds.
-"""
+"""Writing a generated scene, and how it was made, as a folder in the TensoIR layout (``layouts.tensoir``)."""
 
 # Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 from __future__ import annotations
@@ -88,10 +85,7 @@ def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
 def write_view(
     lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, depth: int, seed: int, folder: Path
 ) -> NDArray[np.float64]:
-    """Write one view; returns the sums of its indirect and of its total radiance under the training light.
-
-    Zeros for a training view: of that only the image is written, and its direct part is not rendered.
-    """
+    """Write a view; returns sums of its indirect and total radiance under the training light, zeros if for training."""
     full = render.radiance(lights[TRAINING_LIGHT], camera, split.samples, depth, seed)
     # One alpha for every map of the view.
     alpha = np.where(render.any_coverage(lights[TRAINING_LIGHT], camera), full[..., 3:], 0)

@@ -1,8 +1,4 @@
-"""The surfaces of a recipe's solids as samples: points, frames and materials that are known exactly.
-
-For comparing light transport through surfels with a path tracer's through the same solids, and for giving a method the
-true geometry.
-"""
+"""The surfaces of a recipe's solids as samples: points, frames and materials that are known exactly."""
 
 import itertools
 import math

@@ -182,8 +182,5 @@ def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
 
 
 def read_light(path: Path) -> EnvironmentMap:
-    """The stored map, taken as Z up (``radiogs_core.scene.light``).
-
-    Raises DataError for a damaged file, and for one that is no latitude-longitude map.
-    """
+    """The stored map, taken as Z up. Raises DataError if it is damaged, or no latitude-longitude map."""
     return EnvironmentMap(latitude_longitude(path, torch.from_numpy(read_hdr(path)))[0])

@@ -1,7 +1,4 @@
-"""The audit of plans: the cost of leaving effects out beside its prediction, from a run's summary alone.
-
-Every form of the report shows its sentences and its grid.
-"""
+"""The audit of plans: the cost of leaving effects out beside its prediction, from a run's summary alone."""
 
 from collections import Counter
 

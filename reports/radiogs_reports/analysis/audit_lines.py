@@ -1,7 +1,4 @@
-"""Lines of the audit: a scene under a row that leaves effects out, paired over seeds with the reference row.
-
-A line also names in words the effects that its plan leaves out.
-"""
+"""Lines of the audit: a scene under a row that leaves effects out, paired over seeds with the reference row."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -21,10 +18,7 @@ Judgement = Literal["yes", "within noise", "no", "above"]
 
 
 class AuditLine(NamedTuple):
-    """Cost and savings of a row's plans on one scene, beside the reference row, which has all effects on.
-
-    A value that the results do not hold is None.
-    """
+    """Cost and savings of a row's plans on one scene beside the reference row, all effects on; None where not known."""
 
     scene: str
     row: str
@@ -47,10 +41,7 @@ class AuditLine(NamedTuple):
 
 
 def audit_lines(summary: Summary) -> list[AuditLine]:
-    """All lines, scene by scene, over the seeds that a row and the reference row have both finished.
-
-    Empty unless the run is an audit with a reference row.
-    """
+    """All lines of an audit with a reference row, scene by scene, over the seeds that both rows have finished."""
     audited = any(run["made_from"].get("experiment") == EXPERIMENT for run in summary["runs"])
     if not audited or summary["reference"] is None:
         return []

@@ -1,7 +1,4 @@
-"""Rows of which each changes something more in the row before: what every step of the way is worth.
-
-Such a chain leads from one group of settings to another, as from a method as printed to the method as recommended.
-"""
+"""Rows of which each changes something more in the row before: what every step of the way is worth."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -32,8 +29,7 @@ class Worth(NamedTuple):
     steps: dict[str, Estimate | None]
     """By the row that the step leads to."""
     resolved: frozenset[str]
-    """The rows whose step is resolved: a paired t test with Holm's correction over the steps of the metric, at places
-    that no footnote concerns."""
+    """Rows whose step is resolved (paired t test, Holm over the metric's steps), at places without a footnote."""
 
 
 def chain_report(summary: Summary) -> Report | None:

@@ -82,10 +82,7 @@ def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, f
 
 
 def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
-    """The rows that are resolved to be worse than each row, over all pairs of rows.
-
-    None if no pair can be tested, and for counts.
-    """
+    """The rows that are resolved to be worse than each row; None for counts, and if no pair can be tested."""
     if direction == "none":
         return None
     upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
@@ -102,10 +99,7 @@ def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set
 
 
 def ranks(samples: Mapping[str, Sample], direction: Direction) -> dict[str, int]:
-    """One more than the number of rows that are resolved to be better, by row, in the order of means (``ordered``).
-
-    Empty if no two rows can be tested.
-    """
+    """One more than the number of resolved better rows, by row, as ``ordered``; empty if no two can be tested."""
     found = beaten(samples, direction)
     if found is None:
         return {}

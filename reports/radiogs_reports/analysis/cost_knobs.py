@@ -57,10 +57,7 @@ class Knob(NamedTuple):
 
 
 def knobs(summary: Summary) -> list[Knob]:
-    """Every field with at least two settings, in the order of the table's rows.
-
-    Empty without a reference row, and where its results do not hold a budget.
-    """
+    """Every field with two or more settings, in the order of rows; none without a reference row that has a budget."""
     if summary["reference"] is None:
         return []
     base = made_from(summary, reference_of(summary))

@@ -24,10 +24,7 @@ def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[ScoredP
 
 
 def equal_time(summary: Summary) -> Grid:
-    """The best row, by the mean of its runs' values, after the time of each scored point of the reference row.
-
-    That time is taken from the slowest run of the reference row.
-    """
+    """The best row, by its runs' mean value, after the time of each scored point of the reference row's slowest run."""
     texts, rows = row_texts(summary), []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}

@@ -68,10 +68,7 @@ def order_report(summary: Summary) -> Report | None:
 
 
 def orders_of(summary: Summary) -> list[Order]:
-    """The order of the methods in every column of which at least ``FEWEST`` have a published value.
-
-    A method stands in it by the first of its rows that has a finished cell.
-    """
+    """The order of methods, by their first finished rows, in each column with ``FEWEST`` or more published values."""
     first: dict[str, str] = {}
     for run in summary["runs"]:
         if run["made_from"]:

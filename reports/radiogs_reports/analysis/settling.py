@@ -32,10 +32,7 @@ class ScoredPoint(NamedTuple):
 
 
 def curve(run: Mapping[str, Any], column: str) -> list[ScoredPoint]:
-    """Scored points of a run's last training stage, in the order of time.
-
-    ``run``: of a summary, or a stored result.
-    """
+    """Scored points, in the order of time, of the last training stage of a run in a summary or a stored result."""
     if not run["stages"]:
         return []
     last = run["stages"][-1]["name"]

@@ -49,10 +49,7 @@ def add_grid(axes: Axes) -> None:
 def quality_over_cost(
     axes: Axes, column: ColumnSummary, qualities: Sequence[float], costs: Sequence[float], logarithmic_from: float
 ) -> None:
-    """The look of a panel of a metric over costs: the qualities with some room, upside down where smaller is better.
-
-    The costs are logarithmic if the largest is at least ``logarithmic_from`` times the smallest.
-    """
+    """The look of a panel of a metric over costs, which may be logarithmic; upside down where smaller is better."""
     low, high = min(qualities), max(qualities)
     room = MARGIN * (high - low or abs(high) or 1.0)
     low, high = low - room, high + room

@@ -35,10 +35,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # outlines that journals accept, text that can be searched
 }
-"""All settings of matplotlib: those that it comes with, not of a ``matplotlibrc``, and ours over them.
-
-``run_folder.write_figures`` draws and saves every figure under them.
-"""
+"""All settings of matplotlib for every figure: its defaults instead of a ``matplotlibrc``, and ours over them."""
 
 COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5b4bb7", "#444444")
 """Colours of rows, in order: dark enough on white, distinct without red and green (after Okabe and Ito)."""
@@ -111,17 +108,13 @@ def panels(
 
 
 def tiles(bands: int, lines: int, across: int, room: float) -> tuple[Figure, NDArray[object_]]:
-    """A figure of pictures in bands below each other, and its axes, [bands, lines, across].
-
-    ``room``: inches of a band beyond its pictures, for their titles.
-    """
+    """A figure of bands of pictures, each with ``room`` inches for its titles, and its axes, [bands, lines, across]."""
     figure = blank(TILE * across + 0.4, (TILE * lines + room) * bands)
     return figure, figure.subplots(lines * bands, across, squeeze=False).reshape(bands, lines, across)
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
-    """The number of columns, as wide as the longest line of the labels, that fit into ``width`` inches; ``most`` at
-    most."""
+    """The number of columns, as wide as the labels' longest line, that fit into ``width`` inches; at most ``most``."""
     longest = max(len(line) for label in labels for line in label.split("\n"))
     return max(1, min(len(labels), most, int(width / (INCHES_PER_CHARACTER * longest + 0.5))))
 

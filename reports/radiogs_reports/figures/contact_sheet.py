@@ -1,5 +1,4 @@
-"""One figure of a run: rendered and recovered maps, a band for each row of the table; above them the ground truth, once
-for all rows that show the same view of it."""
+"""A run's maps in one figure: a band for each row of the table, and the ground truth of a view above its rows."""
 
 from pathlib import Path
 

@@ -76,8 +76,7 @@ def curves_of(summary: Summary) -> Curves | None:
 
 
 def _lines(summary: Summary, curves: Curves, column: ColumnSummary, scene: str | None) -> dict[str, Line]:
-    """The lines of a panel by label: of every scene, or of every series on one scene; those without values are left
-    out."""
+    """Lines with values in a panel, by label: of every scene, or of every series on one scene."""
     if scene is not None:
         found = {label: _line(summary, rows, column, scene) for label, rows in curves.series.items()}
     else:

@@ -1,7 +1,4 @@
-"""Figures of fine-tuning for a new light: quality over iterations, when it pays, and what it looks like.
-
-Rows fine-tune the surfels for a number of iterations; the figures say after how many frames that pays.
-"""
+"""Figures of fine-tuning for a new light: quality over iterations, after how many frames it pays, and pictures."""
 
 from collections.abc import Callable
 from itertools import zip_longest

@@ -58,10 +58,7 @@ def _sketch(name: str, title: str, rungs: Sequence[Rung], on_page: bool) -> Sket
 
 
 def _panel(axes: Axes, rung: Rung) -> None:
-    """Two bars for each part, from top to bottom; the axis shows whole all but bars of the part itself.
-
-    Those are shown by a tenth at least, so that noise beside them does not look like an effect.
-    """
+    """Two bars for each part, from top to bottom; the axis holds whole bars, and a tenth or more of the part's own."""
     decimals, parts = rung.column["decimals"], list(rung.parts)
     ends = [(part, end) for part, share in rung.parts.items() for end in share if end is not None]
     values = [(part, each) for part, end in ends for each in (end.mean, end.low, end.high) if each is not None]

@@ -167,10 +167,7 @@ RELIT, RELIT_INDIRECT = "relit", "relit_indirect"
 
 
 def relighting_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """Figures for every scene with a view under several lights: the view, and its indirect light where that is known.
-
-    A single light is shown in the grids of maps.
-    """
+    """Figures for every scene with a view under several lights: the view, and its indirect light where it is known."""
     return [
         _relit(views, kind)
         for views in scene_views(summary, out)

@@ -1,7 +1,4 @@
-"""Assembles ``report.html``, the run as one page that needs no network and no server.
-
-It is made of a template, styles, scripts, the plotting library, data and pictures, and says where its values come from.
-"""
+"""Assembles ``report.html``, the run as one page that needs no network and no server."""
 
 import base64
 from collections.abc import Mapping, Sequence

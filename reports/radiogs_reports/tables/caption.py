@@ -52,10 +52,7 @@ SHORT = 10
 
 
 def origin(summary: Summary) -> dict[str, str]:
-    """Dates, commits and command of the run, by heading; without those that are not known.
-
-    Where no commit is known, because the package was installed, its versions stand in their place.
-    """
+    """Dates, commits (else versions of the package) and command of the run, by heading, where they are known."""
     sessions = [session for run in summary["runs"] for each in run["sessions"].values() for session in each]
     days = sorted({session["date"][:10] for session in sessions if session.get("date")})
     known = [session["git"] for session in sessions if session.get("git")]

@@ -34,10 +34,7 @@ def run_table(
     cell_of: Callable[[str, ColumnSummary], PrintedCell],
     caption: str,
 ) -> Table:
-    """The table of a run's metrics with the seconds of training in the last column, its findings and its legend.
-
-    ``cell_of``: the cell of a row in a column.
-    """
+    """The table of a run's metrics with the seconds of training in the last column, its findings and its legend."""
     rows = [
         PrintedRow(
             row["text"],

@@ -19,8 +19,7 @@ BOX_END = (
     "\n"
     r"\ifdim\dimexpr\ht0+\dp0\relax>0.85\textheight\setbox0=\hbox{\resizebox*{!}{0.85\textheight}{\box0}}\fi\box0"
 )
-"""Together with ``BOX_BEGIN`` around a tabular: shrinks it to the line's width and the page's height, never enlarges
-it."""
+"""Together with ``BOX_BEGIN``: shrinks a tabular to the line's width and the page's height, and never enlarges it."""
 
 
 def tabular(layout: str, heads: Sequence[str], lines: Sequence[str]) -> list[str]:

@@ -81,10 +81,7 @@ def _heading(column: Column) -> str:
 
 
 def paper_markdown(table: Table) -> str:
-    """A line of measured values for each row, and one of published values; reasons of missing ones in notes below.
-
-    Published values by other conventions are a table of their own below.
-    """
+    """Lines of measured and published values by row; values by other conventions and reasons of missing ones below."""
     lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings])]
     lines += table_head(["", "", *(column.heading for column in table.columns)])
     for row in table.rows:

@@ -56,11 +56,7 @@ def _caption(table: Table) -> str:
 
 
 def suite_markdown(table: Table, note: str) -> str:
-    """The findings, then a table: measured values with their paired differences, and the published values in columns of
-    their own.
-
-    ``note``: the conditions of the run (``tables.caption.run_note``).
-    """
+    """The findings, the means with paired differences, the published values, conditions (``note``) and remarks."""
     lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings]), *means_markdown(table)]
     reference = None if table.reference is None else table.reference.text
     brackets = f"In brackets: paired difference to '{reference}', with its 95 % t interval. " if reference else ""

@@ -74,10 +74,7 @@ class Lattice:
     def around(
         self, position: Float[Tensor, "positions 3"]
     ) -> tuple[Int[Tensor, "positions 8"], Float[Tensor, "positions 8"]]:
-        """Indices of the eight corners around each position, and their trilinear weights, which sum to one.
-
-        Positions outside the cube are clamped to it.
-        """
+        """Indices of the eight corners around each position, clamped to the cube, and trilinear weights of sum one."""
         local = ((position - self.low) / self.spacing).clamp(0, self.corners - 1)
         first = local.detach().floor().clamp(max=self.corners - 2)
         beyond = (local - first)[:, None]

@@ -111,8 +111,7 @@ class Renderer:
         }
 
     def _radiance(self, camera: Camera, seen: Splat, arriving: tuple[str, ...]) -> Maps:
-        """Maps ``direct``, ``indirect`` and ``arriving`` (all of ``ARRIVING`` or none), shaded in batches of at most
-        ``RAYS_AT_ONCE`` rays."""
+        """Maps ``direct``, ``indirect`` and all or no ``ARRIVING``, in batches of at most ``RAYS_AT_ONCE`` rays."""
         generator = torch.Generator(seen.alpha.device).manual_seed(self.seed)
         names = ("direct", "indirect", *arriving)
         maps = {name: torch.zeros(seen.alpha.numel(), 3, device=seen.alpha.device) for name in names}

@@ -201,10 +201,7 @@ INNERMOST = 0.01
 
 
 def bounded(learnt: Surfels) -> Surfels:
-    """The surfels whose albedo is 0.03 + 0.77 sigmoid and whose roughness is 0.09 + 0.9 sigmoid of the learnt logits.
-
-    The result has these values as ``Surfels.albedo`` and ``Surfels.roughness``, with gradient to ``learnt``.
-    """
+    """Surfels whose albedo is 0.03 + 0.77 sigmoid and whose roughness is 0.09 + 0.9 sigmoid of the learnt logits."""
     albedo = ALBEDO_LEAST + ALBEDO_SPAN * learnt.albedo_logit.sigmoid()
     roughness = ROUGHNESS_LEAST + ROUGHNESS_SPAN * learnt.roughness_logit.sigmoid()
     share = (roughness - ROUGHNESS_FLOOR) / (1 - ROUGHNESS_FLOOR)

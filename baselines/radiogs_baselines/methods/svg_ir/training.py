@@ -1,7 +1,4 @@
-"""Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
-
-Materials are fitted to the images and to the table's radiance.
-"""
+"""Stage 2 of SVG-IR: materials and light, fitted to images and to the radiance of a table that is traced once."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -111,10 +111,7 @@ def transport(
     direction: Float[Tensor, "points directions 3"],
     weight: Float[Tensor, "points directions"],
 ) -> Float[Tensor, "points directions 3"]:
-    """Factor on each direction's radiance: BRDF times cosine times solid angle (``weight``, steradian).
-
-    Zero for directions below the surface.
-    """
+    """Factor on each direction's radiance, BRDF times cosine times ``weight`` (steradian); zero below the surface."""
     normal, outgoing = points.normal[:, None].expand_as(direction), points.outgoing[:, None].expand_as(direction)
     cosine = (normal * direction).sum(-1).clamp(min=0)
     lobe = specular(normal, outgoing, direction, points.roughness[:, None].expand_as(weight))

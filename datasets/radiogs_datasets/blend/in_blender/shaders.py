@@ -1,7 +1,4 @@
-"""Shader nodes in the words of the paper's BRDF: albedo, roughness, and weights of what these two cannot say.
-
-Nothing here imports Blender: nodes are whatever has their attributes.
-"""
+"""Shader nodes in the words of the paper's BRDF: albedo, roughness, and weights of what these two cannot say."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

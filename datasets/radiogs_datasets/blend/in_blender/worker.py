@@ -61,10 +61,7 @@ SHOWN = 12
 
 
 def open_file(path: str) -> dict[str, Any]:
-    """Open the file and describe it. Raises Unusable for one that cannot be read, lacks files, or has no surface.
-
-    Neither scripts nor Python drivers in it are run.
-    """
+    """Open the file and describe it. Raises Unusable for one that cannot be read, lacks files, or has no surface."""
     try:
         bpy.ops.wm.open_mainfile(filepath=path, load_ui=False, use_scripts=False)
     except RuntimeError as error:
