@@ -232,7 +232,8 @@ class Judges:
         """The nearest MOST_JUDGES test files of a source file (from the root); where several are equally near, those
         whose paths have words of its path come first."""
         path = self.root / file
-        reached = [self.names[path]] if path in self.names else self._readers(path)
+        name = self.names.get(path, "")
+        reached = [name] if name in self.users else self._readers(path)
         words = {*Path(file).with_suffix("").parts}
         paths, seen, found = {name: path for path, name in self.names.items()}, {*reached}, list[str]()
         while reached and len(found) < MOST_JUDGES:
@@ -244,10 +245,11 @@ class Judges:
         return tuple(found[:MOST_JUDGES])
 
     def _readers(self, path: Path) -> list[str]:
-        """Modules that name a data file, such as kernels' C++; else those of the folder around its own."""
+        """Modules that name a data file, such as kernels' C++; else, as for a command, those of its folder or above."""
         named = [name for each, name in self.names.items() if path.is_relative_to(each.parent)]
         named = [name for name in named if path in self.tree.data_files(name)]
-        return sorted(named or (name for each, name in self.names.items() if each.parent == path.parents[1]))
+        near = (path.parent, path.parents[1])
+        return sorted(named or (name for each, name in self.names.items() if each.parent in near))
 
     def _name(self, path: Path) -> str:
         top = next(folder for folder in self.tree.roots.values() if path.is_relative_to(folder))
