@@ -39,19 +39,19 @@ FEWEST, MOST = 5, 30
 HARNESS = "radiogs_bench"
 
 LIMITS: Mapping[str, int] = {
-    "product files": 560,
+    "product files": 551,
     "files with one user": 90,
     "arrows between folders of the harness": 61,
-    "long functions of a thousand": 52,
-    "lines of radiogs_core": 12_444, "functions of radiogs_core": 750,
-    "lines of radiogs": 5_681, "functions of radiogs": 321,
-    "lines of radiogs_datasets": 11_518, "functions of radiogs_datasets": 642,
-    "lines of radiogs_baselines": 8_647, "functions of radiogs_baselines": 501,
-    "lines of radiogs_reports": 8_622, "functions of radiogs_reports": 515,
-    "lines of radiogs_bench": 25_782, "functions of radiogs_bench": 1_431,
+    "long functions of a thousand": 50,
+    "lines of radiogs_core": 12_369, "functions of radiogs_core": 741,
+    "lines of radiogs": 5_528, "functions of radiogs": 300,
+    "lines of radiogs_datasets": 11_412, "functions of radiogs_datasets": 638,
+    "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 492,
+    "lines of radiogs_reports": 8_498, "functions of radiogs_reports": 511,
+    "lines of radiogs_bench": 25_067, "functions of radiogs_bench": 1_406,
     "lines of kernels' C++": 3_741,
     "lines of the page's JavaScript": 1_325,
-    "lines of tests": 59_134,
+    "lines of tests": 58_223,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""
