@@ -14,6 +14,9 @@ from .seal import Broken
 
 STORED_AS = "stored_as"
 
+FOLDER = 0x10
+"""Attribute of a part that is a folder: torch reads nothing of it and leaves memory as it was."""
+
 
 def packed(name: str, content: Mapping[str, Any]) -> memoryview:
     """The bytes of a file of tensors and plain values that is stored under ``name``."""
@@ -36,8 +39,8 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     try:
         with explained_reading(path):
             with opened(path) as file, zipfile.ZipFile(file) as archive:  # torch itself does not compare the checksums
-                if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
-                    raise Broken("a part of it is compressed, which torch never does")
+                if any(part.compress_type or part.external_attr & FOLDER for part in archive.infolist()):
+                    raise Broken("a part of it is compressed or marked as a folder, which torch never does")
                 damaged = archive.testzip()
             if damaged is not None:
                 raise Broken(f"the checksum of its part {damaged} is wrong")

@@ -79,18 +79,23 @@ def test_arrays_that_grow_beyond_memory_are_refused_unread(tmp_path: Path) -> No
         read_maps(tmp_path / "a.npz")
 
 
-def test_tensors_that_are_compressed_are_refused_unread(tmp_path: Path) -> None:
-    """torch stores its parts as they are: a compressed one was made to grow."""
-    with zipfile.ZipFile(io.BytesIO(packed("stages/a", {"x": torch.zeros(1 << 20)}))) as whole:
+@pytest.mark.parametrize(("kind", "attributes"), [(zipfile.ZIP_STORED, 0), (zipfile.ZIP_DEFLATED, 0), (0, 0x10)])
+def test_tensors_are_refused_whose_parts_are_compressed_or_marked_as_folders(
+    kind: int, attributes: int, tmp_path: Path
+) -> None:
+    """torch stores parts as they are: a compressed one was made to grow, and of a folder it reads nothing."""
+    with zipfile.ZipFile(io.BytesIO(packed("stages/a", {"x": torch.ones(1 << 20)}))) as whole:
         parts = {part.filename: whole.read(part) for part in whole.infolist()}
-    for kind in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        with zipfile.ZipFile(tmp_path / "a.pt", "w", kind) as archive:
-            for name, content in parts.items():
-                archive.writestr(name, content)
-        if kind == zipfile.ZIP_STORED:
-            assert read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))["x"].shape == (1 << 20,)
-    with pytest.raises(Broken, match="compressed"):
-        read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))
+    with zipfile.ZipFile(tmp_path / "a.pt", "w") as archive:
+        for name, content in parts.items():
+            part = zipfile.ZipInfo(name)
+            part.external_attr = attributes
+            archive.writestr(part, content, kind)
+    if (kind, attributes) == (zipfile.ZIP_STORED, 0):
+        assert bool((read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))["x"] == 1).all())
+    else:
+        with pytest.raises(Broken, match="compressed or marked"):
+            read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))
 
 
 class Executed:
