@@ -70,9 +70,13 @@ def listed(path: Path = LIST) -> list[Mutant]:
     return [Mutant(**entry | {"tests": tuple(entry["tests"])}) for entry in entries]
 
 
+NOBODY = ["-c", "user.name=nobody", "-c", "user.email=nobody@localhost"]
+"""Options of git for a commit on any machine."""
+
+
 @contextmanager
 def copies(root: Path, count: int) -> Iterator[list[Path]]:
-    """Folders with the tracked files as they are in the working tree."""
+    """Checkouts with the tracked files as they are in the working tree, at a commit of their own."""
     names = subprocess.run(["git", "ls-files", "-z"], cwd=root, check=True, capture_output=True, text=True).stdout
     with tempfile.TemporaryDirectory(prefix="mutants-") as temporary:
         folders = [Path(temporary) / str(number) for number in range(count)]
@@ -81,6 +85,8 @@ def copies(root: Path, count: int) -> Iterator[list[Path]]:
                 if (root / name).is_file():
                     (folder / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(root / name, folder / name)
+            for command in (["init"], [*NOBODY, "commit", "--allow-empty", "--message", "A copy"]):
+                subprocess.run(["git", *command, "--quiet"], cwd=folder, check=True)
         yield folders
 
 
