@@ -200,6 +200,14 @@ struct Machine {
         return all;
     }
 
+    template <class T> T difference(Thread& t, T x, T y, bool with_borrow, bool leaves_one) {
+        T rest;
+        bool under = __builtin_sub_overflow(x, y, &rest);
+        if (with_borrow) under |= __builtin_sub_overflow(rest, T(t.carry), &rest);
+        if (leaves_one) t.carry = under;
+        return rest;
+    }
+
     // ---- execution
     void start(Thread& t, s32 tid, s32 block, s32 grid, s32 size) {
         const u64 base[BASES] = {0, u64(t.local), u64(program.parameters), u64(program.fixed), u64(tid), u64(block),

@@ -95,14 +95,19 @@ class Executable:
         self.static = np.frombuffer(program.static + bytes(16), np.uint8).copy()
 
     def execute(
-        self, values: Sequence[bytes], allocations: Sequence[tuple[int, int]], threads: int, seed: int, account: Account
+        self,
+        values: Sequence[bytes],
+        allocations: Sequence[tuple[int, int]],
+        threads: tuple[int, int],
+        seed: int,
+        account: Account,
     ) -> None:
-        """Run blocks of 256 threads, in an order by ``seed``.
+        """Run blocks of threads, in an order by ``seed``.
 
         Args:
             values: The bytes of each parameter.
             allocations: Where memory begins and ends that the kernel may use.
-            threads: How many there are at least.
+            threads: The number of blocks, and of threads in each.
             account: Is added to.
         """
         room = self.parameters.view(np.uint8)
@@ -114,7 +119,7 @@ class Executable:
         numbers = len(self.constants), self.program.slots, spaces["local"], spaces["shared"], int(self.program.meets), 0
         given, found = _Program(*(each.ctypes.data for each in arrays), *numbers), _Account()
         where = ctypes.c_void_p(apart.ctypes.data)
-        size = ctypes.c_int(len(apart)), ctypes.c_int(-(-threads // 256)), ctypes.c_int(256), ctypes.c_int(seed)
+        size = [ctypes.c_int(number) for number in (len(apart), *threads, seed)]
         self.machine.execute(ctypes.byref(given), where, *size, ctypes.byref(found))
         self._add(account, found)
 

@@ -22,8 +22,11 @@ ARITHMETIC = {"add": "a + b", "sub": "a - b", "mul": "a * b", "fma": "std::fma(T
               "div": "a / b", "sqrt": "std::sqrt(T(a))", "rcp": "1 / a"}  # fmt: skip
 """Operations of floats that round, each in every mode."""
 
-CARRYING = ("add", "", "a, b"), ("mad", ".lo", "T(a * b), c"), ("mad", ".hi", "T((W(a) * W(b)) >> (8 * sizeof(T))), c")
-"""Sums that take a carry bit (addc) or leave one (.cc)."""
+CARRYING = (
+    ("add", "", "sum", "a, b"), ("sub", "", "difference", "a, b"), ("mad", ".lo", "sum", "T(a * b), c"),
+    ("mad", ".hi", "sum", "T((W(a) * W(b)) >> (8 * sizeof(T))), c"),
+)  # fmt: skip
+"""Sums and differences that take a carry bit (addc) or leave one (.cc)."""
 
 ORDERED = {"eq": "a == b", "ne": "a < b || a > b", "lt": "a < b", "le": "a <= b", "gt": "a > b", "ge": "a >= b"}
 UNORDERED = {"equ": "!(a < b || a > b)", "neu": "a != b", "ltu": "!(a >= b)", "leu": "!(a > b)", "gtu": "!(a <= b)",
@@ -41,9 +44,9 @@ ROWS = (
     ("mad.lo", INTEGERS, "T", "TTT", "a * b + c"),
     ("mad.hi", INTEGERS, "T", "TTT", "T((W(a) * W(b)) >> (8 * sizeof(T))) + c"),
     ("mad.wide", "u16 u32 s16 s32", "W", "TTW", "W(a) * W(b) + c"),
-    *((f"{name}{c}{part}{cc}", "u32 u64", "T", "TTT"[: 2 if name == "add" else 3],
-       f"sum<T>(t, {text}, {bool(c):d}, {bool(cc):d})")
-      for name, part, text in CARRYING for c in ("", "c") for cc in ("", ".cc") if c or cc),
+    *((f"{name}{c}{part}{cc}", "u32 u64", "T", "TTT"[: 3 if part else 2],
+       f"{function}<T>(t, {text}, {bool(c):d}, {bool(cc):d})")
+      for name, part, function, text in CARRYING for c in ("", "c") for cc in ("", ".cc") if c or cc),
     ("div", INTEGERS, "T", "TT", "b == 0 ? T(-1) : b == T(-1) && T(-1) < 0 ? -a : a / b"),
     ("rem", INTEGERS, "T", "TT", "b == 0 ? a : b == T(-1) && T(-1) < 0 ? 0 : a % b"),
     ("neg", f"s16 s32 s64 {FLOATS}", "T", "T", "-a"),
