@@ -26,7 +26,7 @@ struct Program {
     const Instruction* code;
     const Constant* constants;
     const u8 *parameters, *fixed;
-    s32 count, slots, local, shared, meets, padding;
+    s32 count, slots, local, shared, constant, meets;
 };
 struct Allocation { u64 begin, end; };
 struct Report { s32 kind, instruction, thread, other; u64 address; };
@@ -152,7 +152,10 @@ struct Machine {
     // Where the bytes of an access are in the host's memory, or null where there are none.
     u8* place(Thread& t, const s32* o, int size, Access access) {
         const u64 address = t.slots[o[4]] + s64(o[5]);
-        const bool own = address >= u64(t.local) && address + size <= u64(t.local) + program.local;
+        const auto within = [&](const u8* memory, s32 bytes) {
+            return address >= u64(memory) && address + size <= u64(memory) + bytes;
+        };
+        const bool own = within(t.local, program.local);
         switch (o[7]) {
             case SHARED: {
                 const u32 at = address;
@@ -163,6 +166,7 @@ struct Machine {
             case PARAMETERS: case CONSTANT: return (u8*)address;
             case LOCAL: if (!own) return report(OUTSIDE, t, address), nullptr;
         }
+        if (access == READS && within(program.fixed, program.constant)) return (u8*)address;
         return own || watched(t, address, size, access) ? (u8*)address : nullptr;
     }
 

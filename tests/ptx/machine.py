@@ -3,8 +3,10 @@
 import ctypes
 import hashlib
 import os
+import re
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -49,7 +51,7 @@ def machine(folder: Path) -> ctypes.CDLL:
 class _Program(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("code", "constants", "parameters", "static")),
-        *((name, ctypes.c_int32) for name in ("count", "slots", "local", "shared", "meets", "padding")),
+        *((name, ctypes.c_int32) for name in ("count", "slots", "local", "shared", "constant", "meets")),
     )
 
 
@@ -76,7 +78,10 @@ class Account:
     bytes: int = 0
     """Bytes of global memory that were read, written and changed, each access counted."""
     instructions: int = 0
-    found: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    kernels: Counter[str] = field(default_factory=Counter)
+    """Launches by the kernel's name."""
+    found: Counter[str] = field(default_factory=Counter)
+    """Faults by their kind; ``order``: launches whose result depends on the order of threads."""
     reports: list[str] = field(default_factory=list)
     """The first faults of each launch."""
 
@@ -86,6 +91,8 @@ class Executable:
 
     def __init__(self, program: Program, name: str, folder: Path) -> None:
         self.program, self.name, self.machine = program, name, machine(folder)
+        self.adds_floats = any(re.search(r"(atom|red)\..*add\.f\d+ ", each.text) for each in program.code)
+        """Whether sums round in the order of its threads."""
         rows = [(each.operation, each.guard, each.negated, *each.operands) for each in program.code]
         self.code = np.array(rows, np.int32)
         kind = np.dtype([("value", np.uint64), ("base", np.int32), ("slot", np.int32)])
@@ -116,8 +123,8 @@ class Executable:
             room[place.begin : place.begin + place.size] = np.frombuffer(value, np.uint8)
         spaces, apart = self.program.spaces, np.array(_apart(allocations), np.uint64).reshape(-1, 2)
         arrays = self.code, self.constants, self.parameters, self.static
-        numbers = len(self.constants), self.program.slots, spaces["local"], spaces["shared"], int(self.program.meets), 0
-        given, found = _Program(*(each.ctypes.data for each in arrays), *numbers), _Account()
+        sizes = len(self.constants), self.program.slots, spaces["local"], spaces["shared"], len(self.program.static)
+        given, found = _Program(*(each.ctypes.data for each in arrays), *sizes, int(self.program.meets)), _Account()
         where = ctypes.c_void_p(apart.ctypes.data)
         size = [ctypes.c_int(number) for number in (len(apart), *threads, seed)]
         self.machine.execute(ctypes.byref(given), where, *size, ctypes.byref(found))

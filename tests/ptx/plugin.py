@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -24,4 +23,4 @@ def _from_ptx() -> Iterator[None]:
 
 
 def pytest_sessionfinish() -> None:
-    Path(os.environ[WHERE]).write_text(json.dumps(asdict(account)), encoding="utf-8")
+    Path(os.environ[WHERE]).write_text(json.dumps(vars(account)), encoding="utf-8")

@@ -85,7 +85,7 @@ def test_a_planted_fault_is_found_and_nothing_in_its_repaired_twin(fault: str, s
     faulty, repaired = (run(body, folder, seed)[1] for body in FAULTS[fault])
     assert [kind for kind in KINDS if faulty.found[kind]] == [fault.split()[0]]
     assert faulty.reports
-    assert repaired.found == dict.fromkeys(KINDS, 0)
+    assert not any(repaired.found.values())
 
 
 @pytest.mark.slow
@@ -116,7 +116,7 @@ def test_lanes_hand_over_what_ptx_defines(body: str, expected: int, folder: Path
     place = "mov.u32 %r9, %laneid; setp.eq.u32 %p1, %r9, 3;"
     array, account = run(f"{place} {body} st.global.u32 [%rd4], %r2;", folder)
     assert array[3] == expected
-    assert account.found == dict.fromkeys(KINDS, 0)
+    assert not any(account.found.values())
 
 
 @pytest.mark.slow
