@@ -38,6 +38,8 @@ ROWS = (
     *((name, FLOATS, "T", "TTT"[: 3 if name == "fma" else 1 if name in ("sqrt", "rcp") else 2], text)
       for name, text in ARITHMETIC.items()),
     *((name, INTEGERS, "T", "TT", ARITHMETIC[name]) for name in ("add", "sub")),
+    ("fms", FLOATS, "T", "TTT", "std::fma(a, b, -c)"),  # these two stand for PTX that is contracted
+    ("fnma", FLOATS, "T", "TTT", "std::fma(-a, b, c)"),
     ("mul.lo", INTEGERS, "T", "TT", "a * b"),
     ("mul.hi", INTEGERS, "T", "TT", "(W(a) * W(b)) >> (8 * sizeof(T))"),
     ("mul.wide", "u16 u32 s16 s32", "W", "TT", "W(a) * W(b)"),

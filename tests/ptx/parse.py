@@ -5,13 +5,19 @@ being memory of the thread.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from itertools import count
 from typing import Any, NamedTuple
 
 from ptx.operations import MEETINGS, cases, plain_name
 
 OPERATIONS = {case.name: number for number, case in enumerate(cases())}
+NAMES = {number: name for name, number in OPERATIONS.items()}
+ACCESSES = ("ld", "st", "atom")
+SEVERAL = ("unpack", "shfl", "match")
+"""Operations with two results."""
+
 SPACES = ("generic", "global", "local", "shared", "param", "const")
 BASES = ("plain", "local", "param", "static", "%tid.x", "%ctaid.x", "%ntid.x", "%nctaid.x", "%laneid", "%warpid")
 """What a constant is relative to: the thread's memory, the kernel's parameters, constants in memory, its place."""
@@ -20,6 +26,9 @@ FIXED = {f"{name}.{axis}": int("n" in name) for name in ("%tid", "%ctaid", "%nti
 
 _FUNCTION = re.compile(r"\.(entry|func)\s*(?:\(([^)]*)\))?\s*([\w$]+)\s*\(([^)]*)\)[^{;]*\{")
 _VARIABLE = re.compile(r"\.(\w+)\s+(?:\.align\s+(\d+)\s+)?\.(\w+)\s+(?:\.ptr[^,]*?)?([\w$]+)\s*(?:\[(\d*)\])?")
+_FREE = re.compile(r"(?:@\S+ )?(mul|add|sub)\.(f32|f64) ")
+"""Operations without a rounding mode."""
+
 _STATEMENT = re.compile(r"\s*(?:([\w$]+):|([{}])|([^;]+);)")
 _OPERAND = re.compile(r"\[[^\]]*\]|\{[^}]*\}|\([^)]*\)|[^,\s][^,]*")
 _CALL = re.compile(r"(?:\(([^)]*)\)\s*,\s*)?([\w$]+)\s*(?:,\s*\(([^)]*)\))?")
@@ -88,7 +97,7 @@ class _Reader:
         self.text = text
         self.functions: dict[str, _Function] = {}
         self.constants: dict[tuple[int, str], int] = {}
-        self.numbers, self.copies = count(), count()
+        self.numbers, self.copies = count(1), count()
         self.registers: dict[str, int] = {}
         self.declared: set[str] = set()
         """Names of registers, or what is before the numbers of many."""
@@ -108,7 +117,7 @@ class _Reader:
         entry = self.functions[self.entry]
         parameters = [self._lay_out("param", "", each) for each in _VARIABLE.finditer(entry.parameters)]
         self._expand(entry.body, "", {})
-        code = [self._encoded(each) for each in self.code]
+        code = contracted([self._encoded(each) for each in self.code], set(self.labels.values()))
         slots = next(self.numbers)
         return Program(code, self.constants, slots, parameters, self.spaces, bytes(self.static), self.meets)
 
@@ -186,7 +195,7 @@ class _Reader:
         text, scopes, guard, name, operands = given
         held = [0] * 8
         kind = name.partition(".")[0]
-        if kind in ("ld", "st", "atom"):
+        if kind in ACCESSES:
             name = self._access(name, operands, scopes, held)
         elif name in MEETINGS:
             self._meeting(name, operands, scopes, held)
@@ -273,6 +282,45 @@ class _Reader:
             self.static += (int(number, 0) & 256**width - 1).to_bytes(width, "little")
         self.memory[name] = "static", begin
         return self.memory[name]
+
+
+def contracted(code: Sequence[Instruction], starts: Collection[int]) -> list[Instruction]:
+    """The code with products and sums in one step, where they have no rounding mode and ptxas may do so.
+
+    Which of them ptxas takes is not known: here, each product that one sum and nothing else uses, in its own block.
+    ``starts``: where blocks start.
+    """
+    uses = Counter(slot for each in code for slot in _slots(each))
+    made, products = list(code), dict[int, int]()
+    for at, each in enumerate(code):
+        free = _FREE.match(each.text)
+        if at in starts or NAMES[each.operation] == "bra":
+            products.clear()
+        if free and free[1] != "mul" and (taken := next((k for k in (1, 2) if each.operands[k] in products), 0)):
+            product = products[each.operands[taken]]
+            name = "fma" if free[1] == "add" else ("fms", "fnma")[taken - 1]
+            operands = [each.operands[0], *code[product].operands[1:3], each.operands[3 - taken], *each.operands[4:]]
+            made[at] = each._replace(operation=OPERATIONS[f"{name}.{free[2]}"], operands=operands)
+            made[product] = code[product]._replace(operation=OPERATIONS["membar"])
+        written = set(_written(each))
+        products = {slot: own for slot, own in products.items() if not written & {slot, *code[own].operands[1:3]}}
+        if free and free[1] == "mul" and uses[each.operands[0]] == 2 and each.guard < 0:
+            products[each.operands[0]] = at
+    return made
+
+
+def _slots(each: Instruction) -> list[int]:
+    """The slots that an instruction reads or writes."""
+    kind = NAMES[each.operation].partition(".")[0]
+    if kind == "bra":
+        return []
+    held = [*each.operands[: each.operands[6]], each.operands[4]] if kind in ACCESSES else each.operands
+    return [slot for slot in (*held, each.guard) if slot > 0]
+
+
+def _written(each: Instruction) -> list[int]:
+    kind = NAMES[each.operation].partition(".")[0]
+    return each.operands[: {"st": 0, "ld": each.operands[6]}.get(kind, 2 if kind in SEVERAL else 1)]
 
 
 def _braced(text: str, begin: int) -> str:
