@@ -102,16 +102,17 @@ struct Thread {
     bool left, carry;
 };
 
+enum Access { WRITES, READS, CHANGES, ACCESSES };
+constexpr u32 NOBODY = 0, SEVERAL = ~0u;
+struct Shadow { u32* users[ACCESSES]; };  // of each byte, who wrote it, read it, and changed it atomically: threads from 1
+
 struct Machine {
     const Program& program;
     Account& account;
     std::vector<Allocation> allocations;
-    std::vector<u32*> shadows;  // three numbers a byte: its writer, its reader, and who changed it atomically
+    std::vector<Shadow> shadows;
     std::vector<u8> shared;
     size_t last = 0;
-
-    enum Access { WRITES, READS, CHANGES };
-    static constexpr u32 NOBODY = 0, SEVERAL = ~0u;
 
     // ---- watch
     void report(Kind kind, const Thread& t, u64 address, u32 other = 0) {
@@ -134,18 +135,17 @@ struct Machine {
             if (!inside(last, address, size)) return report(OUTSIDE, t, address), false;
         }
         account.bytes += size;
-        u32* byte = shadows[last] + 3 * (address - allocations[last].begin);
-        const u32 own = t.number + 1;
-        for (int k = 0; k < size; ++k, byte += 3) {
-            for (int how = WRITES; how <= CHANGES; ++how) {
-                const bool harmless = how == access && access != WRITES;
-                if (!harmless && byte[how] != NOBODY && byte[how] != own) {
-                    report(RACE, t, address, byte[how]);
-                    break;
-                }
-            }
-            byte[access] = byte[access] == NOBODY || byte[access] == own ? own : SEVERAL;
-        }
+        const u64 first = address - allocations[last].begin;
+        const Shadow& shadow = shadows[last];
+        u32 *const written = shadow.users[WRITES] + first, *const read = shadow.users[READS] + first;
+        u32 *const changed = shadow.users[CHANGES] + first, own = t.number + 1;
+        const auto other = [own](u32 user) -> u32 { return user == own ? NOBODY : user; };
+        u32 who = NOBODY;
+        for (int k = 0; k < size; ++k)
+            who |= other(written[k]) | (access == READS ? 0 : other(read[k])) | (access == CHANGES ? 0 : other(changed[k]));
+        if (who) report(RACE, t, address, who);
+        u32* const users = shadow.users[access] + first;
+        for (int k = 0; k < size; ++k) users[k] = other(users[k]) ? SEVERAL : own;
         return true;
     }
 
@@ -227,12 +227,10 @@ struct Machine {
     // Runs a thread until it leaves or meets others.
     void run(Thread& t) {
         u64* const R = t.slots;
-        for (;;) {
+        for (s64 done = 1;; ++done) {
             const Instruction& each = program.code[t.at++];
             const s32* const o = each.o;
-            ++account.instructions;
             if (each.guard >= 0 && bool(R[each.guard]) == bool(each.negated)) continue;
-            t.waits = &each;
             switch (each.operation) {
 #include "cases.inc"
             }
@@ -353,7 +351,7 @@ extern "C" void execute(const Program* program, const Allocation* allocations, i
                         Account* account) {
     Machine machine{*program, *account, {allocations, allocations + count}, {}, std::vector<u8>(program->shared)};
     for (const Allocation& each : machine.allocations)
-        machine.shadows.push_back((u32*)calloc(each.end - each.begin, 3 * sizeof(u32)));
+        for (u32*& users : machine.shadows.emplace_back().users) users = (u32*)calloc(each.end - each.begin, sizeof(u32));
     const size_t together = program->meets ? size : 1;
     std::vector<u64> slots(together * program->slots), locals(together * (program->local / 8 + 2));
     std::vector<Thread> threads(together);
@@ -379,5 +377,6 @@ extern "C" void execute(const Program* program, const Allocation* allocations, i
             machine.run(threads[0]);
         }
     }
-    for (u32* each : machine.shadows) free(each);
+    for (const Shadow& each : machine.shadows)
+        for (u32* users : each.users) free(users);
 }

@@ -145,9 +145,9 @@ def cases() -> Iterator[Case]:
     yield from _conversions()
     yield from _memory()
     for number, name in enumerate(MEETINGS):
-        yield Case(name, f"t.meets = {number}; return;")
-    yield Case("ret", "t.left = true; return;")
-    yield Case("exit", "t.left = true; return;")
+        yield Case(name, f"t.meets = {number}; t.waits = &each; account.instructions += done; return;")
+    for name in ("ret", "exit"):
+        yield Case(name, "t.left = true; account.instructions += done; return;")
     yield Case("bra", "t.at = o[0];")
     yield Case("unpack.b32", "put<b16>(R[o[0]], R[o[2]]); put<b16>(R[o[1]], R[o[2]] >> 16);")
     yield Case("unpack.b64", "put<b32>(R[o[0]], R[o[2]]); put<b32>(R[o[1]], R[o[2]] >> 32);")
