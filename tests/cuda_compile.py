@@ -59,4 +59,3 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         *edge_kernels(dtype, on_cuda, widths=(3, 3, 1)), allowance_kernel(dtype, on_cuda),
         *point_kernels(dtype), *normal_kernels(dtype), surface_kernel(dtype, on_cuda),
     ]  # fmt: skip
-

@@ -38,7 +38,9 @@ def ptx_of(kernel: wp.Kernel) -> str:
     kept = _folder() / f"{kernel.key}-{digest.hexdigest()[:16]}.ptx"
     if not kept.exists():
         with TemporaryDirectory(dir=kept.parent) as made:
-            (path,) = wp.compile_aot_module(kernel.module, arch=ARCHITECTURE, module_dir=Path(made) / "of", use_ptx=True)
+            (path,) = wp.compile_aot_module(
+                kernel.module, arch=ARCHITECTURE, module_dir=Path(made) / "of", use_ptx=True
+            )
             Path(path).replace(kept)
     return kept.read_text(encoding="utf-8")
 
@@ -104,7 +106,7 @@ class Launch:
                 self.account.reports.append(f"{kernel.name}: the order of its threads changes what it computes")
 
     def _words(self) -> np.ndarray:
-        """All that can be an address: the words of the arguments, and the entries of their arrays of 64-bit integers."""
+        """All that can be an address: words of the arguments, and entries of their arrays of 64-bit integers."""
         given = self.arguments.structure
         words = [np.frombuffer(bytes(given) + bytes(-ctypes.sizeof(given) % 8), np.uint64)]
         for argument in self.kernel.adj.args:

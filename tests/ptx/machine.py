@@ -23,7 +23,16 @@ KINDS = ("race", "misaligned", "outside", "meeting")
 """Faults: bytes that two threads use without an atomic, addresses that do not suit their type or lie in no allocation,
 and lanes that wait in vain."""
 
-FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC", "-ffp-contract=off", "-frounding-math", "-fwrapv", "-fno-strict-aliasing")
+FLAGS = (
+    "-std=c++17",
+    "-O3",
+    "-shared",
+    "-fPIC",
+    "-ffp-contract=off",
+    "-frounding-math",
+    "-fwrapv",
+    "-fno-strict-aliasing",
+)
 
 
 @cache

@@ -85,7 +85,7 @@ ROWS = (
     ("bfe", "u32 u64 s32 s64", "T", "Tuu", "field<T>(a, b & 255, c & 255)"),
     ("bfi", "b32 b64", "T", "TTuu", "inserted<T>(a, b, c & 255, d & 255)"),
     ("bfind", "u32 u64 s32 s64", "u32", "T", "highest<T>(a)"),
-    ("bfind.shiftamt", "u32 u64 s32 s64", "u32", "T", "a == 0 || a == T(-1) && T(-1) < 0 ? ~0u : 8 * sizeof(T) - 1 - highest<T>(a)"),
+    ("bfind.shiftamt", "u32 u64 s32 s64", "u32", "T", "highest<T>(a) == ~0u ? ~0u : 8 * sizeof(T) - 1 - highest<T>(a)"),
     ("popc", "b32 b64", "u32", "T", "__builtin_popcountll(a)"),
     ("clz", "b32 b64", "u32", "T", "8 * sizeof(T) - 1 - highest<T>(a)"),
     ("brev", "b32 b64", "T", "T", "reversed<T>(a)"),
@@ -122,8 +122,12 @@ class Case(NamedTuple):
 
 
 def plain_name(opcode: str) -> str:
-    """An operation's name without what has no meaning here: how exact it is, how it is cached, for whom it is atomic."""
-    name = re.sub(r"\.(?:uni|nc|volatile|weak|relaxed|acquire|release|acq_rel|gpu|sys|cta|approx|full|aligned)(?=\.|$)", "", opcode)
+    """An operation's name without words that mean nothing here: how exact, how cached, atomic for whom."""
+    name = re.sub(
+        r"\.(?:uni|nc|volatile|weak|relaxed|acquire|release|acq_rel|gpu|sys|cta|approx|full|aligned)(?=\.|$)",
+        "",
+        opcode,
+    )
     if name.startswith("cvta.") and "shared" not in name:
         return "cvta.u64"  # spaces other than shared memory have the host's addresses
     return name if name.startswith("cvt.") else re.sub(r"\.rn(?=\.|$)", "", name)
@@ -157,7 +161,8 @@ def cases() -> Iterator[Case]:
 
 def _plain(name: str, kind: str, result: str, sources: str, text: str) -> Case:
     types = {"T": kind, "W": WIDER.get(kind, kind), "p": "pred", "u": "u32", "h": "b16"}
-    taken = [f"const {types[s]} {x} = get<{types[s]}>(R[o[{k}]]);" for k, (s, x) in enumerate(zip(sources, "abcd"), 1)]
+    read = [(types[source], "abcd"[place], place + 1) for place, source in enumerate(sources)]
+    taken = [f"const {of} {source} = get<{of}>(R[o[{place}]]);" for of, source, place in read]
     known = f"using T = {kind}; using W = {types['W']}; "
     return Case(name, known + " ".join(taken) + f" put<{types.get(result, result)}>(R[o[0]], {text});")
 

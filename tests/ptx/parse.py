@@ -271,7 +271,9 @@ class _Reader:
 
     def _static(self, name: str) -> tuple[str, int]:
         """Put a constant of the PTX text into memory."""
-        found = re.search(rf"\.(?:const|global) [^;=]*?\.(\w+) {re.escape(name)}(?:\[\d*\])?\s*=\s*\{{?([^;}}]*)", self.text)
+        found = re.search(
+            rf"\.(?:const|global) [^;=]*?\.(\w+) {re.escape(name)}(?:\[\d*\])?\s*=\s*\{{?([^;}}]*)", self.text
+        )
         if found is None:
             raise UnknownPtx(f"name {name}")
         width = int(found[1][1:]) // 8

@@ -132,7 +132,10 @@ def test_lanes_hand_over_what_ptx_defines(body: str, expected: int, folder: Path
         ("mov.f32 %f1, 0f00000001; mul.ftz.f32 %f2, %f1, %f1; mov.b32 %r2, %f2;", 0),
         ("fma.rm.f32 %f2, 0f3F800001, 0f3F800001, 0f00000000; mov.b32 %r2, %f2;", 0x3F800002),
         ("fma.rp.f32 %f2, 0f3F800001, 0f3F800001, 0f00000000; mov.b32 %r2, %f2;", 0x3F800003),
-        ("mul.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;", 0x28800000),  # one step
+        (
+            "mul.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;",
+            0x28800000,
+        ),  # one step
         ("mul.rn.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;", 0),
         ("mov.f32 %f1, 0f7FC00000; setp.ne.f32 %p1, %f1, %f1; selp.u32 %r2, 1, 2, %p1;", 2),
         ("setp.lt.and.s32 %p1, -1, 0, %p2; selp.u32 %r2, 1, 2, %p1;", 2),
