@@ -10,6 +10,7 @@ from radiogs_core.kernels.adam import step_kernel
 from radiogs_core.kernels.image.depth_map import normal_kernels, point_kernels, surface_kernel
 from radiogs_core.kernels.image.display import display_kernels
 from radiogs_core.kernels.image.edges import allowance_kernel, edge_kernels
+from radiogs_core.kernels.image.matching import sweep_kernel
 from radiogs_core.kernels.image.similarity import similarity_kernels
 from radiogs_core.kernels.image.terms import term_kernels
 from radiogs_core.kernels.rasterize.binning import binning_kernels
@@ -27,6 +28,7 @@ from radiogs_core.kernels.surfel.support import support_kernel
 from radiogs_core.kernels.trace.bvh import fit_kernels
 from radiogs_core.kernels.trace.hits import hit_kernels
 from radiogs_core.kernels.trace.ray_order import code_kernel
+from radiogs_core.kernels.trace.sah import sah_kernel
 from radiogs_core.kernels.trace.trace import trace_kernels
 
 ARCHITECTURES = (80, 89, 90)
@@ -59,3 +61,8 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         *edge_kernels(dtype, on_cuda, widths=(3, 3, 1)), allowance_kernel(dtype, on_cuda),
         *point_kernels(dtype), *normal_kernels(dtype), surface_kernel(dtype, on_cuda),
     ]  # fmt: skip
+
+
+def kernels_of_the_cpu() -> list[wp.Kernel]:
+    """Kernels that no card runs, in float32."""
+    return [sweep_kernel(torch.float32), sah_kernel(), binning_kernels().ordered, binning_kernels().listed]

@@ -16,6 +16,7 @@ import torch
 import warp as wp
 from torch.multiprocessing.reductions import StorageWeakRef
 
+from cuda_compile import kernels_of_the_cpu
 from ptx.machine import Account, Executable
 from ptx.parse import parsed
 from radiogs_core.kernels import runtime
@@ -141,15 +142,18 @@ def _bytes(structure: Any, name: str) -> bytes:
 
 @contextmanager
 def launched_from_ptx(account: Account, seed: int) -> Iterator[None]:
-    """Arrange work as on CUDA within the block, and launch each kernel from its PTX."""
-    memory, address_of, launches = Memory(), torch.Tensor.data_ptr, {}
+    """Arrange work as on CUDA within the block, and launch each kernel from its PTX, but those that no card runs."""
+    memory, address_of, recorded = Memory(), torch.Tensor.data_ptr, runtime.recorded
+    launches, of_the_cpu = {}, {kernel.key for kernel in kernels_of_the_cpu()}
 
     def asked(tensor: torch.Tensor) -> int:
         address = address_of(tensor)
         memory.note(tensor, address)
         return address
 
-    def launched(kernel: wp.Kernel, device: torch.device) -> Launch:
+    def launched(kernel: wp.Kernel, device: torch.device) -> Any:
+        if kernel.key in of_the_cpu:
+            return recorded(kernel, device)
         if kernel not in launches:
             launches[kernel] = Launch(kernel, memory, account, seed)
         return launches[kernel]

@@ -6,10 +6,7 @@ import pytest
 import torch
 import warp as wp
 
-from cuda_compile import kernels_of
-from radiogs_core.kernels.image.matching import sweep_kernel
-from radiogs_core.kernels.rasterize.binning import binning_kernels
-from radiogs_core.kernels.trace.sah import sah_kernel
+from cuda_compile import kernels_of, kernels_of_the_cpu
 
 
 @pytest.mark.parametrize(
@@ -38,9 +35,7 @@ def test_kernels_compile_for_the_cpu_without_a_warning(
     on_cuda: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """In float32; what is arranged for CUDA compiles for the CPU as well. Clang writes past ``sys.stderr``."""
-    on_the_cpu = sweep_kernel(torch.float32), sah_kernel(), binning_kernels().ordered, binning_kernels().listed
-    kernels = [*kernels_of(torch.float32, on_cuda), *on_the_cpu]
-    for place, kernel in enumerate(kernels):
+    for place, kernel in enumerate([*kernels_of(torch.float32, on_cuda), *kernels_of_the_cpu()]):
         folder = tmp_path / str(place)
         folder.mkdir()
         wp.compile_aot_module(kernel.module, device="cpu", module_dir=folder)
