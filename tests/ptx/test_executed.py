@@ -2,17 +2,26 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from cuda_compile import kernels_of
-from ptx.launch import name_of
+from ptx.launch import launched_from_ptx, name_of
+from ptx.machine import Account
 from ptx.plugin import WHERE
+from radiogs.initialise import Initialisation
+from radiogs.learning import MaterialLearning, MaterialStart
+from radiogs.method import inverse_rendering
+from radiogs.settings import Variant
+from radiogs_core.contract import Run
+from radiogs_core.kernels.arrangement import cpu_as_cuda
+from radiogs_core.plain_values import with_values
+from short_training import BUDGET, CPU, SCENE, through_a_file
 
 TESTS = Path(__file__).parents[1]
 
@@ -51,23 +60,46 @@ OF_THE_CPU = (
 """Parts of names of tests that hold for the CPU alone."""
 
 
-@pytest.mark.slow
-def test_every_kernel_computes_from_its_ptx_what_its_tests_expect_and_no_thread_disturbs_another(
-    tmp_path: Path,
-) -> None:
-    """In both precisions, forward and backward."""
+VARIANT = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
+FEW_STEPS = with_values(BUDGET, {"geometry.steps": 2, "inverse_iterations": 2})
+
+
+def learnt() -> dict[str, torch.Tensor]:
+    """All tensors after two steps of each stage, in float32."""
+    torch.manual_seed(0)
+    first = Initialisation(Run(SCENE, VARIANT, FEW_STEPS, 0, CPU))
+    while first.iteration < first.iterations:
+        first.step()
+    second = inverse_rendering(Run(SCENE, VARIANT, FEW_STEPS, 0, CPU), through_a_file(first.state()))
+    while second.iteration < second.iterations:
+        second.step()
+    return {name: value.detach() for name, value in second.optimiser.tensors.items()}
+
+
+def tested(folder: Path) -> dict[str, Any]:
+    """The account of the tests of kernels, all of which have to pass."""
     paths = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
     chosen = ["-m", "not slow", "-k", f"not ({' or '.join(OF_THE_CPU)})", "-q", "-p", "ptx.plugin", *OF_KERNELS]
     ran = subprocess.run(
         [sys.executable, "-m", "pytest", *chosen],
-        cwd=TESTS, env=os.environ | {"PYTHONPATH": paths, WHERE: str(tmp_path / "account.json")},
+        cwd=TESTS, env=os.environ | {"PYTHONPATH": paths, WHERE: str(folder / "account.json")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert ran.returncode == 0, ran.stdout[-5000:]
-    account = json.loads((tmp_path / "account.json").read_text(encoding="utf-8"))
-    assert not any(account["found"].values()), account["reports"]
-    expected = {
-        name_of(kernel) for dtype in (torch.float32, torch.float64) for kernel in kernels_of(dtype, on_cuda=True)
-    }
-    assert expected <= set(account["kernels"]), expected - set(account["kernels"])
-    assert re.search(r"\d+ passed", ran.stdout)
+    return json.loads((folder / "account.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_every_kernel_computes_from_its_ptx_what_is_expected_and_no_thread_disturbs_another(tmp_path: Path) -> None:
+    """In both precisions, forward and backward: by the tests of kernels, and by two steps of each stage of RadioGS."""
+    account = Account()
+    with launched_from_ptx(account, seed=1):
+        found = learnt()
+    with cpu_as_cuda():
+        expected = learnt()
+    for name, value in expected.items():
+        torch.testing.assert_close(found[name], value, rtol=1e-5, atol=1e-6, msg=name)
+    of_tests = tested(tmp_path)
+    assert not any([*account.found.values(), *of_tests["found"].values()]), [*account.reports, *of_tests["reports"]]
+    every = {name_of(kernel) for dtype in (torch.float32, torch.float64) for kernel in kernels_of(dtype, on_cuda=True)}
+    assert every == {*account.kernels, *of_tests["kernels"]}
