@@ -81,7 +81,7 @@ class _Account(ctypes.Structure):
 
 @dataclass
 class Account:
-    """What launches did, and the faults that were found in them."""
+    """Operations of launches, and the faults that were found in them."""
 
     atomics: int = 0
     bytes: int = 0

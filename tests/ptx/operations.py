@@ -1,4 +1,4 @@
-"""What PTX's operations compute: a table, of which ``cases`` makes the cases of the machine's switch.
+"""A table of PTX's operations and their results, of which ``cases`` makes the cases of the machine's switch.
 
 A row has an operation's name without its type, the types that it has, the type of its result and of its sources (T: the
 operation's own type, W: the type of twice its width), and the result as C++ of the sources a, b, c and d. Source: PTX

@@ -20,7 +20,7 @@ SEVERAL = ("unpack", "shfl", "match")
 
 SPACES = ("generic", "global", "local", "shared", "param", "const")
 BASES = ("plain", "local", "param", "static", "%tid.x", "%ctaid.x", "%ntid.x", "%nctaid.x", "%laneid", "%warpid")
-"""What a constant is relative to: the thread's memory, the kernel's parameters, constants in memory, its place."""
+"""A constant is relative to one of these: a thread's memory, the kernel's parameters, constants in memory, a place."""
 
 FIXED = {f"{name}.{axis}": int("n" in name) for name in ("%tid", "%ctaid", "%ntid", "%nctaid") for axis in "yz"}
 

@@ -26,22 +26,9 @@ from short_training import BUDGET, CPU, SCENE, through_a_file
 TESTS = Path(__file__).parents[1]
 
 KERNELS = (
-    *(
-        "adam",
-        "axes",
-        "brdf",
-        "fit",
-        "footprint",
-        "harmonics",
-        "hits",
-        "image",
-        "lookup",
-        "rasterize",
-        "shade",
-        "terms",
-    ),
-    "trace",
-)
+    "adam", "axes", "brdf", "fit", "footprint", "harmonics", "hits", "image", "lookup", "rasterize", "shade",
+    "single_precision", "terms", "trace",
+)  # fmt: skip
 OF_KERNELS = (
     *(f"method/core/kernels/test_{name}.py" for name in KERNELS), "method/core/transport/test_prefiltered_light.py",
 )  # fmt: skip
@@ -58,7 +45,6 @@ OF_THE_CPU = (
     "good_to_the_last_digits",  # of lanes.inl; exp(log(x) / 2.4) of CUDA loses 61 units at 1e300
 )
 """Parts of names of tests that hold for the CPU alone."""
-
 
 VARIANT = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
 FEW_STEPS = with_values(BUDGET, {"geometry.steps": 2, "inverse_iterations": 2})
