@@ -62,7 +62,7 @@ def learnt() -> dict[str, torch.Tensor]:
     return {name: value.detach() for name, value in second.optimiser.tensors.items()}
 
 
-def tested(folder: Path) -> dict[str, Any]:
+def account_of_tests(folder: Path) -> dict[str, Any]:
     """The account of the tests of kernels, all of which have to pass."""
     paths = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
     chosen = ["-m", "not slow", "-k", f"not ({' or '.join(OF_THE_CPU)})", "-q", "-p", "ptx.plugin", *OF_KERNELS]
@@ -85,7 +85,7 @@ def test_every_kernel_computes_from_its_ptx_what_is_expected_and_no_thread_distu
         expected = learnt()
     for name, value in expected.items():
         torch.testing.assert_close(found[name], value, rtol=1e-5, atol=1e-6, msg=name)
-    of_tests = tested(tmp_path)
+    of_tests = account_of_tests(tmp_path)
     assert not any([*account.found.values(), *of_tests["found"].values()]), [*account.reports, *of_tests["reports"]]
     every = {name_of(kernel) for dtype in (torch.float32, torch.float64) for kernel in kernels_of(dtype, on_cuda=True)}
     assert every == {*account.kernels, *of_tests["kernels"]}
