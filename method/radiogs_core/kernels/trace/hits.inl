@@ -448,7 +448,6 @@ for (;;) {
     node = stack_node[top];
 }
 done:
-used.data[0] += found;
 found_out.data[slot] = found;
 rest_out.data[slot] = found == BUFFER && left[found] >= stop ? left[found] : SCALAR(FINISHED);
 
@@ -500,6 +499,7 @@ for (int r = 0; r < count; ++r) {
     const int start_id = starts_id.data[slot];
 #include "ray"
 #include "nearest_first"
+    used.data[0] += found;
 }
 #endif
 nodes_out.data[item] = nodes;
