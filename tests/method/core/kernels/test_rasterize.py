@@ -237,9 +237,9 @@ def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int, sp
         for place in (torch.tensor([tile % across, tile // across]) for tile in range(across * down))
     ]
     everywhere = torch.ones(count, dtype=torch.bool)
-    for lists in (counted_lists, sorted_lists):
-        starts, members = lists(view, Bounds(tiles, depth, everywhere.to(torch.uint8), everywhere))
-        found = [members[begin:end].tolist() for begin, end in pairwise(starts.tolist())]
+    for gather in (counted_lists, sorted_lists):
+        lists = gather(view, Bounds(tiles, depth, everywhere.to(torch.uint8), everywhere))
+        found = [lists.members[begin:end].tolist() for begin, end in pairwise(lists.starts.tolist())]
         assert found == expected
 
 
