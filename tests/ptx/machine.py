@@ -83,7 +83,8 @@ class _Account(ctypes.Structure):
 class Account:
     """Operations of launches, and the faults that were found in them."""
 
-    atomics: int = 0
+    atomics: Counter[str] = field(default_factory=Counter)
+    """Atomic operations by the kernel's name."""
     bytes: int = 0
     """Bytes of global memory that were read, written and changed, each access counted."""
     instructions: int = 0
@@ -140,7 +141,7 @@ class Executable:
         self._add(account, found)
 
     def _add(self, account: Account, found: _Account) -> None:
-        account.atomics += found.atomics
+        account.atomics[self.name] += found.atomics
         account.bytes += found.bytes
         account.instructions += found.instructions
         for kind, number in zip(KINDS, found.found, strict=True):
