@@ -8,9 +8,11 @@ n' = normal, m_u = (axis_u . (o - c)) n' + (n' . (c - o)) axis_u, all in camera 
 so a hit costs three dot products; ``projection`` applies the chain rule to centre, axes and normal.
 
 The item of both passes is a tile on the CPU: its pixels are the lanes of vectors, and a surfel has weight zero in lanes
-that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane. There, half a warp has a tile.
-Its lanes stay together in the backward pass, sum the gradients of an entry of the tile's list, and store the sums in the
-entry's slot; then each surfel's slots are summed in a fixed order. So gradients need no atomics, and repeat bit for bit.
+that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
+
+There, half a warp has a tile. In the backward pass its lanes go through the tile's list together, sum the gradients of
+each entry by shuffles, and store the sums in the entry's slot. A second kernel adds each surfel's slots in a fixed
+order. So gradients need no atomics, and repeat bit for bit.
 """
 
 from collections.abc import Collection, Sequence
@@ -31,7 +33,7 @@ from ..lanes import LANES, bell_words
 from ..native_kernel import INTEGERS, LONGS, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, NATIVE, WorkerSums, launch_in_parallel, scalar_type
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, SplatGeometry
-from .binning import TILE
+from .binning import TILE, Slots
 from .projection import RECORD, Projection, project
 
 RASTERIZE = native_file(__package__, "rasterize.inl", LANES)
@@ -150,15 +152,20 @@ class _Blend(torch.autograd.Function):
         if ctx.slots is None:
             launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments, gradients)
         else:
-            of_each = RECORD - 1 + together.shape[1]
-            sums_of_entries = records.new_zeros(len(ctx.slots.of_entries) * of_each)
-            arguments += [ctx.slots.of_entries, sums_of_entries]
+            of_entries = records.new_zeros(len(ctx.slots.of_entries), RECORD - 1 + together.shape[1])
+            arguments += [ctx.slots.of_entries, of_entries]
             launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments)
-            gather, count = gather_kernel(records.dtype, together.shape[1]), len(ctx.slots.surfels) * of_each
-            given = [ctx.slots.surfels, ctx.slots.ends, sums_of_entries]
-            launch_in_parallel(gather, count, device, given, gradients)
+            _gather(ctx.slots, of_entries, gradients)
         to_records, to_features = gradients.total()
         return None, None, None, to_records, *(to_features.split(widths, -1) if len(widths) > 1 else [to_features])
+
+
+def _gather(slots: Slots, of_entries: Float[Tensor, "slots gradients"], to: WorkerSums) -> None:
+    """Add up the gradients that lie in the slots of each surfel."""
+    gradients = of_entries.shape[1]
+    kernel = gather_kernel(of_entries.dtype, gradients - (RECORD - 1))
+    arguments = [slots.surfels, slots.ends, of_entries]
+    launch_in_parallel(kernel, len(slots.surfels) * gradients, of_entries.device, arguments, to)
 
 
 def _joined(features: tuple[Tensor, ...]) -> Tensor:
@@ -211,7 +218,7 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
         "SUMS": PIXEL_SUMS,
         "MAX_ALPHA": MAX_ALPHA,
         "STOP": RASTER_TRANSMITTANCE_STOP,
-        "ROWS": -(-gradients // 16) * 16,  # a multiple of a tile's lanes; the extra gradients are zero
+        "ROWS": -(-gradients // TILE**2) * TILE**2,  # the extra gradients are zero
         **bell_words(dtype),
     }
     make, arrays = partial(native_kernel, RASTERIZE, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
