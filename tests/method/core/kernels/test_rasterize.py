@@ -266,7 +266,7 @@ def test_gradients_repeat_bit_for_bit(team: int) -> None:
 
 @pytest.mark.slow
 def test_gradients_from_ptx_need_no_atomics_and_any_order_of_threads_gives_the_same_bits() -> None:
-    """Of nine tiles of which five reach beyond the image; half of the last warp has none."""
+    """Five of the nine tiles reach beyond the image, and half of the last warp has none."""
     given, view = random_surfels(40, channels=9), camera(11, 11)
     pulls = [torch.randn_like(value) for value in dense(given, view)]
     found, accounts = [], [Account(), Account()]
