@@ -140,6 +140,25 @@ class Executable:
         self.machine.execute(ctypes.byref(given), where, *size, ctypes.byref(found))
         self._add(account, found)
 
+    def execute_twice(
+        self,
+        values: Sequence[bytes],
+        allocations: Sequence[tuple[int, int]],
+        threads: tuple[int, int],
+        seed: int,
+        account: Account,
+    ) -> None:
+        """As ``execute``, and then from the same memory in another order, which must not compute other bits."""
+        before = _contents(allocations)
+        self.execute(values, allocations, threads, seed, account)
+        after = _contents(allocations)
+        for (begin, _), content in zip(allocations, before, strict=True):
+            ctypes.memmove(begin, content, len(content))
+        self.execute(values, allocations, threads, seed + 1, Account())
+        if _contents(allocations) != after:
+            account.found["order"] += 1
+            account.reports.append(f"{self.name}: the order of its threads changes what it computes")
+
     def _add(self, account: Account, found: _Account) -> None:
         account.atomics[self.name] += found.atomics
         account.bytes += found.bytes
@@ -150,6 +169,10 @@ class Executable:
             other = f" and {each.other}" if each.other >= 0 else ""
             what = f"{KINDS[each.kind]} at {each.address:#x} of threads {each.thread}{other}"
             account.reports.append(f"{self.name}: {what}: {self.program.code[each.instruction].text}")
+
+
+def _contents(allocations: Sequence[tuple[int, int]]) -> list[bytes]:
+    return [ctypes.string_at(begin, end - begin) for begin, end in allocations]
 
 
 def _apart(allocations: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -58,6 +58,7 @@ FAULTS = {
     ),
     "misaligned": ("ld.global.f32 %f1, [%rd2+6];", "ld.global.f32 %f1, [%rd2+4];"),
     "outside": ("st.global.u32 [%rd4+4], %r1;", "setp.lt.u32 %p1, %r1, 63; @%p1 st.global.u32 [%rd4+4], %r1;"),
+    "order": ("atom.global.exch.b32 %r2, [%rd2], %r1;", "atom.global.max.u32 %r2, [%rd2], %r1;"),
     "meeting": (HALF_LEAVES.format(mask="-1"), HALF_LEAVES.format(mask="65535")),
 }
 """By the kind of a fault, the body of a kernel that has it and of one that has not."""
@@ -68,7 +69,7 @@ def run(body: str, folder: Path, seed: int = 0) -> tuple[np.ndarray, Account]:
     array, account = np.zeros(64, np.uint32), Account()
     begin = array.ctypes.data
     kernel = Executable(parsed(KERNEL.format(body=body)), "planted", folder)
-    kernel.execute([struct.pack("Q", begin)], [(begin, begin + array.nbytes)], (1, 64), seed, account)
+    kernel.execute_twice([struct.pack("Q", begin)], [(begin, begin + array.nbytes)], (1, 64), seed, account)
     return array, account
 
 
@@ -83,7 +84,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_found_and_nothing_in_its_repaired_twin(fault: str, seed: int, folder: Path) -> None:
     faulty, repaired = (run(body, folder, seed)[1] for body in FAULTS[fault])
-    assert [kind for kind in KINDS if faulty.found[kind]] == [fault.split()[0]]
+    assert [kind for kind in (*KINDS, "order") if faulty.found[kind]] == [fault.split()[0]]
     assert faulty.reports
     assert not any(repaired.found.values())
 
