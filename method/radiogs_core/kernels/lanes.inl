@@ -261,10 +261,12 @@ auto write_sums_of_half = [=](auto& rows, SCALAR* sums, int count) {
     for (int first = 0; first < (int)(sizeof(rows) / sizeof(rows[0])); first += 16) {
         SCALAR* const row = rows + first;
 #pragma unroll
-        for (int apart = 8; apart > 0; apart /= 2) {
+        for (int step = 0; step < 4; ++step) {
+            const int apart = 8 >> step;
             const bool upper = item & apart;
 #pragma unroll
-            for (int i = 0; i < apart; ++i) {
+            for (int i = 0; i < 8; ++i) {
+                if (i >= apart) continue;  // the loop is unrolled, with rows in registers, if its length is fixed
                 const SCALAR own = upper ? row[i + apart] : row[i], others = upper ? row[i] : row[i + apart];
                 row[i] = own + __shfl_xor_sync(together, others, apart);
             }

@@ -6,12 +6,12 @@ from itertools import pairwise
 import pytest
 import torch
 
-from ptx.launch import launched_from_ptx
+from ptx.launch import launched_from_ptx, ptx_of
 from ptx.machine import Account
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.binning import TILE, Bounds, counted_lists, sorted_lists
 from radiogs_core.kernels.rasterize.projection import project
-from radiogs_core.kernels.rasterize.rasterize import blend_together, rasterize
+from radiogs_core.kernels.rasterize.rasterize import blend_kernels, blend_together, rasterize
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.scene.camera import Camera
@@ -278,6 +278,10 @@ def test_gradients_from_ptx_need_no_atomics_and_any_order_of_threads_gives_the_s
     for account in accounts:
         assert account.kernels["rasterize_backward float64"] == account.kernels["rasterize_gather float64"] == 1
         assert account.atomics.total() == account.found.total() == 0, account.reports
+
+
+def test_rows_that_lanes_hand_over_lie_in_registers_of_a_card() -> None:
+    assert "__local_depot" not in ptx_of(blend_kernels(torch.float64, 13, on_cuda=True).backward)
 
 
 def test_surfels_whose_centres_lie_behind_the_camera_come_first_and_in_the_order_of_their_depths() -> None:
