@@ -130,7 +130,7 @@ class _Reader:
         return Variable(begin, size)
 
     # ---- from statements to instructions
-    def _expand(self, body: str, function: str, bound: dict[str, str]) -> None:
+    def _expand(self, body: str, function: str, bound: dict[str, tuple[str, int]]) -> None:
         """Add the instructions of a function; ``bound``: places of its parameters' memory.
 
         Names are known in the scope of their braces, which a prefix stands for.
@@ -169,9 +169,9 @@ class _Reader:
         elif name == "bra" or (name == "ret" and scopes[-1]):
             self._put(text, scopes, guard, "bra", [scopes[-1] + (operands[0] if operands else "end")])
         elif (joined := re.fullmatch(r"(setp\.\w+)\.(and|or|xor)\.(.+)", name)) and not guard:
-            *compared, other = operands
-            self._put(text, scopes, "", f"{joined[1]}.{joined[3]}", compared)
-            self._put(text, scopes, "", f"{joined[2]}.pred", [compared[0], compared[0], other])
+            result, *compared, other = operands
+            self._put(text, scopes, "", f"{joined[1]}.{joined[3]}", ["_", *compared])
+            self._put(text, scopes, "", f"{joined[2]}.pred", [result, "_", other])
         elif name.startswith("red."):
             self._put(text, scopes, guard, f"atom{name[3:]}", ["_", *operands])
         else:
