@@ -49,9 +49,9 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs_baselines": 8_647, "functions of radiogs_baselines": 501,
     "lines of radiogs_reports": 8_622, "functions of radiogs_reports": 515,
     "lines of radiogs_bench": 25_782, "functions of radiogs_bench": 1_431,
-    "lines of kernels' C++": 3_741,
+    "lines of kernels' C++": 3_801,
     "lines of the page's JavaScript": 1_325,
-    "lines of tests": 59_439,
+    "lines of tests": 59_461,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""
