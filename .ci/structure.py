@@ -43,15 +43,15 @@ LIMITS: Mapping[str, int] = {
     "files with one user": 90,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
-    "lines of radiogs_core": 12_369, "functions of radiogs_core": 741,
+    "lines of radiogs_core": 12_412, "functions of radiogs_core": 743,
     "lines of radiogs": 5_528, "functions of radiogs": 300,
     "lines of radiogs_datasets": 11_412, "functions of radiogs_datasets": 638,
     "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 492,
     "lines of radiogs_reports": 8_498, "functions of radiogs_reports": 511,
     "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_406,
-    "lines of kernels' C++": 3_741,
+    "lines of kernels' C++": 3_801,
     "lines of the page's JavaScript": 1_325,
-    "lines of tests": 59_444,
+    "lines of tests": 59_466,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""

@@ -15,7 +15,7 @@ from radiogs_core.kernels.image.similarity import similarity_kernels
 from radiogs_core.kernels.image.terms import term_kernels
 from radiogs_core.kernels.rasterize.binning import binning_kernels
 from radiogs_core.kernels.rasterize.projection import geometry_kernels, seen_kernels
-from radiogs_core.kernels.rasterize.rasterize import blend_kernels
+from radiogs_core.kernels.rasterize.rasterize import blend_kernels, gather_kernel
 from radiogs_core.kernels.shade.consistency import consistency_kernels
 from radiogs_core.kernels.shade.directions import spread_kernel
 from radiogs_core.kernels.shade.lookup import lookup_kernels
@@ -53,7 +53,7 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
         *consistency_kernels(dtype, on_cuda), arrival_kernel(dtype, on_cuda), spread_kernel(dtype),
         *splitsum_kernels(dtype, 5, 0.2, on_cuda), *lookup_kernels(dtype, on_cuda),
         code_kernel(dtype), *hit_kernels(dtype, on_cuda), *trace_kernels(dtype, on_cuda), *fit_kernels(dtype),
-        *blend_kernels(dtype, 13, on_cuda)[:2], binning_kernels().entries,
+        *blend_kernels(dtype, 13, on_cuda)[:2], gather_kernel(dtype, 13), binning_kernels().entries,
         *geometry_kernels(dtype, on_cuda), *seen_kernels(dtype, on_cuda),
         *axes_kernels(dtype), *frame_kernels(dtype), *footprint_kernels(dtype), *harmonics_kernels(dtype),
         support_kernel(dtype), step_kernel(dtype, 1e-15),

@@ -239,3 +239,46 @@ auto sums_of = [](Lanes* rows, SCALAR* sums) {
         + __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
     for (int i = 0; i < LANES; ++i) sums[i] = all[i];
 };
+
+// ---- half_warp
+// For CUDA's arrangement alone, where an ``item`` is a lane and 16 items are half a warp, as every launch begins with item
+// 0: ``any_of_half``, ``largest_of_half``, and ``write_sums_of_half`` for the sums of each lane's ``rows``, whose number
+// is a multiple of 16. All 16 lanes have to call each of them. On a CPU the lanes come one after another, and each adds to
+// what the sums are so far, at first zero.
+#ifdef __CUDA_ARCH__
+const unsigned together = 0xffffu << (item & 16);
+auto any_of_half = [=](bool mask) -> bool { return __any_sync(together, mask); };
+auto largest_of_half = [=](int value) -> int {
+    for (int apart = 8; apart > 0; apart /= 2) {
+        const int other = __shfl_xor_sync(together, value, apart);
+        value = other > value ? other : value;
+    }
+    return value;
+};
+// Each step hands the sums of half of the rows to the lane ``apart``, so that in the end lane l of 16 has row l's.
+auto write_sums_of_half = [=](auto& rows, SCALAR* sums, int count) {
+#pragma unroll
+    for (int first = 0; first < (int)(sizeof(rows) / sizeof(rows[0])); first += 16) {
+        SCALAR* const row = rows + first;
+#pragma unroll
+        for (int step = 0; step < 4; ++step) {
+            const int apart = 8 >> step;
+            const bool upper = item & apart;
+#pragma unroll
+            for (int i = 0; i < 8; ++i) {
+                if (i >= apart) continue;  // the loop is unrolled, with rows in registers, if its length is fixed
+                const SCALAR own = upper ? row[i + apart] : row[i], others = upper ? row[i] : row[i + apart];
+                row[i] = own + __shfl_xor_sync(together, others, apart);
+            }
+        }
+        const int place = first + item % 16;
+        if (place < count) sums[place] = row[0];
+    }
+};
+#else
+auto any_of_half = [](bool mask) -> bool { return mask; };
+auto largest_of_half = [](int value) -> int { return value; };
+auto write_sums_of_half = [](auto& rows, SCALAR* sums, int count) {
+    for (int place = 0; place < count; ++place) sums[place] += rows[place];
+};
+#endif

@@ -28,6 +28,19 @@ TILE = 4
 
 
 @dataclass(frozen=True)
+class Slots:
+    """Places for sums of a tile's pixels, one for each entry of the lists: a surfel's slots lie together, tile after
+    tile."""
+
+    of_entries: Int64[Tensor, " entries"]
+    """The slot of each entry."""
+    surfels: Int64[Tensor, " drawn"]
+    """Surfels in view in the order of their slots."""
+    ends: Int64[Tensor, " drawn"]
+    """One past the last slot of each of ``surfels``."""
+
+
+@dataclass(frozen=True)
 class TileLists:
     """The surfels of each tile: ``members[starts[k]:starts[k + 1]]`` for tile k, nearest centre first, ties by
     index."""
@@ -38,6 +51,8 @@ class TileLists:
     """Indices of the surfels, tile after tile."""
     touched: Bool[Tensor, " surfels"]
     """Whether the surfel's bounds intersect the image."""
+    slots: Slots | None = None
+    """Only for CUDA, where no worker has a sum of its own."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +78,11 @@ def tile_lists(camera: Camera, bounds: Bounds) -> TileLists:
     origin: by 0.018 in float32, by nothing in float64).
     """
     gather = sorted_lists if as_on_cuda(bounds.depth.device) else counted_lists
-    starts, members = gather(camera, bounds)
-    return TileLists(starts, members, bounds.touched)
+    return gather(camera, bounds)
 
 
-def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
-    """``starts`` and ``members`` by sorting and counting in one thread, for the CPU."""
+def counted_lists(camera: Camera, bounds: Bounds) -> TileLists:
+    """The lists by sorting and counting in one thread, for the CPU."""
     across, count = _grid(camera)
     if count > MOST_ENTRIES:
         _require_countable(int(_pairs(bounds.tiles).sum()))
@@ -83,27 +97,27 @@ def counted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_a
     _require_countable(entries)
     members = torch.empty(entries, dtype=torch.int32)
     launch(kernels.listed, 1, tally.device, [drawn, across, count, scratch[2], bounds.tiles, starts, members])
-    return starts, members
+    return TileLists(starts, members, bounds.touched)
 
 
-def sorted_lists(camera: Camera, bounds: Bounds) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
-    """``starts`` and ``members`` by a stable sort of all pairs, for CUDA."""
+def sorted_lists(camera: Camera, bounds: Bounds) -> TileLists:
+    """The lists by a stable sort of all pairs, for CUDA; a pair's slot is its place before the sort."""
     across, count = _grid(camera)
     tiles = bounds.tiles
     count_kinds(bounds.kind)
     drawn = torch.nonzero(bounds.touched)[:, 0]
     nearest_first = drawn[_in_order(bounds.depth[drawn]).argsort(stable=True)]
     counts = _pairs(tiles[nearest_first])
-    begins = counts.cumsum(0) - counts
+    ends = counts.cumsum(0)
     entries = int(counts.sum())
     _require_countable(entries)
     tile, member = (torch.empty(entries, dtype=torch.int32, device=tiles.device) for _ in range(2))
-    arguments = [across, nearest_first, begins, tiles, tile, member]
+    arguments = [across, nearest_first, ends - counts, tiles, tile, member]
     launch_in_parallel(binning_kernels().entries, len(nearest_first), tiles.device, arguments)
     # Pairs come in depth order; a stable sort by tile keeps that order within each tile.
     tile, order = tile.sort(stable=True)
     starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)
-    return starts, member[order]
+    return TileLists(starts, member[order], bounds.touched, Slots(order, nearest_first, ends))
 
 
 class BinningKernels(NamedTuple):

@@ -25,7 +25,8 @@ Mask open = inside != Whole{};
 auto plane = [](wp::uint64 address) -> SCALAR* { return (SCALAR*)address; };
 
 // ---- meet
-// Lanes that the surfel does not cover have met = 0 and zeros, so that their products vanish.
+// Lanes that the surfel does not cover have met = 0 and zeros, so that their products vanish. ``reaches``: whether it
+// covers any lane of those that go through the entries together.
 const int member = members.data[entry];
 const SCALAR* r = records.data + RECORD * (long long)member;
 const SCALAR* feature = features.data + CHANNELS * (long long)member;
@@ -36,7 +37,7 @@ const Lanes u = (r[3] * rx + r[4] * ry + r[5]) * inverse;
 const Lanes v = (r[6] * rx + r[7] * ry + r[8]) * inverse;
 Lanes square = u * u + v * v;
 Mask met = (slope < zero) & (depth > zero) & (square <= zero + r[11]) & open;
-if (!any(met)) continue;
+if (!reaches(met)) continue;
 depth = met ? depth : zero;
 square = met ? square : zero;
 
@@ -44,6 +45,7 @@ square = met ? square : zero;
 #include "tile"
 out_blended.data[item] = 0;
 if (!any(open)) return;
+auto reaches = any;
 Lanes left = one, total[CHANNELS] = {}, weights = zero, depths = zero, distortion = zero;
 Lanes moments = zero, squares = zero;
 Whole end = Whole{} + starts.data[tile + 1], blended = {};
@@ -91,9 +93,12 @@ for (int c = 0; c < LANES; ++c) {
 
 // ---- backward
 #include "tile"
-if (!any(open)) return;
-#if !ON_CUDA
+#if ON_CUDA
+#include "lanes.inl:half_warp"
+auto reaches = any_of_half;
+#else
 #include "lanes.inl:sums_of_lanes"
+auto reaches = any;
 #endif
 Lanes pull[CHANNELS] = {}, pull_weight = zero, pull_depth = zero, pull_distortion = zero;
 Lanes weights = zero, moments = zero, squares = zero, left = one, behind = zero;
@@ -125,6 +130,9 @@ for (int c = 0; c < LANES; ++c) {
     LANE(end, c) = ends.data[at];
     last = ends.data[at] > last ? ends.data[at] : last;
 }
+#if ON_CUDA
+last = largest_of_half(last);
+#endif
 for (int entry = begin; entry < last; ++entry) {
     open = Whole{} + entry < end;
 #include "meet"
@@ -152,15 +160,24 @@ for (int entry = begin; entry < last; ++entry) {
     };
     for (int k = 0; k < CHANNELS; ++k) by[RECORD - 1 + k] = weight * pull[k];
     left *= one - alpha;
+#if ON_CUDA
+    write_sums_of_half(by, slots.data + GRADIENTS * slot_of.data[entry], GRADIENTS);
+#else
     SCALAR* to_record = grad_records.data + RECORD * (long long)member;
     SCALAR* to_feature = grad_features.data + CHANNELS * (long long)member;
-#if ON_CUDA
-    for (int i = 0; i < RECORD - 1; ++i) wp::atomic_add(to_record + i, by[i]);
-    for (int k = 0; k < CHANNELS; ++k) wp::atomic_add(to_feature + k, by[RECORD - 1 + k]);
-#else
     SCALAR total[ROWS];
     for (int row = 0; row < ROWS; row += LANES) sums_of(by + row, total + row);
     for (int i = 0; i < RECORD - 1; ++i) to_record[i] += total[i];
     for (int k = 0; k < CHANNELS; ++k) to_feature[k] += total[RECORD - 1 + k];
 #endif
 }
+
+// ---- gather
+// One of the gradients of a surfel in view: the sum over its slots, in their order.
+const int place = item / GRADIENTS, number = item % GRADIENTS;
+SCALAR sum = 0;
+for (long long slot = place > 0 ? ends.data[place - 1] : 0; slot < ends.data[place]; ++slot)
+    sum += slots.data[GRADIENTS * slot + number];
+const long long surfel = surfels.data[place];
+if (number < RECORD - 1) grad_records.data[RECORD * surfel + number] = sum;
+else grad_features.data[CHANNELS * surfel + number - (RECORD - 1)] = sum;

@@ -9,6 +9,10 @@ so a hit costs three dot products; ``projection`` applies the chain rule to cent
 
 The item of both passes is a tile on the CPU: its pixels are the lanes of vectors, and a surfel has weight zero in lanes
 that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
+
+There, half a warp has a tile. In the backward pass its lanes go through the tile's list together, sum the gradients of
+each entry by shuffles, and store the sums in the entry's slot. A second kernel adds each surfel's slots in a fixed
+order. So gradients need no atomics, and repeat bit for bit.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,10 +30,10 @@ from ...scene.camera import Camera
 from ..arguments import lens_of
 from ..arrangement import an_item, as_on_cuda, items_of
 from ..lanes import LANES, bell_words
-from ..native_kernel import INTEGERS, flat, native_file, native_kernel
-from ..runtime import NATIVE, WorkerSums, launch_in_parallel, scalar_type
+from ..native_kernel import INTEGERS, LONGS, flat, native_file, native_kernel
+from ..runtime import ITEMWISE, NATIVE, WorkerSums, launch_in_parallel, scalar_type
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, SplatGeometry
-from .binning import TILE
+from .binning import TILE, Slots
 from .projection import RECORD, Projection, project
 
 RASTERIZE = native_file(__package__, "rasterize.inl", LANES)
@@ -129,6 +133,7 @@ class _Blend(torch.autograd.Function):
             kept = (torch.zeros_like(each) if k in detached else each for k, each in enumerate(features))
             together = _joined(tuple(kept))
         ctx.kernels, ctx.view, ctx.strides, ctx.items, ctx.detached = kernels, view, strides, items, detached
+        ctx.slots = seen.lists.slots
         ctx.save_for_backward(records, together, sums, ends, *images)
         ctx.set_materialize_grads(False)
         return *planes, *images
@@ -142,11 +147,25 @@ class _Blend(torch.autograd.Function):
         given = [pull if pull is None else pull.contiguous() for pull in pulls]
         planes = _planes(kind, kept, widths, [None] * PLANES)
         pulls_of = _planes(kind, given[PLANES:], widths, given[:PLANES])
-        gradients = WorkerSums([records, together], device)
         arguments = [*ctx.view, records, together, planes, ctx.strides, pulls_of, sums, ends]
-        launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments, gradients)
+        gradients = WorkerSums([records, together], device)
+        if ctx.slots is None:
+            launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments, gradients)
+        else:
+            of_entries = records.new_zeros(len(ctx.slots.of_entries), RECORD - 1 + together.shape[1])
+            arguments += [ctx.slots.of_entries, of_entries]
+            launch_in_parallel(ctx.kernels.backward, ctx.items, device, arguments)
+            _gather(ctx.slots, of_entries, gradients)
         to_records, to_features = gradients.total()
         return None, None, None, to_records, *(to_features.split(widths, -1) if len(widths) > 1 else [to_features])
+
+
+def _gather(slots: Slots, of_entries: Float[Tensor, "slots gradients"], to: WorkerSums) -> None:
+    """Add up the gradients that lie in the slots of each surfel."""
+    gradients = of_entries.shape[1]
+    kernel = gather_kernel(of_entries.dtype, gradients - (RECORD - 1))
+    arguments = [slots.surfels, slots.ends, of_entries]
+    launch_in_parallel(kernel, len(slots.surfels) * gradients, of_entries.device, arguments, to)
 
 
 def _joined(features: tuple[Tensor, ...]) -> Tensor:
@@ -195,10 +214,11 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
         "TILE": TILE,
         "RECORD": RECORD,
         "CHANNELS": channels,
+        "GRADIENTS": gradients,
         "SUMS": PIXEL_SUMS,
         "MAX_ALPHA": MAX_ALPHA,
         "STOP": RASTER_TRANSMITTANCE_STOP,
-        "ROWS": -(-gradients // pixels) * pixels,  # whole vectors of lanes; the extra gradients are zero
+        "ROWS": -(-gradients // TILE**2) * TILE**2,  # the extra gradients are zero
         **bell_words(dtype),
     }
     make, arrays = partial(native_kernel, RASTERIZE, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
@@ -213,6 +233,15 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
         (Strides, "strides"),
     )
     out = (arrays, "out_sums"), (INTEGERS, "out_end out_blended")
-    pulls = (Planes, "pulls"), (arrays, "sums"), (INTEGERS, "ends"), (arrays, "grad_records grad_features")
+    to = [(LONGS, "slot_of"), (arrays, "slots")] if on_cuda else [(arrays, "grad_records grad_features")]
+    pulls = (Planes, "pulls"), (arrays, "sums"), (INTEGERS, "ends"), *to
     forward, backward = make("forward", "item", *given, *out), make("backward", "item", *given, *pulls)
     return BlendKernels(forward, backward, Planes, Strides)
+
+
+@cache
+def gather_kernel(dtype: torch.dtype, channels: int) -> wp.Kernel:
+    """The kernel that adds up the slots of surfels in view; an item is one of the gradients of one of them."""
+    words = {"GRADIENTS": RECORD - 1 + channels, "RECORD": RECORD, "CHANNELS": channels}
+    parameters = (LONGS, "surfels ends"), (flat(dtype), "slots grad_records grad_features")
+    return native_kernel(RASTERIZE, dtype, ITEMWISE, "gather", "item", *parameters, words=words)

@@ -6,10 +6,12 @@ from itertools import pairwise
 import pytest
 import torch
 
+from ptx.launch import launched_from_ptx, ptx_of
+from ptx.machine import Account
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.binning import TILE, Bounds, counted_lists, sorted_lists
 from radiogs_core.kernels.rasterize.projection import project
-from radiogs_core.kernels.rasterize.rasterize import blend_together, rasterize
+from radiogs_core.kernels.rasterize.rasterize import blend_kernels, blend_together, rasterize
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.scene.camera import Camera
@@ -237,9 +239,9 @@ def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int, sp
         for place in (torch.tensor([tile % across, tile // across]) for tile in range(across * down))
     ]
     everywhere = torch.ones(count, dtype=torch.bool)
-    for lists in (counted_lists, sorted_lists):
-        starts, members = lists(view, Bounds(tiles, depth, everywhere.to(torch.uint8), everywhere))
-        found = [members[begin:end].tolist() for begin, end in pairwise(starts.tolist())]
+    for gather in (counted_lists, sorted_lists):
+        lists = gather(view, Bounds(tiles, depth, everywhere.to(torch.uint8), everywhere))
+        found = [lists.members[begin:end].tolist() for begin, end in pairwise(lists.starts.tolist())]
         assert found == expected
 
 
@@ -252,7 +254,7 @@ def test_an_empty_scene_is_the_background_and_takes_gradients() -> None:
     assert slopes["centre"].shape == (0, 3)
 
 
-@pytest.mark.usefixtures("cpu_arrangement")
+@in_every_arrangement
 @pytest.mark.parametrize("team", [1, 2])
 def test_gradients_repeat_bit_for_bit(team: int) -> None:
     use_threads(team)
@@ -260,6 +262,26 @@ def test_gradients_repeat_bit_for_bit(team: int) -> None:
     pulls = [torch.randn_like(value) for value in fast(given, view)]
     first, second = gradients(fast, given, view, pulls), gradients(fast, given, view, pulls)
     assert all(torch.equal(first[name], second[name]) for name in FIELDS)
+
+
+@pytest.mark.slow
+def test_gradients_from_ptx_need_no_atomics_and_any_order_of_threads_gives_the_same_bits() -> None:
+    """Five of the nine tiles reach beyond the image, and half of the last warp has none."""
+    given, view = random_surfels(40, channels=9), camera(11, 11)
+    pulls = [torch.randn_like(value) for value in dense(given, view)]
+    found, accounts = [], [Account(), Account()]
+    for seed, account in enumerate(accounts):
+        with launched_from_ptx(account, seed):
+            found.append(gradients(fast, given, view, pulls))
+    assert_same_slopes(found[0], gradients(dense, given, view, pulls))
+    assert all(torch.equal(found[0][name], found[1][name]) for name in FIELDS)
+    for account in accounts:
+        assert account.kernels["rasterize_backward float64"] == account.kernels["rasterize_gather float64"] == 1
+        assert account.atomics.total() == account.found.total() == 0, account.reports
+
+
+def test_rows_that_lanes_hand_over_lie_in_registers_of_a_card() -> None:
+    assert "__local_depot" not in ptx_of(blend_kernels(torch.float64, 13, on_cuda=True).backward)
 
 
 def test_surfels_whose_centres_lie_behind_the_camera_come_first_and_in_the_order_of_their_depths() -> None:
