@@ -10,12 +10,13 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.scene.camera import Camera
+from radiogs_core.kernels.rasterize.projection import Projection
+from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.light import bilinear_texels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
-from radiogs_core.transport.splatting import SPECULAR_INDIRECT, splat, towards
+from radiogs_core.transport.splatting import SPECULAR_INDIRECT
 
 
 class Answer(NamedTuple):
@@ -72,21 +73,20 @@ def light_blocks(light: Float[Tensor, "height width 3"]) -> Int[Tensor, " texels
 @torch.no_grad()
 def to_light(
     surfels: Surfels,
-    cameras: Sequence[Camera],
+    outgoing: Float[Tensor, "surfels cameras 3"],
     incident: Incident,
     light: Float[Tensor, "rows columns 3"],
     specular_at: Bool[Tensor, " surfels"] | None,
 ) -> Float[Tensor, "3 cameras surfels blocks"]:
     """Derivative of the radiance towards each camera to the logarithm of the light's blocks, by channel.
 
-    ``incident``: the light on these surfels.
+    ``outgoing``: unit directions from the surfels to the cameras. ``incident``: the light on these surfels.
     """
     normal = surfels.frame[..., 2]
-    outgoing = torch.stack([towards(camera, surfels) for camera in cameras], 1)
     in_front = ((outgoing * normal[:, None]).sum(-1) > 0).to(light)
     cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
     diffuse = in_front[..., None] * (incident.weight * cosine / torch.pi)[:, None]
-    lobes = [_lobe(surfels, outgoing[:, place], incident, light, specular_at) for place in range(len(cameras))]
+    lobes = [_lobe(surfels, view, incident, light, specular_at) for view in outgoing.unbind(1)]
     lobe, albedo = torch.stack(lobes, 1), lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
     texel, share = bilinear_texels(incident.direction, *light.shape[:2])
     share = share * incident.visibility[..., None]
@@ -120,22 +120,22 @@ def _lobe(
 
 
 class Blending:
-    """The image of one camera as a linearised function of its surfels' radiance; see ``splat`` and ``displayed``."""
+    """The image of one camera as a linearised function of its surfels' radiance; see ``blend`` and ``displayed``."""
 
-    def __init__(self, camera: Camera, surfels: Surfels, radiance: Float[Tensor, "surfels 3"], straight: bool) -> None:
-        """Linearise around ``radiance``, linear RGB. Clipped pixels do not change."""
-        self.camera, self.surfels = camera, surfels
+    def __init__(self, seen: Projection, radiance: Float[Tensor, "surfels 3"], straight: bool) -> None:
+        """Linearise around ``radiance``, linear RGB, of the projected surfels. Clipped pixels do not change."""
+        self.seen = seen
         with torch.enable_grad():
             self.radiance = radiance.detach().requires_grad_()
-            seen = splat(camera, surfels, {"radiance": self.radiance}, depth_unit=1.0)
-            self.blended = seen.images["radiance"]
+            raster = blend(seen, self.radiance, depth_unit=1.0)
+            self.blended = raster.features
             pixels = self.blended.detach().requires_grad_()
-            image = displayed(pixels, seen.alpha.detach(), straight).clamp(0, 1)
+            image = displayed(pixels, raster.alpha.detach(), straight).clamp(0, 1)
             (self.slope,) = torch.autograd.grad(image.sum(), pixels)
 
     def change(self, radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "height width 3"]:
         """The linearised change of the image, display sRGB, by a change of radiance."""
-        return self.slope * splat(self.camera, self.surfels, {"radiance": radiance}, depth_unit=1.0).images["radiance"]
+        return self.slope * blend(self.seen, radiance, depth_unit=1.0).features
 
     def pull(self, image: Float[Tensor, "height width 3"]) -> Float[Tensor, "surfels 3"]:
         """The transposed product with ``change``."""
@@ -161,8 +161,10 @@ class Jacobian:
         """The change of each image, display sRGB."""
         radiance = self.to_albedo * answer.albedo + self.to_roughness * answer.roughness[:, None]
         radiance = radiance + (self.to_slope * answer.slope[:, None]).sum(-1)
-        by_light = torch.bmm(self.to_light.flatten(1, 2), answer.light.T[..., None])
-        radiance = radiance + by_light.view(3, *radiance.shape[:2]).permute(1, 2, 0)
+        # A product with a vector for each channel takes a third of the time of a batched product with matrices.
+        channels = zip(self.to_light.flatten(1, 2), answer.light.T.contiguous(), strict=True)
+        by_light = torch.stack([each @ light for each, light in channels], -1)
+        radiance = radiance + by_light.view_as(radiance)
         return [
             each.change(torch.zeros_like(each.radiance).index_copy_(0, self.seen, own))
             for each, own in zip(self.blendings, radiance, strict=True)

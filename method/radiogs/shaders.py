@@ -117,19 +117,15 @@ class MonteCarlo(Shader):
         albedo = lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
         count, samples = incident.weight.shape
 
-        def each(value: Tensor) -> Tensor:
-            """A surfel's value for each of its sets."""
-            return value if sets == 1 else value[:, None].expand(-1, sets, *value.shape[1:]).flatten(0, 1)
-
         def by_set(value: Tensor) -> Tensor:
             """The samples of each set as those of a surfel of their own."""
             return value.view(sets * count, samples // sets, *value.shape[2:])
 
         sums = shade_total(
-            each(surfels.frame), each(albedo), each(surfels.roughness), each(outgoing[:, None]),
+            surfels.frame, albedo, surfels.roughness, outgoing[:, None],
             by_set(incident.direction), by_set(incident.weight),
             None if visibility is None else by_set(visibility), by_set(radiance), environment,
-            None if specular_at is None else each(specular_at),
+            specular_at,
         )  # fmt: skip
         return sums.view(count, sets, 3) if sets == 1 else sets * sums.view(count, sets, 3)
 

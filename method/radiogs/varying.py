@@ -11,13 +11,14 @@ from torch import Tensor
 
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
-from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, splat, towards
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, towards
 
 from .effects.image_share import image_share
 from .model import Model
@@ -69,6 +70,8 @@ class VaryingRadioGS:
         with torch.no_grad():
             self.albedo, self.roughness = self.surfels.albedo.detach(), self.surfels.roughness.detach()
             self.light = model.environment.detach()
+            self.outgoing = torch.stack([towards(camera, self.surfels) for camera in self.cameras], 1)
+            self.projected = [self.surfels.seen_by(camera, radiance=False) for camera in self.cameras]
         self.weight = torch.stack([image_share([camera], self.surfels) for camera in self.cameras])
         self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
         self.mean_roughness = (self.share * self.roughness).sum()
@@ -157,10 +160,9 @@ class VaryingRadioGS:
         if self.incident is not None:
             lobes = self.model.plan.specular_among(self.albedo)
             own, some = self.surfels.take(seen), None if lobes is None else lobes[seen]
-            by_light = to_light(own, self.cameras, self.incident.of(seen), self.light, some)
+            by_light = to_light(own, self.outgoing[seen], self.incident.of(seen), self.light, some)
         blendings = [
-            Blending(camera, self.surfels, radiance, self.straight)
-            for camera, radiance in zip(self.cameras, here, strict=True)
+            Blending(seen_by, radiance, self.straight) for seen_by, radiance in zip(self.projected, here, strict=True)
         ]
         return Jacobian(seen, self.unit[:, seen], to_roughness, torch.stack(to_slope, -1), by_light, blendings)
 
@@ -173,6 +175,8 @@ class VaryingRadioGS:
 
     def _change(self, quantity: str, amount: float) -> tuple[Changed, Float[Tensor, "cameras surfels 3"]]:
         """The model with a quantity changed, its albedo compensating what it can, and its radiance, linear RGB."""
+        if amount == 0:
+            return Changed(self.albedo, self.roughness, self.light), self.albedo * self.unit + self.rest
         roughness, light, factor = self.roughness, self.light, 1.0
         if quantity == "roughness":
             roughness = roughness + amount
@@ -205,24 +209,21 @@ class VaryingRadioGS:
         ``normal``: unit normals in the world; None: the surfels' own.
         """
         normal = self.surfels.frame[..., 2] if normal is None else normal
-        white, shaded = torch.ones_like(self.albedo), []
+        white, outgoing = torch.ones_like(self.albedo), self.outgoing
+        if self.incident is None:
+            prefiltered = PrefilteredLight(light, self.masking)
+            each = [split_sum_radiance(normal, white, roughness, view, prefiltered) for view in outgoing.unbind(1)]
+            unit, rest = (torch.stack(parts) for parts in zip(*each, strict=True))
+            return unit, rest
         specular_at = self.model.plan.specular_among(self.albedo)
-        for outgoing in (towards(camera, self.surfels) for camera in self.cameras):
-            if self.incident is None:
-                prefiltered = PrefilteredLight(light, self.masking)
-                shaded.append(split_sum_radiance(normal, white, roughness, outgoing, prefiltered))
-                continue
-            view = outgoing[:, None]
-            parts = shade_materials(normal, white, roughness, view, self.incident, light, specular_at)[:, 0]
-            diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
-            unit = diffuse / lambert_albedo(white, roughness, specular_at)
-            shaded.append((unit, parts.sum(1) - unit))
-        unit, rest = (torch.stack(parts) for parts in zip(*shaded, strict=True))
-        return unit, rest
+        parts = shade_materials(normal, white, roughness, outgoing, self.incident, light, specular_at).transpose(0, 1)
+        diffuse = parts[..., DIFFUSE_DIRECT, :] + parts[..., DIFFUSE_INDIRECT, :]
+        unit = diffuse / lambert_albedo(white, roughness, specular_at)
+        return unit, parts.sum(-2) - unit
 
     def _seen(self, radiance: Float[Tensor, "cameras surfels 3"]) -> list[Float[Tensor, "height width 3"]]:
         images = []
-        for camera, own in zip(self.cameras, radiance, strict=True):
-            seen = splat(camera, self.surfels, {"radiance": own}, depth_unit=1.0)
-            images.append(displayed(seen.images["radiance"], seen.alpha, self.straight).clamp(0, 1))
+        for seen, own in zip(self.projected, radiance, strict=True):
+            raster = blend(seen, own, depth_unit=1.0)
+            images.append(displayed(raster.features, raster.alpha, self.straight).clamp(0, 1))
         return images

@@ -68,22 +68,21 @@ def determined(
     require(method, model, Varying, "varying()")
     with calling(method, "values of varying()"):
         values = dict(model.values)
+    seen = [Seen.of(view) for view in views]
     found: dict[str, Determined] = {}
     for quantity in (name for name in QUANTITIES if name in values):
         shown, errors = [], []
         for amount in (0.0, STEPS[quantity], -STEPS[quantity]):
             with calling(method, f"images() with {quantity} changed by {amount:g}"):
                 shown.append(list(model.images(quantity, amount)))
-            errors.append(_errors(method, shown[-1], views))
+            errors.append(_errors(method, shown[-1], seen))
             still_there()
         held = from_errors(values[quantity], STEPS[quantity], *errors)
         if isinstance(model, VaryingFreely):
             rise = held["rise"]
             if rise > HALF_A_LEVEL:
                 with calling(method, f"nuisance() of {quantity}"):
-                    rise = min(
-                        rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(views))
-                    )
+                    rise = min(rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(seen)))
                 if not math.isfinite(rise):
                     raise NumericalFailure(f"{method} showed an image that is not finite, with {quantity} changed")
                 still_there()
@@ -97,6 +96,23 @@ Images = Sequence[Float[Tensor, "height width 3"]]
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What is compared with the images of a view, read once."""
+
+    name: str
+    """Name of the view."""
+    image: Float[Tensor, "height width 3"]
+    """The training image on black, display sRGB, float64."""
+    covered: int
+    """Number of pixels that the object covers."""
+
+    @classmethod
+    def of(cls, view: View) -> "Seen":
+        """Read the image and the coverage of a view."""
+        return cls(view.name, truth(view, "image").double(), int((coverage(view)[..., 0] > 0).sum()))
+
+
+@dataclass(frozen=True)
 class Comparison:
     """The norm by which changes of images count: squared, the change per covered pixel, mean over views."""
 
@@ -106,11 +122,10 @@ class Comparison:
     """Height and width of each view."""
 
     @classmethod
-    def over(cls, views: Sequence[View]) -> "Comparison":
+    def over(cls, views: Sequence[Seen]) -> "Comparison":
         """The norm for images of these views."""
-        covered = [float((coverage(view)[..., 0] > 0).sum().clamp(min=1)) for view in views]
-        sizes = [(view.camera.height, view.camera.width) for view in views]
-        return cls([(each * len(views) * 3) ** -0.5 for each in covered], sizes)
+        weights = [(max(1, view.covered) * len(views) * 3) ** -0.5 for view in views]
+        return cls(weights, [(view.image.shape[0], view.image.shape[1]) for view in views])
 
     def vector(self, images: Images) -> Float[Tensor, " values"]:
         """All weighted values as one vector."""
@@ -235,16 +250,14 @@ def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
     return [views[index * len(views) // most] for index in range(most)] if len(views) > most else views
 
 
-def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[View]) -> list[float]:
-    sizes = [(view.camera.height, view.camera.width, 3) for view in views]
-    given = [tuple(image.shape) for image in images]
+def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[Seen]) -> list[float]:
+    given, sizes = ([tuple(each.shape) for each in every] for every in (images, [view.image for view in views]))
     if given != sizes:
         raise refused(method, f"images() gave images of {given}", f"The cameras ask for {sizes}.")
     found = []
     for image, view in zip(images, views, strict=True):
-        error = (image.detach().cpu().double() - truth(view, "image").double()).square().mean(-1)
-        covered = coverage(view)[..., 0] > 0
-        found.append(float(error.sum() / covered.sum().clamp(min=1)))
+        error = (image.detach().cpu().double() - view.image).square().mean(-1)
+        found.append(float(error.sum() / max(1, view.covered)))
         if not math.isfinite(found[-1]):
             raise NumericalFailure(f"{method} showed an image that is not finite, of view '{view.name}'")
     return found

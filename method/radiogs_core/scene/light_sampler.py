@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..instruments import fire
+from ..kernels.shade.lookup import texel_values
 from .light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
@@ -48,7 +49,7 @@ class LightSampler:
         fire(black_lights=int(black))
         share = (area / (4 * torch.pi)).expand_as(power) if black else power / power.sum()
         self.cumulative = share.flatten().cumsum(0)
-        self.density = (share / area).flatten().to(light.radiance.dtype)
+        self.density = (share / area).to(light.radiance.dtype)
 
     def draw(self, sets: int, count: int, generator: torch.Generator) -> Float[Tensor, "sets count 3"]:
         """Independent sets of ``count`` unit directions, each evenly spread; one direction has the density ``pdf``.
@@ -89,10 +90,4 @@ class LightSampler:
 
     def pdf(self, direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Density of ``draw`` per steradian."""
-        return self.density[self._texel(direction)]
-
-    def _texel(self, direction: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
-        x, y, z = direction.unbind(-1)
-        row = torch.atan2(torch.hypot(x, y), z) * (self.height / torch.pi)
-        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * self.width
-        return row.long().clamp(0, self.height - 1) * self.width + column.long().clamp(0, self.width - 1)
+        return texel_values(self.density, direction)

@@ -71,4 +71,5 @@ if (!wants_physical) return;
 SCALAR pull_of_view[3 * views];
 for (int view = 0; view < views; ++view)
     for (int i = 0; i < 3; ++i) pull_of_view[3 * view + i] = whole_pull * slope[6 * view + 3 + i];
+const long long to_row = row;
 #include "shade.inl:pull"

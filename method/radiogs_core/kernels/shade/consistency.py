@@ -97,7 +97,7 @@ class _Consistency(torch.autograd.Function):
             *ctx.given, index, *places, sh.shape[1], sh, scale, int(ctx.keeps_light), losses, ctx.slopes, ctx.lights
         ]  # fmt: skip
         launch_in_parallel(ctx.kernels.forward, chosen, sh.device, arguments)
-        count_samples(chosen, 2, direction, None if specular_at is None else specular_at[index])
+        count_samples(2, direction, None if specular_at is None else specular_at[index])
         ctx.save_for_backward(*sides, *shaded)
         return losses.sum()
 

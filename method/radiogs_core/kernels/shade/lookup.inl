@@ -1,6 +1,6 @@
-// Bilinear lookup of light by direction, a block of directions at a time; see lookup.py.
+// Lookup of light by direction, bilinear or of a single texel, a block of directions at a time; see lookup.py.
 
-// ---- block
+// ---- directions
 constexpr int LANES = DIRECTIONS_IN_A_BLOCK;
 const SCALAR zero = SCALAR(0), one = SCALAR(1), pi = SCALAR(3.14159265358979323846);
 #include "angle.inl:angle"
@@ -12,6 +12,9 @@ if (count == LANES) {
 } else {
     for (int i = 0; i < 3 * count; ++i) given[i] = direction.data[begin + i];
 }
+
+// ---- block
+#include "directions"
 SCALAR right[LANES], down[LANES];
 int texel[4][LANES];
 for (int c = 0; c < LANES; ++c) {
@@ -32,6 +35,19 @@ for (int c = 0; c < LANES; ++c) {
     texel[2][c] = 3 * (lower + first);
     texel[3][c] = 3 * (lower + second);
 }
+
+// ---- nearest
+#include "directions"
+int texel[LANES];
+for (int c = 0; c < LANES; ++c) {
+    const SCALAR x = given[3 * c], y = given[3 * c + 1], z = given[3 * c + 2];
+    const SCALAR column = (SCALAR(0.5) - angle(y, x) / (SCALAR(2) * pi)) * SCALAR(width);
+    const SCALAR row = angle(wp::sqrt(x * x + y * y), z) / pi * SCALAR(height);
+    // The comparisons map NaN to a texel of the map.
+    const int left = (int)(column > zero ? column : zero), top = (int)(row > zero ? row : zero);
+    texel[c] = width * (top < height ? top : height - 1) + (left < width ? left : width - 1);
+}
+for (int c = 0; c < count; ++c) out.data[LANES * block + c] = values.data[texel[c]];
 
 // ---- forward
 #include "block"

@@ -38,6 +38,22 @@ def look_up(
     return _Lookup.apply(radiance, directions)
 
 
+@torch.no_grad()
+def texel_values(
+    values: Float[Tensor, "height width"], directions: Float[Tensor, "*batch 3"]
+) -> Float[Tensor, "*batch"]:
+    """The value of the texel that each direction towards the light hits, in the type of ``values``; no gradient.
+
+    The map is lat-long as in ``look_up``. A NaN direction reads some texel.
+    """
+    directions = directions.to(values.dtype).contiguous()
+    count, out = directions.shape[:-1].numel(), values.new_empty(directions.shape[:-1])
+    kernel = texel_kernel(values.dtype, as_on_cuda(values.device))
+    arguments = [count, *values.shape, values.contiguous(), directions, out]
+    launch_in_parallel(kernel, items_of(count, values.device, LANES_ON_CPU), values.device, arguments)
+    return out
+
+
 class _Lookup(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
@@ -60,6 +76,14 @@ class _Lookup(torch.autograd.Function):
         arguments = [*ctx.given, pull.contiguous(), *flags, to_directions]
         launch_in_parallel(ctx.kernels.backward, ctx.blocks, pull.device, arguments, maps)
         return maps.total()[0] if wants_radiance else None, to_directions if wants_directions else None
+
+
+@cache
+def texel_kernel(dtype: torch.dtype, on_cuda: bool) -> wp.Kernel:
+    """The kernel of single texels for a scalar type and a division of work; an item is a block of directions."""
+    words = {"DIRECTIONS_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU), "ATAN_TERMS": ATAN_TERMS[dtype]}
+    parameters = (wp.int32, "directions height width"), (flat(dtype), "values direction out")
+    return native_kernel(LOOKUP, dtype, NATIVE, "nearest", "block", *parameters, on_cuda=on_cuda, words=words)
 
 
 @cache

@@ -152,7 +152,7 @@ place[3] = TEXEL * (width * under + next);
 }
 
 // ---- surfel
-// The surfel of row ``row``, and its views ``wo_of_view``.
+// The surfel of row ``row``, and its views ``wo_of_view``. Its samples are those of the item ``surfel``.
 #include "samples"
 const SCALAR* albedo = given_albedo.data + 3LL * row;
 const SCALAR* normal = given_normal.data + (long long)NORMAL_STRIDE * row + NORMAL_FIRST;
@@ -221,8 +221,8 @@ for (int i = 0; i < CHANNELS; ++i) {
 }
 
 // ---- forward
-const int views = given_views, row = surfel;
-const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * surfel;
+const int views = given_views, row = surfel / given_sets;
+const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * row;
 const SCALAR* kept = nullptr;
 #include "surfel"
 #include "views"
@@ -300,18 +300,19 @@ if (wants_environment) {
 #endif
 
 // ---- pull
-// Gradients of the loss to the surfel's values and samples, by ``pull_of_view``, its gradient to ``shaded``.
+// Gradients of the loss to the surfel's values, in row ``to_row``, and to its samples, by ``pull_of_view``, the gradient
+// to ``shaded``.
 SCALAR diffuse_pull[CHANNELS] = {};
 for (int view = 0; view < views; ++view)
     if (faces(wo_of_view + 3 * view))
         for (int i = 0; i < CHANNELS; ++i) diffuse_pull[i] += pull_of_view[VIEW * view + i];
 bool pulled = false;
 for (int i = 0; i < VIEW * views; ++i) pulled |= pull_of_view[i] != zero;
-SCALAR* to_normal = grad_normal.data + (long long)NORMAL_STRIDE * row + NORMAL_FIRST;
-SCALAR* to_albedo = grad_albedo.data + 3LL * row;
+SCALAR* to_normal = grad_normal.data + (long long)NORMAL_STRIDE * to_row + NORMAL_FIRST;
+SCALAR* to_albedo = grad_albedo.data + 3LL * to_row;
 if (!(seen_from_any && pulled)) {
     for (int i = 0; i < 3; ++i) to_normal[NORMAL_STEP * i] = to_albedo[i] = zero;
-    grad_roughness.data[row] = zero;
+    grad_roughness.data[to_row] = zero;
 #if !KNOWN
     if (wants_incident) {
         for (int c = 0; c < samples; ++c) grad_visibility.data[first_sample + c] = zero;
@@ -332,16 +333,17 @@ for (int i = 0; i < 3; ++i) {
     to_albedo[i] = by_albedo / pi;
 }
 // d log D / d log(alpha^2) and d / d k, each times the remaining factor of the chain rule to r.
-grad_roughness.data[row]
+grad_roughness.data[to_row]
     = SCALAR(4) / roughness * total_of(sharpness_pull) + (roughness + one) / SCALAR(4) * total_of(k_pull);
 
 // ---- backward
-const int views = given_views, row = surfel;
-const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * surfel;
+const int views = given_views, row = surfel / given_sets;
+const SCALAR* wo_of_view = given_outgoing.data + 3LL * views * row;
 const SCALAR* kept = nullptr;
 #include "surfel"
 #include "views"
 const SCALAR* pull_of_view = pulls.data + (long long)VIEW * views * surfel;
+const long long to_row = surfel;
 #include "pull"
 
 // ---- arrive

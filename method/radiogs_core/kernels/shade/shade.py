@@ -43,6 +43,9 @@ TEXEL = 4
 SAMPLE_FIELDS = 8
 """Numbers of a sample in memory: direction (3), weight, visibility, indirect radiance (3)."""
 
+OF_SAMPLES, ENVIRONMENT = (4, 5, 6, 7), 8
+"""Places, among the tensors of ``shade``, of values of samples, and of the light."""
+
 Kind = Literal["parts", "total", "given"]
 """The sums of ``shade_kernels``. "parts": the four sums, from normals. "total": the sum of them all, from
 frames, whose third columns are normals. "given": the same, where V Env + L_ind of each sample is given."""
@@ -90,17 +93,19 @@ def shade_total(
     albedo: Float[Tensor, "surfels 3"],
     roughness: Float[Tensor, " surfels"],
     outgoing: Float[Tensor, "surfels views 3"],
-    direction: Float[Tensor, "surfels samples 3"],
-    weight: Float[Tensor, "surfels samples"],
-    visibility: Float[Tensor, "surfels samples"] | None,
-    indirect: Float[Tensor, "surfels samples 3"],
+    direction: Float[Tensor, "rows samples 3"],
+    weight: Float[Tensor, "rows samples"],
+    visibility: Float[Tensor, "rows samples"] | None,
+    indirect: Float[Tensor, "rows samples 3"],
     environment: Float[Tensor, "height width 3"] | None,
     specular_at: Bool[Tensor, " surfels"] | None = None,
-) -> Float[Tensor, "surfels views 3"]:
+) -> Float[Tensor, "rows views 3"]:
     """The sum of the four parts of ``shade``, whose arguments it takes but for these.
 
     Args:
         frame: Rotation matrices; their third columns are the unit normals.
+        direction: As of ``shade``, in one row for each set of a surfel's samples: as many sets of every surfel, which
+            follow one another. The other values of samples are in the same rows.
         visibility: V along each direction; None, as ``environment``, if ``indirect`` is the radiance of ``arrive``.
     """
     inputs = (frame, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular_at)
@@ -108,17 +113,26 @@ def shade_total(
 
 
 def _in_parts(kind: Kind, inputs: tuple[Tensor | None, ...]) -> Tensor:
-    """The sums of all surfels, in as many launches as the kernels' counts need."""
-    of_surfels, environment = (*inputs[:8], inputs[9]), inputs[8]
+    """The sums of all rows, in as many launches as the kernels' counts need."""
     outgoing, weight = inputs[3], inputs[5]
     assert outgoing is not None
     assert weight is not None
-    together = max(1, MOST_ENTRIES // max(3 * weight.shape[1], 12 * outgoing.shape[1]))
-    if len(weight) <= together:
+    sets = sets_of(outgoing, weight)
+    together = max(1, MOST_ENTRIES // (sets * max(3 * weight.shape[1], 12 * outgoing.shape[1])))
+    if len(outgoing) <= together:
         return _Shade.apply(kind, *inputs)
-    pieces = len(range(0, len(weight), together))
-    split = (pieces * (None,) if value is None else value.split(together) for value in of_surfels)
-    return torch.cat([_Shade.apply(kind, *part[:-1], environment, part[-1]) for part in zip(*split, strict=True)])
+    pieces = len(range(0, len(outgoing), together))
+    split = [
+        pieces * (None,) if value is None else (value,) * pieces if name == ENVIRONMENT
+        else value.split(sets * together if name in OF_SAMPLES else together)
+        for name, value in enumerate(inputs)
+    ]  # fmt: skip
+    return torch.cat([_Shade.apply(kind, *part) for part in zip(*split, strict=True)])
+
+
+def sets_of(outgoing: Tensor | None, rows: Tensor) -> int:
+    """Number of rows of samples that each surfel has; 1 where the surfels' values are given by other means."""
+    return len(rows) // max(1, len(outgoing)) if outgoing is not None and len(outgoing) else 1
 
 
 class _Shade(torch.autograd.Function):
@@ -129,12 +143,12 @@ class _Shade(torch.autograd.Function):
         assert outgoing is not None
         assert direction is not None
         kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device), kind)
-        surfels, views = outgoing.shape[:2]
-        out = outgoing.new_empty((surfels, views, 4, 3) if kind == "parts" else (surfels, views, 3))
+        rows, views = len(direction), outgoing.shape[1]
+        out = outgoing.new_empty((rows, views, 4, 3) if kind == "parts" else (rows, views, 3))
         given = shading_inputs(inputs)
-        launch_in_parallel(kernels.forward, surfels, out.device, [*given, out])
-        count_samples(surfels, views, direction, specular_at)
-        ctx.kind, ctx.given = kind, given
+        launch_in_parallel(kernels.forward, rows, out.device, [*given, out])
+        count_samples(views, direction, specular_at)
+        ctx.kind, ctx.given, ctx.sets = kind, given, sets_of(outgoing, direction)
         ctx.save_for_backward(*inputs)
         return out
 
@@ -143,16 +157,19 @@ class _Shade(torch.autograd.Function):
         normal, albedo, roughness, _, _, _, visibility, indirect, environment, _ = ctx.saved_tensors
         kernels = shade_kernels(normal.dtype, as_on_cuda(normal.device), ctx.kind)
         wants_incident = ctx.needs_input_grad[7] or ctx.needs_input_grad[8]
-        own = [torch.empty_like(albedo), torch.empty_like(roughness)]
-        to_normal = torch.empty_like(normal) if ctx.kind == "parts" else torch.zeros_like(normal)
+        rows = ctx.sets * len(normal)
+        own = [value.new_empty(rows, *value.shape[1:]) for value in (albedo, roughness)]
+        to_normal = normal.new_empty(rows, 3) if ctx.kind == "parts" else normal.new_zeros(rows, 3, 3)
         incident = incident_gradients(visibility, indirect, normal, wants_incident)
         wants_light = ctx.needs_input_grad[9] and environment is not None
         light = light_gradient(environment, normal, wants_light)
         flags = [int(wants_incident), int(wants_light)]
         arguments = [*ctx.given, grad_out.contiguous(), *flags, to_normal, *own, *incident]
-        launch_in_parallel(kernels.backward, len(normal), normal.device, arguments, light)
+        launch_in_parallel(kernels.backward, rows, normal.device, arguments, light)
         traced = incident if wants_incident else [None, None]
         to_light = light.total()[0][..., :3] if wants_light else None
+        if ctx.sets > 1:
+            to_normal, *own = (each.unflatten(0, (-1, ctx.sets)).sum(1) for each in (to_normal, *own))
         return None, to_normal, *own, None, None, None, *traced, to_light, None
 
 
@@ -169,12 +186,11 @@ def incident_gradients(visibility: Tensor | None, indirect: Tensor, like: Tensor
     return 2 * [like.new_empty(0)]
 
 
-def count_samples(surfels: int, views: int, direction: Tensor, specular_at: Tensor | None) -> None:
+def count_samples(views: int, direction: Tensor, specular_at: Tensor | None) -> None:
     """Count the shaded samples, the evaluated lobes and the bytes read."""
-    each = views * direction.shape[1]
-    lobes = surfels * each if specular_at is None else specular_at.sum() * each
-    read = surfels * each * SAMPLE_FIELDS * direction.element_size()
-    count(shaded_samples=surfels * each, lobes=lobes, bytes_read=read)
+    samples = views * direction.shape[:2].numel()
+    lobes = samples if specular_at is None else specular_at.sum() * (samples // max(1, len(specular_at)))
+    count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * direction.element_size())
 
 
 def shading_inputs(inputs: tuple[Tensor | None, ...]) -> list[Any]:
@@ -184,7 +200,8 @@ def shading_inputs(inputs: tuple[Tensor | None, ...]) -> list[Any]:
     views, size = 0 if outgoing is None else outgoing.shape[1], (0, 0) if environment is None else environment.shape[:2]
     texels = None if environment is None else torch.nn.functional.pad(environment, (0, TEXEL - 3))
     lobes = None if specular_at is None else specular_at.int()
-    return [views, direction.shape[1], *size, int(specular_at is None), *inputs[:8], texels, lobes]
+    sets = sets_of(outgoing, direction)
+    return [views, sets, direction.shape[1], *size, int(specular_at is None), *inputs[:8], texels, lobes]
 
 
 @torch.no_grad()
@@ -210,7 +227,7 @@ def arrive(
 def inputs_of(dtype: torch.dtype) -> tuple[tuple[Any, str], ...]:
     """The parameters that all kernels of shading begin with; see ``shading_inputs``."""
     return (
-        (wp.int32, "given_views given_samples given_height given_width given_lobes_everywhere"),
+        (wp.int32, "given_views given_sets given_samples given_height given_width given_lobes_everywhere"),
         (flat(dtype), "given_normal given_albedo given_roughness given_outgoing given_direction given_weight"),
         (flat(dtype), "given_visibility given_indirect given_environment"),
         (INTEGERS, "given_specular_at"),
@@ -245,7 +262,7 @@ def shading_words(dtype: torch.dtype, on_cuda: bool, kind: Kind) -> dict[str, ob
 
 @cache
 def shade_kernels(dtype: torch.dtype, on_cuda: bool, kind: Kind = "parts") -> Pair:
-    """The kernels of the sums for a scalar type and a division of work; an item is a surfel."""
+    """The kernels of the sums for a scalar type and a division of work; an item is a row of a surfel's samples."""
     words, arrays = shading_words(dtype, on_cuda, kind), flat(dtype)
     make = partial(native_kernel, SHADE, dtype, NATIVE, on_cuda=on_cuda, words=words)
     pulls = (

@@ -7,7 +7,7 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.shade.lookup import look_up
+from radiogs_core.kernels.shade.lookup import look_up, texel_values
 from radiogs_core.scene.light import EnvironmentMap
 from reference.differences import assert_same_with_gradients
 
@@ -41,6 +41,20 @@ def test_float64_equals_the_maps_own_lookup_and_its_gradients(height: int, width
     assert_same_with_gradients(
         look_up, expected, radiance_map(height, width), 1.3 * around(*batch), values=1e-12, gradients=1e-9
     )
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize(("height", "width"), SIZES)
+def test_a_direction_reads_the_texel_that_it_hits(height: int, width: int, dtype: torch.dtype) -> None:
+    values = torch.rand(height, width, dtype=dtype)
+    row, column = (torch.randint(size, (3, 41)) for size in (height, width))
+    within = 0.98 * (torch.rand(2, 3, 41, dtype=torch.float64) - 0.5)
+    directions = 1.3 * along(column + within[0], row + within[1], height, width)
+    assert torch.equal(texel_values(values, directions), values[row, column])
+    poles_and_none = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [torch.nan, 0.0, 0.0]])
+    top, bottom, unknown = texel_values(values, poles_and_none)
+    assert bool((values[0] == top).any() and (values[-1] == bottom).any() and (values == unknown).any())
 
 
 @in_every_arrangement

@@ -87,6 +87,27 @@ def test_the_total_is_the_sum_of_the_parts(samples: int) -> None:
 
 
 @in_every_arrangement
+@pytest.mark.parametrize("at_once", [2**31 - 1, 2 * 3 * 3 * 20])
+def test_sets_of_samples_share_the_values_of_their_surfel(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where two surfels at a time are shaded, of five."""
+    monkeypatch.setattr("radiogs_core.kernels.shade.shade.MOST_ENTRIES", at_once)
+    surfels, rows = framed(inputs(surfels=5, samples=20)), inputs(surfels=15, samples=20)
+    samples = ("direction", "weight", "visibility", "indirect")
+    given = {name: rows[name] if name in samples else value for name, value in surfels.items()}
+    lobes = torch.tensor([True, False, True, True, False])
+    learnt = {name: value.requires_grad_() for name, value in given.items() if name in (*DIFFERENTIABLE, "frame")}
+    found = shade_total(*given.values(), lobes)
+    alone = {
+        name: value if name in (*samples, "environment") else value.repeat_interleave(3, 0)
+        for name, value in given.items()
+    }
+    expected = shade_total(*alone.values(), lobes.repeat_interleave(3))
+    torch.testing.assert_close(found, expected, rtol=1e-12, atol=1e-14)
+    pull = torch.randn_like(found)
+    assert_equal_slopes((found * pull).sum(), (expected * pull).sum(), learnt)
+
+
+@in_every_arrangement
 def test_radiance_that_has_arrived_is_shaded_as_the_light_that_it_comes_from() -> None:
     """Some surfels' radiance is written among that of others, which stays."""
     given = framed(inputs(samples=LANES_ON_CPU + 5))

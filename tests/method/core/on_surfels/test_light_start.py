@@ -14,6 +14,7 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import (
     SeenPoints,
+    Transport,
     albedo_under,
     enlarged,
     least_variation_light,
@@ -160,6 +161,16 @@ def test_a_white_convex_body_sends_out_the_constant_light_and_an_occluder_takes_
     under &= points.centre[:, 2] < 0.1
     # Half-angle of the ball from the plate below its centre: sin = 0.6 / 0.9; the cosine-weighted share that is left.
     assert float(white[under].mean()) == pytest.approx(1 - (0.6 / 0.9) ** 2, abs=0.05)
+
+
+def test_a_white_surface_sends_its_share_of_every_texel_and_the_light_of_other_surfels() -> None:
+    light = torch.rand(2, 4, 3, requires_grad=True)
+    transport = Transport(2, torch.rand(5, 8), torch.rand(5, 3))
+    expected = torch.einsum("pt,tc->pc", transport.direct, light.flatten(0, 1)) + transport.indirect
+    found, pull = transport.white(light), torch.rand(5, 3)
+    torch.testing.assert_close(found, expected)
+    slopes = [torch.autograd.grad((white * pull).sum(), light)[0] for white in (found, expected)]
+    torch.testing.assert_close(*slopes)
 
 
 def test_a_solid_whose_underside_no_camera_saw_hides_the_sky_all_the_same() -> None:
