@@ -178,9 +178,9 @@ class Painted:
 
 
 def test_the_norm_is_the_squared_change_per_covered_pixel_mean_over_views() -> None:
-    seen = [Seen("small", torch.zeros(2, 3, 3), 4), Seen("large", torch.zeros(4, 5, 3), 10)]
-    norm, images = Comparison.over(seen), [torch.full((2, 3, 3), 0.2), torch.full((4, 5, 3), 0.1)]
-    expected = (6 * 0.04 / 4 + 20 * 0.01 / 10) / 2
+    seen = [Seen("small", torch.zeros(4, 5, 3), 4), Seen("large", torch.zeros(4, 5, 3), 10)]
+    norm, images = Comparison.over(seen), [torch.full((4, 5, 3), 0.2), torch.full((4, 5, 3), 0.1)]
+    expected = (20 * 0.04 / 4 + 20 * 0.01 / 10) / 2
     assert float(norm.vector(images).square().sum()) == pytest.approx(expected)
 
 
