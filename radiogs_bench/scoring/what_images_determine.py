@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -68,7 +69,8 @@ def determined(
     require(method, model, Varying, "varying()")
     with calling(method, "values of varying()"):
         values = dict(model.values)
-    seen = [Seen.of(view) for view in views]
+    covered = [int((coverage(view)[..., 0] > 0).sum()) for view in views]
+    seen = [Seen(view.name, truth(view, "image").double(), pixels) for view, pixels in zip(views, covered, strict=True)]
     found: dict[str, Determined] = {}
     for quantity in (name for name in QUANTITIES if name in values):
         shown, errors = [], []
@@ -95,21 +97,14 @@ Images = Sequence[Float[Tensor, "height width 3"]]
 """One image of each view, display sRGB."""
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What is compared with the images of a view, read once."""
+class Seen(NamedTuple):
+    """The truth of a view."""
 
     name: str
-    """Name of the view."""
     image: Float[Tensor, "height width 3"]
     """The training image on black, display sRGB, float64."""
     covered: int
     """Number of pixels that the object covers."""
-
-    @classmethod
-    def of(cls, view: View) -> "Seen":
-        """Read the image and the coverage of a view."""
-        return cls(view.name, truth(view, "image").double(), int((coverage(view)[..., 0] > 0).sum()))
 
 
 @dataclass(frozen=True)

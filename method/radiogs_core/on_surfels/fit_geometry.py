@@ -191,21 +191,18 @@ class FitGeometry(SurfelStage[Any, Any]):
         own = Compared("radiance", weights.radiance * weights.absolute, weights.radiance * weights.similarity)
         others = (Compared(name, factor * weights.absolute, factor * weights.similarity, attached) for name in shaded)
         smooth = self.iteration <= schedule.normal_smoothness_until * self.iterations
+        late = self.iteration >= schedule.normal_late_from * self.iterations
         return Terms(
             images=(own, *others),
             encoding=learning.encoding if learning.colour == "linear" else "display",
             background=backgrounds[self.iteration % len(backgrounds)],
             mask=weights.mask,
-            normal=self._normal_weight(),
+            normal=weights.normal_late if late else weights.normal,
             one_sided=learning.normal_target == "one-sided",
             distortion=weights.distortion if self.iteration >= schedule.distortion_from * self.iterations else 0.0,
             far=0.0 if self.space is None else self.depth_unit,
             smoothness=(("normal smoothness", weights.normal_smoothness),) if smooth else (),
         )
-
-    def _normal_weight(self) -> float:
-        late = self.iteration >= self.learning.schedule.normal_late_from * self.iterations
-        return self.learning.weights.normal_late if late else self.learning.weights.normal
 
     def _coefficients(self) -> int:
         degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)

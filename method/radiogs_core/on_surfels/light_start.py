@@ -268,7 +268,8 @@ def least_variation_light(
         variation = (1 - learning.far_share) * _mean(_differences(log_albedo, near), near)
         variation = variation + learning.far_share * _mean(apart, far)
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
-        brightest = _among_neighbours(log_albedo, near).amax(-1).quantile(learning.brightest)
+        around = log_albedo.index_select(0, near.second).view(len(log_albedo), -1, 3).median(1).values
+        brightest = around.amax(-1).quantile(learning.brightest)
         loss = variation + learning.smoothness * unevenness(log_light)
         loss = loss + learning.chroma_smoothness * unevenness(log_light - log_light.mean(-1, keepdim=True))
         loss = loss + learning.colour * colour + learning.white_paint * (brightest - white_log).square()
@@ -305,11 +306,6 @@ def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
     second = torch.from_numpy(near.reshape(len(positions), -1)[:, 1:]).to(points.centre.device)
     first = torch.arange(len(positions), device=second.device).repeat_interleave(second.shape[1])
     return _Pairs.of(first, second.flatten(), points, learning)
-
-
-def _among_neighbours(log_albedo: Float[Tensor, "points 3"], near: _Pairs) -> Float[Tensor, "points 3"]:
-    """Medians over each point's neighbours, channel by channel. ``near``: see ``_near_pairs``."""
-    return log_albedo.index_select(0, near.second).view(len(log_albedo), -1, 3).median(1).values
 
 
 def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:

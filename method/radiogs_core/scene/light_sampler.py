@@ -12,7 +12,6 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..instruments import fire
-from ..kernels.shade.lookup import texel_values
 from .light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
@@ -90,4 +89,10 @@ class LightSampler:
 
     def pdf(self, direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Density of ``draw`` per steradian."""
-        return texel_values(self.density, direction)
+        return self.density.take(self._texel(direction))
+
+    def _texel(self, direction: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
+        x, y, z = direction.unbind(-1)
+        row = torch.atan2(torch.hypot(x, y), z) * (self.height / torch.pi)
+        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * self.width
+        return row.long().clamp(0, self.height - 1) * self.width + column.long().clamp(0, self.width - 1)

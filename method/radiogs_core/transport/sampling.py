@@ -12,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..kernels.shade.directions import spread
+from ..kernels.shade.lookup import texel_values
 from ..scene.light_sampler import LightSampler
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -134,6 +135,6 @@ def relighting_directions(
         along[:, :hemisphere_samples], _ = hemisphere_directions(here, hemisphere_samples, generator, floor, shifted)
         along[:, hemisphere_samples:] = sampler.draw(len(here), light_samples, generator)
         above = (along * here[:, None]).sum(-1) > 0
-        density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(along)
+        density = hemisphere_samples / (2 * torch.pi) + light_samples * texel_values(sampler.density, along)
         weight[some] = torch.where(above, 1 / density, 0.0)
     return direction, weight

@@ -186,7 +186,7 @@ def test_the_norm_is_the_squared_change_per_covered_pixel_mean_over_views() -> N
 
 def dense_rise(painted: Painted, views: Any) -> float:
     """The least squared change by float64 least squares over a dense Jacobian."""
-    norm = Comparison.over([Seen.of(view) for view in views])
+    norm = Comparison.over([Seen(view.name, truth(view, "image"), int(view.read("alpha").sum())) for view in views])
     wanted = norm.vector(painted.images("roughness", 0.1)) - norm.vector(painted.images("roughness"))
     if not painted.hidden:
         return float(wanted.square().sum())
@@ -200,7 +200,7 @@ def test_the_free_rise_is_what_no_answer_hides(share: float) -> None:
     views = scene().train
     painted = Painted(scene(), int(share * views[0].camera.width))
     shown = [painted.images("roughness", amount) for amount in (0.0, 0.1, -0.1)]
-    norm = Comparison.over([Seen.of(view) for view in views])
+    norm = Comparison.over([Seen(view.name, truth(view, "image"), int(view.read("alpha").sum())) for view in views])
     found, least = free_rise(painted, 0.1, shown, norm), dense_rise(painted, views)
     assert found == pytest.approx(least, rel=0.02, abs=HALF_A_LEVEL)
     assert found >= 0.999 * least, "a bound from above"

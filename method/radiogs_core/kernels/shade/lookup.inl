@@ -47,7 +47,7 @@ for (int c = 0; c < LANES; ++c) {
     const int left = (int)(column > zero ? column : zero), top = (int)(row > zero ? row : zero);
     texel[c] = width * (top < height ? top : height - 1) + (left < width ? left : width - 1);
 }
-for (int c = 0; c < count; ++c) out.data[LANES * block + c] = values.data[texel[c]];
+for (int c = 0; c < count; ++c) out.data[LANES * block + c] = radiance.data[texel[c]];
 
 // ---- forward
 #include "block"

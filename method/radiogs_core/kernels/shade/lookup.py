@@ -6,7 +6,7 @@ texels inside the map, with NaN shares.
 """
 
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 import warp as wp
@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ...scene.light import require_map
 from ..arrangement import an_item, as_on_cuda, items_of
-from ..native_kernel import Pair, flat, native_file, native_kernel
+from ..native_kernel import flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
 from .angle import ANGLE, ATAN_TERMS
 
@@ -48,9 +48,9 @@ def texel_values(
     """
     directions = directions.to(values.dtype).contiguous()
     count, out = directions.shape[:-1].numel(), values.new_empty(directions.shape[:-1])
-    kernel = texel_kernel(values.dtype, as_on_cuda(values.device))
+    kernels, blocks = lookup_kernels(values.dtype, as_on_cuda(values.device)), items_of(count, out.device, LANES_ON_CPU)
     arguments = [count, *values.shape, values.contiguous(), directions, out]
-    launch_in_parallel(kernel, items_of(count, values.device, LANES_ON_CPU), values.device, arguments)
+    launch_in_parallel(kernels.nearest, blocks, out.device, arguments)
     return out
 
 
@@ -78,20 +78,23 @@ class _Lookup(torch.autograd.Function):
         return maps.total()[0] if wants_radiance else None, to_directions if wants_directions else None
 
 
-@cache
-def texel_kernel(dtype: torch.dtype, on_cuda: bool) -> wp.Kernel:
-    """The kernel of single texels for a scalar type and a division of work; an item is a block of directions."""
-    words = {"DIRECTIONS_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU), "ATAN_TERMS": ATAN_TERMS[dtype]}
-    parameters = (wp.int32, "directions height width"), (flat(dtype), "values direction out")
-    return native_kernel(LOOKUP, dtype, NATIVE, "nearest", "block", *parameters, on_cuda=on_cuda, words=words)
+class LookupKernels(NamedTuple):
+    """The bilinear lookup, its gradients, and the lookup of single texels."""
+
+    forward: wp.Kernel
+    backward: wp.Kernel
+    nearest: wp.Kernel
 
 
 @cache
-def lookup_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
+def lookup_kernels(dtype: torch.dtype, on_cuda: bool) -> LookupKernels:
     """The kernels for a scalar type and a division of work; an item is a block of directions."""
     words = {"DIRECTIONS_IN_A_BLOCK": an_item(on_cuda, LANES_ON_CPU), "ATAN_TERMS": ATAN_TERMS[dtype]}
     make, arrays = partial(native_kernel, LOOKUP, dtype, NATIVE, on_cuda=on_cuda, words=words), flat(dtype)
     given = (wp.int32, "directions height width"), (arrays, "radiance direction")
     wants = (wp.int32, "wants_radiance wants_direction"), (arrays, "grad_direction grad_radiance")
-    forward = make("forward", "block", *given, (arrays, "out"))
-    return Pair(forward, make("backward", "block", *given, (arrays, "pull"), *wants))
+    return LookupKernels(
+        make("forward", "block", *given, (arrays, "out")),
+        make("backward", "block", *given, (arrays, "pull"), *wants),
+        make("nearest", "block", *given, (arrays, "out")),
+    )

@@ -13,6 +13,7 @@ zero.
 """
 
 from functools import cache, partial
+from itertools import repeat
 from typing import Any, Literal
 
 import torch
@@ -121,18 +122,17 @@ def _in_parts(kind: Kind, inputs: tuple[Tensor | None, ...]) -> Tensor:
     together = max(1, MOST_ENTRIES // (sets * max(3 * weight.shape[1], 12 * outgoing.shape[1])))
     if len(outgoing) <= together:
         return _Shade.apply(kind, *inputs)
-    pieces = len(range(0, len(outgoing), together))
+    rows = [together, sets * together]
     split = [
-        pieces * (None,) if value is None else (value,) * pieces if name == ENVIRONMENT
-        else value.split(sets * together if name in OF_SAMPLES else together)
-        for name, value in enumerate(inputs)
-    ]  # fmt: skip
-    return torch.cat([_Shade.apply(kind, *part) for part in zip(*split, strict=True)])
+        repeat(value) if value is None or place == ENVIRONMENT else value.split(rows[place in OF_SAMPLES])
+        for place, value in enumerate(inputs)
+    ]
+    return torch.cat([_Shade.apply(kind, *part) for part in zip(*split, strict=False)])
 
 
 def sets_of(outgoing: Tensor | None, rows: Tensor) -> int:
-    """Number of rows of samples that each surfel has; 1 where the surfels' values are given by other means."""
-    return len(rows) // max(1, len(outgoing)) if outgoing is not None and len(outgoing) else 1
+    """Number of rows of samples that each surfel has; 1 where each row names its surfel."""
+    return len(rows) // len(outgoing) if outgoing is not None and len(outgoing) else 1
 
 
 class _Shade(torch.autograd.Function):
