@@ -27,7 +27,7 @@ from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .constants import as_text
-from .effects.image_share import image_share
+from .effects.images import image_share
 from .effects.new_light import probe_relighting
 from .model import Model
 from .rays import RaySettings

@@ -1,18 +1,34 @@
-"""The scene of a probe: surfels, their light, the views of them, and the light that arrives at them."""
+"""The scene of a probe: surfels, views, the light that arrives, and the radiance that leaves under any plan.
+
+All plans are shaded from the same directions, so that they differ only in what they leave out.
+"""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from radiogs_core.errors import UsageError
+from radiogs_core.kernels.rasterize.projection import Projection
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
+from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
+from radiogs_core.transport.shading import lambert_albedo
+from radiogs_core.transport.splatting import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    shade_surfels,
+    towards,
+)
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
 from ..rays import RaySettings
@@ -22,8 +38,8 @@ PROBE_OFFSET = 6.66
 distance at which the opacity of the densest surfel has fallen to 1/255. Nearer surfels with overlapping footprints
 sample the same surface, which does not occlude itself (docs/effects.md)."""
 
-SHARP_ROUGHNESS = 0.2
-"""A roughness that training may still reach on any surface; the specular lobe is assessed at this roughness too."""
+PROBE_VIEWS = 8
+"""Number of training views of a probe: one from each eighth of their list."""
 
 
 @dataclass(frozen=True)
@@ -81,18 +97,6 @@ class ProbeRays:
         return relighting_directions(normal, sampler, self.samples, self.drawn, self.generator, self.variant.floor)
 
 
-@dataclass(frozen=True)
-class KeptLight:
-    """The light of surfels without rays: as they keep it, and traced now along the same directions."""
-
-    mask: Bool[Tensor, " surfels"]
-    """The surfels that keep their light."""
-    light: Incident
-    """The light that these surfels keep."""
-    anew: Incident
-    """The light on these surfels, traced now."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ProbeScene(Viewpoints):
     """A model, its views, and the light that arrives at it. No tensor has a gradient."""
@@ -107,8 +111,6 @@ class ProbeScene(Viewpoints):
     """Its substitute without rays, along the same directions."""
     first: Float[Tensor, "surfels samples 3"] | None = None
     """The part of the incident radiance that one surface has scattered, linear RGB; None if it was not traced."""
-    sharpest: float | None = None
-    """Roughness that training may still reach on any surface, for the specular lobe; None: materials are final."""
     given_light: bool = False
     """Whether the light is given; a learnt light may compensate changes by a factor."""
 
@@ -177,3 +179,89 @@ def _traced(
         radiance[some] = (hits.radiance * whole[:, None]).view(len(some), -1, 3)
         features[some] = (hits.features * whole[:, None]).view(len(some), -1, 3)
     return visibility, radiance, features
+
+
+class PlanRadiance:
+    """Outgoing radiance of a scene's surfels towards its views, under any plan.
+
+    ``albedo``, ``roughness_logit`` and ``environment`` are leaves of the graph, so that gradients can be compared. Each
+    set of directions is shaded once, for white surfaces; a plan combines the parts and multiplies them by the albedo,
+    which also depends on the plan (see ``lambert_albedo``).
+    """
+
+    def __init__(self, scene: ProbeScene) -> None:
+        self.scene = scene
+        surfels = scene.surfels
+        self.albedo = surfels.albedo.clone().requires_grad_()
+        self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
+        self.environment = scene.environment.clone().requires_grad_()
+        self.outgoing = torch.stack([towards(view.camera, surfels) for view in scene.views], 1)
+        self._known: dict[bool, tuple[Tensor, Tensor]] = {}
+
+    @cached_property
+    def projections(self) -> list[Projection]:
+        """The surfels projected into each view."""
+        surfels = self.scene.surfels
+        return [surfels.seen_by(view.camera, radiance=False) for view in self.scene.views]
+
+    @property
+    def leaves(self) -> dict[str, Tensor]:
+        """The tensors whose gradients are compared, by name."""
+        return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
+
+    def shaded(self, plan: EffectPlan) -> Float[Tensor, "surfels views 3"]:
+        """L_PBR under a plan, linear RGB. Raises UsageError for a plan that the scene was not traced for."""
+        traced = plan.traced if plan.traces else False
+        shiny = plan.specular_at if plan.specular else False
+        parts, free = self._parts(plan.samples > 1)
+        by_bounces = parts if plan.bounces else self._first
+        occluded, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
+        diffuse, specular = (
+            _where(occluded, parts[:, :, direct], free[:, :, direct])
+            + _where(lit, by_bounces[:, :, indirect], free[:, :, indirect])
+            for direct, indirect in ((DIFFUSE_DIRECT, DIFFUSE_INDIRECT), (SPECULAR_DIRECT, SPECULAR_INDIRECT))
+        )
+        roughness = self._materials.roughness
+        albedo = lambert_albedo(self.albedo, roughness, plan.specular_among(self.albedo))
+        return albedo[:, None] * diffuse + _where(shiny, specular, 0.0)
+
+    def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
+        """L_G, the surfels' own radiance, linear RGB, with harmonics up to ``degree``."""
+        return surfel_radiance(self.scene.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
+
+    def _parts(self, halved: bool) -> tuple[Tensor, Tensor]:
+        """The four parts of white surfaces, shaded from traced light, and from its untraced substitute."""
+        if halved not in self._known:
+            both = self.scene.incident, self.scene.untraced
+            if halved:
+                half = both[0].weight.shape[1] // 2
+                both = both[0].thinned(half), both[1].thinned(half)
+            self._known[halved] = self._lit(both[0]), self._lit(both[1])
+        return self._known[halved]
+
+    @cached_property
+    def _first(self) -> Tensor:
+        if self.scene.first is None:
+            raise UsageError(
+                "a plan without bounces for a scene that was traced without them",
+                "The light scattered by one surface alone was not traced.",
+                "Trace the scene with bounces=True.",
+            )
+        return self._lit(replace(self.scene.incident, radiance=self.scene.first))
+
+    def _lit(self, incident: Incident) -> Float[Tensor, "surfels views 4 3"]:
+        white = torch.ones_like(self.albedo)
+        return shade_surfels(self._materials, white, incident, self.outgoing, self.environment)
+
+    @property
+    def _materials(self) -> Surfels:
+        return Surfels.of(self.scene.surfels.parameters() | {"roughness_logit": self.roughness_logit})
+
+
+def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
+    """``one`` for the chosen surfels, ``other`` for the rest. ``chosen``: None: all; False: none."""
+    if chosen is None:
+        return one
+    if isinstance(chosen, bool):
+        return other if isinstance(other, Tensor) else torch.zeros_like(one)
+    return torch.where(chosen[:, None, None], one, other)

@@ -30,15 +30,11 @@ from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 from ..model import Model
 from ..rays import RaySettings
 from ..settings import Budget, Variant
-from .assessment import light_factor_is_free
-from .covered_pixels import rendered_views
+from .images import light_factor, rendered_views
 from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, training_viewpoints
-from .plan_radiance import PlanRadiance
-from .probe import Findings, Occasion, probe
-from .probe_scene import ProbeRays, ProbeScene, trace_scene
-from .step_cost import step_of
-from .substitutes import plan_without
-from .tile_errors import light_factor
+from .plans import Step, plan_without
+from .probe import Findings, Occasion, light_factor_is_free, probe
+from .probe_scene import PlanRadiance, ProbeRays, ProbeScene, trace_scene
 
 BOUNCES = 8
 """Number of surfaces that light is followed over, as in the images of generated scenes."""
@@ -137,8 +133,9 @@ def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
 
 def training_findings(scene: ProbeScene, run: Run[Variant, Budget], effects: tuple[str, ...] = EFFECTS) -> Findings:
     """The plan of stage 2 with the run's budget, with its evidence."""
-    step = step_of(run.variant, run.budget, len(scene.surfels))
-    return probe(scene, step, Occasion(run.seed), effects=effects)
+    view = run.scene.train[0].camera
+    step = Step.of(run.variant, run.budget, len(scene.surfels), view.width * view.height)
+    return probe(scene, step, Occasion(run.seed), effects)
 
 
 def relighting_findings(

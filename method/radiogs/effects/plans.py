@@ -1,0 +1,197 @@
+"""Plans that leave an effect out, completely or where it does not matter, and the work that they save.
+
+Work is counted, not timed: decisions must not depend on a machine's load.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.tracer import EVERYTHING
+
+from ..settings import Budget, Variant
+from .probe_scene import PlanRadiance
+
+RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
+"""Partial plans for rays: each leaves out the rays of the surfels that together change the images by at most this
+multiple of the tolerated error. ``partial_ray_plans`` overestimates the change, so multiples above one are tried."""
+
+ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
+"""Partial plans for specular lobes: each has lobes only on surfels with a roughness below this value."""
+
+
+def plan_without(effect: str) -> EffectPlan:
+    """The plan that leaves one effect out completely.
+
+    The same rays give visibility and indirect light, so visibility is left out only together with indirect light.
+    """
+    if effect == "visibility":
+        return EffectPlan().without("indirect").without("visibility")
+    return EffectPlan().without(effect)
+
+
+def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
+    """Plans that leave part of an effect out, in ascending order; empty for an effect that has no parts."""
+    if effect == "specular":
+        return [EffectPlan(specular_at=surfels.roughness < edge) for edge in ROUGHNESS_EDGES]
+    if effect == "view-dependence":
+        return [EffectPlan(sh_degree=degree) for degree in reversed(range(1, HIGHEST_DEGREE))]
+    return []
+
+
+def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPlan]:
+    """For each of RAY_SHARES, the plan without the rays of the surfels that matter least to the images.
+
+    ``tolerated``: mean squared error, display sRGB. A surfel changes the squared error of the images by at most its
+    share of them times the square of its largest change towards any view (``image_share``; Jensen). Many surfels of a
+    trained model lie unseen below its surface, where most of the sky is occluded.
+    """
+    without = radiance.shaded(plan_without("visibility")).detach()
+    change = srgb_encode(without) - srgb_encode(radiance.shaded(EffectPlan()).detach())
+    error = radiance.scene.share * change.square().mean(-1).amax(1)
+    ordered, index = error.sort()
+    together = ordered.cumsum(0)
+    plans = []
+    for share in RAY_SHARES:
+        traced = torch.ones_like(error, dtype=torch.bool)
+        traced[index[together <= share * tolerated]] = False
+        plans.append(EffectPlan(traced=traced))
+    return plans
+
+
+def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
+    """The plan that leaves out everything that either plan leaves out; masks of ``second`` take precedence."""
+    traced = None
+    if first.traces and second.traces:
+        traced = first.traced if second.traced is None else second.traced
+    return EffectPlan(
+        visibility=first.visibility and second.visibility,
+        indirect=first.indirect and second.indirect,
+        bounces=first.bounces and second.bounces,
+        specular=first.specular and second.specular,
+        light_sampling=first.light_sampling and second.light_sampling,
+        sh_degree=min(first.sh_degree, second.sh_degree),
+        samples=max(first.samples, second.samples),
+        refresh=max(first.refresh, second.refresh),
+        traced=traced,
+        specular_at=first.specular_at if second.specular_at is None else second.specular_at,
+    )
+
+
+MICROSECONDS = {
+    "rays": 0.45, "directions": 0.2, "compared": 0.12, "shaded_samples": 0.0115, "lobes": 0.0025,
+    "coefficients": 0.003, "surfels": 0.8, "pixels": 0.8,
+}  # fmt: skip
+"""Microseconds of one CPU core for one unit of each kind of work, forward and backward: traced rays; directions that
+are drawn; samples of L_rad; shaded samples of all surfels, and those with a lobe; coefficients of harmonics; and the
+surfels and pixels of a step, whose work no plan changes. Only their ratios matter."""
+
+HITS = 4.0
+"""Average number of surfels that a ray blends."""
+
+SEARCH = 7e6
+"""Microseconds of the search for the light before stage 2, which no plan changes."""
+
+
+def cost(work: Mapping[str, float]) -> float:
+    """Microseconds for amounts of work, by the kinds of MICROSECONDS."""
+    return sum(MICROSECONDS[name] * amount for name, amount in work.items())
+
+
+@dataclass(frozen=True)
+class Step:
+    """The size of a step of stage 2."""
+
+    surfels: int
+    """Number of all surfels."""
+    chosen: int
+    """Number of surfels in L_rad (N_g)."""
+    samples: int
+    """Directions of each surfel in a set (N_s)."""
+    interval: int
+    """Steps from one refresh of all incident light to the next."""
+    sets: int = 1
+    """Number of cached sets of directions."""
+    pixels: int = 0
+    """Pixels of a view."""
+
+    @classmethod
+    def of(cls, variant: Variant, budget: Budget, surfels: int, pixels: int) -> "Step":
+        """A step by a run's settings, with so many surfels and pixels."""
+        return cls(
+            surfels, budget.consistency_surfels, budget.incident_samples, budget.refresh_interval,
+            variant.materials.directions.sets, pixels,
+        )  # fmt: skip
+
+    def work(self, plan: EffectPlan) -> dict[str, float]:
+        """Amounts of work of a step under a plan, by the kinds of MICROSECONDS."""
+        samples = max(1, self.samples // plan.samples)
+        traced = 0.0
+        if plan.traces:
+            traced = 1.0 if plan.traced is None else float(plan.traced.double().mean())
+        shiny = 0.0
+        if plan.specular:
+            shiny = 1.0 if plan.specular_at is None else float(plan.specular_at.double().mean())
+        chosen = min(self.chosen, self.surfels)
+        anew = self.sets * self.surfels / (self.interval * plan.refresh)
+        shaded = self.sets * self.surfels * samples
+        rays = traced * samples * (chosen + anew)
+        # Without indirect light a ray still finds occluders, but reads no harmonics.
+        read = rays * HITS if plan.indirect else 0.0
+        return {
+            "rays": rays,
+            "directions": samples * (traced * chosen + anew),
+            "compared": samples * chosen,
+            "shaded_samples": shaded,
+            "lobes": shiny * shaded,
+            "coefficients": (self.surfels + 2 * chosen + read) * (plan.sh_degree + 1) ** 2,
+            "surfels": self.surfels,
+            "pixels": self.pixels,
+        }
+
+    def saving(self, plan: EffectPlan) -> float:
+        """Share of a step's work that is saved under ``plan``."""
+        return 1 - cost(self.work(plan)) / cost(self.work(EVERYTHING))
+
+    def saved(self, plan: EffectPlan) -> dict[str, Any]:
+        """The fields ``share``, ``rays`` and ``seconds`` of ``decision.Measured``: the work that ``plan`` saves."""
+        less, whole = self.work(plan), self.work(EVERYTHING)
+        return {
+            "share": self.saving(plan),
+            "rays": round(whole["rays"] - less["rays"]),
+            "seconds": 1e-6 * (cost(whole) - cost(less)),
+        }
+
+
+LEAST_SAVED = 0.25
+"""Least share of a training's work that its rays must be for probes to run."""
+
+MOST_PROBING = 0.02
+"""Largest share of a training's work that probes may take."""
+
+STEPS_A_PROBE = 25
+"""A probe takes about as long as this many steps of stage 2."""
+
+
+def why_not_probed(variant: Variant, budget: Budget, step: Step, probes: int) -> str | None:
+    """The reason for which probes of a training do not pay, in words; None if they pay.
+
+    They pay if a scene that needs no rays would be trained in at most 1 - LEAST_SAVED of the work of all effects, and
+    if the probes themselves take at most MOST_PROBING of it. ``step``: a step of stage 2 with the surfels of stage 1.
+    """
+    before = budget.geometry.steps * cost({"surfels": step.surfels, "pixels": step.pixels}) + SEARCH
+    each, steps = cost(step.work(EVERYTHING)), budget.inverse_iterations
+    whole = before + steps * each
+    probing = probes * STEPS_A_PROBE * each / whole
+    traced_again = variant.incident != "precomputed"
+    saved = steps * each * step.saving(plan_without("visibility")) / whole - probing if traced_again else 0.0
+    if saved < LEAST_SAVED:
+        return f"no probe: without rays the training would take {100 * saved:.0f} % less, {100 * LEAST_SAVED:.0f} % pay"
+    if probing > MOST_PROBING:
+        return f"no probe: probes would take {100 * probing:.1f} % of the training, {100 * MOST_PROBING:.0f} % pay"
+    return None
