@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import torch
 
-from radiogs.effects.image_share import image_share
+from radiogs.effects.images import image_share
+from radiogs.effects.plans import Step
 from radiogs.effects.probe import Findings, Occasion, probe
 from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from radiogs.effects.step_cost import Step
 from radiogs.rays import RaySettings
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
@@ -88,8 +88,11 @@ def step(surfels: Surfels) -> Step:
     return Step(len(surfels), 256, SAMPLES, 100)
 
 
-def found(made: ProbeScene, seed: int = 0, **more: Any) -> Findings:
-    return probe(made, step(made.surfels), Occasion(seed), **more)
+EFFECTS = ("visibility", "indirect", "specular", "view-dependence", "samples")
+
+
+def found(made: ProbeScene, effects: Sequence[str] = EFFECTS) -> Findings:
+    return probe(made, step(made.surfels), Occasion(0), effects)
 
 
 def grey(surfels: Surfels, radiance: float) -> Surfels:

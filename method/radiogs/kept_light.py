@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import normalize
 
+from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 CELLS = 16
@@ -37,9 +39,17 @@ class KeptLight:
         """The light on the surfels of ``mask``, traced now."""
         index = torch.nonzero(mask)[:, 0]
         frame = tracer.surfels.frame.detach()[index]
-        direction = middles(frame) @ frame.transpose(1, 2)
+        direction = normalize(middles(frame), dim=-1) @ frame.transpose(1, 2)
         light = incident_along(tracer, direction, torch.ones_like(direction[..., 0]), index=index)
         return cls((mask.cumsum(0) - 1).clamp(min=0), frame, light.visibility, light.radiance)
+
+    def through(self, some: Int[Tensor, " some"]) -> Incident:
+        """The light through the middles of some cells, which share the hemisphere by their solid angles."""
+        middle = middles(self.frame)[some]
+        share = middle.norm(dim=-1) ** -3
+        weight = (2 * torch.pi * share / share.sum()).repeat(len(self.frame), 1)
+        direction = normalize(middle, dim=-1) @ self.frame.transpose(1, 2)
+        return Incident(direction, weight, self.visibility[:, some], self.radiance[:, some])
 
     @property
     def every(self) -> Int[Tensor, " surfels"]:
@@ -69,7 +79,7 @@ def cells(local: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
 
 
 def middles(like: Tensor) -> Float[Tensor, "cells 3"]:
-    """Unit directions through the middles of all cells, in a surfel's frame. ``like``: same device and type."""
+    """The middles of all cells on the octahedron, in a surfel's frame. ``like``: same device and type."""
     middle = (torch.arange(CELLS, device=like.device, dtype=like.dtype) + 0.5) * (2 / CELLS) - 1
     x, y = ((middle[:, None] + sign * middle) / 2 for sign in (1, -1))
-    return torch.nn.functional.normalize(torch.stack([x, y, 1 - x.abs() - y.abs()], -1).flatten(0, 1), dim=-1)
+    return torch.stack([x, y, 1 - x.abs() - y.abs()], -1).flatten(0, 1)

@@ -81,8 +81,6 @@ class Measured:
     """Loss under the worst correlation of errors, dB."""
     tail: float = 0.0
     """Largest rise of the squared error in one tile, divided by the tolerated rise in one tile."""
-    unseen: float = 1.0
-    """Upper bound on the share of tiles above that tolerance, if no measured tile was; 1 otherwise."""
     gradient: float = 0.0
     """Largest relative change of a gradient of the learnt quantities; 0 if it was not computed.
 
@@ -92,8 +90,6 @@ class Measured:
     """Share of a step's work that is saved."""
     rays: int
     """Number of rays that a step saves."""
-    seconds: float = 0.0
-    """Seconds that a step saves, by an estimate; no decision depends on it."""
 
     @property
     def finite(self) -> bool:

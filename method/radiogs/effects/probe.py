@@ -14,7 +14,7 @@ from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from radiogs_core.transport.tracer import EVERYTHING
 
-from .bounds import bootstrap_t, sidak, zero_events_upper
+from .bounds import bootstrap_t, sidak
 from .decision import LEAST_SHARE, OFF_BELOW, TOLERANCE_DB, Evidence, Measured, Tolerance, Verdict, decide
 from .images import CoveredPixels, ReferenceImage, TileErrors, mean_error, rendered_views, tile_errors
 from .plans import Step, combined, partial_plans, partial_ray_plans, plan_without
@@ -228,8 +228,8 @@ class Assessment:
             bound=tolerance.loss(float(above.max())),
             worst=tolerance.worst_case(float(above[:, 0].max())),
             tail=tail,
-            unseen=zero_events_upper(len(errors[0].difference), self.level) if tail < 1 else 1.0,
-            **self.step.saved(plan),
+            share=self.step.saving(plan),
+            rays=self.step.saved_rays(plan),
         )
 
 

@@ -18,6 +18,7 @@ from radiogs_core.transport.tracer import incident_along
 
 from ..incident_cache import IncidentCache
 from ..invert import InverseRendering
+from ..kept_light import CELLS
 from ..model import Model
 from ..rays import RaySettings
 from ..settings import Budget, Variant
@@ -116,12 +117,12 @@ class Planner:
         clear = scene.incident.visibility * scene.untraced.visibility
         incident, untraced = replace(scene.incident, visibility=clear), scene.untraced
         if cache.kept is not None and len(index):
+            light = cache.kept.through(torch.randperm(CELLS**2, generator=generator)[: self.samples])
             cache.tracer.follow(surfels)
-            some = untraced.of(index)
-            now = incident_along(cache.tracer, some.direction, some.weight, index=index)
-            visibility, radiance = (values[index] for values in cache.kept.along(untraced.direction))
-            incident = incident.replaced(index, now)
-            untraced = untraced.replaced(index, replace(some, visibility=visibility, radiance=radiance))
+            incident = incident.replaced(
+                index, incident_along(cache.tracer, light.direction, light.weight, index=index)
+            )
+            untraced = untraced.replaced(index, light)
         return replace(scene, incident=incident, untraced=untraced)
 
     @property
