@@ -78,17 +78,24 @@ def shown(made: ProbeScene, camera: Camera) -> torch.Tensor:
     return maps["image"]
 
 
+def occlusion(made: ProbeScene) -> torch.Tensor:
+    """Share of each surfel's hemisphere, weighted by the cosine, in which distant light is occluded."""
+    incident = made.incident
+    flow = (incident.direction * made.surfels.frame[:, None, :, 2]).sum(-1).clamp(min=0) * incident.weight
+    return 1 - (flow * incident.visibility).sum(1) / flow.sum(1)
+
+
 def hidden(made: ProbeScene) -> torch.Tensor:
     """The hidden share of the sky of each surfel on the middle of the floor, under the ``sheet``."""
     centre, normal = made.surfels.centre, made.surfels.frame[..., 2]
-    return made.occlusion[(centre.norm(dim=-1) < 0.2) & (normal[:, 2] > 0.9)]
+    return occlusion(made)[(centre.norm(dim=-1) < 0.2) & (normal[:, 2] > 0.9)]
 
 
 def step(surfels: Surfels) -> Step:
     return Step(len(surfels), 256, SAMPLES, 100)
 
 
-EFFECTS = ("visibility", "indirect", "specular", "view-dependence", "samples")
+EFFECTS = ("visibility", "indirect", "specular", "view-dependence")
 
 
 def found(made: ProbeScene, effects: Sequence[str] = EFFECTS) -> Findings:

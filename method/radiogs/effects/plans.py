@@ -3,10 +3,11 @@
 Work is counted, not timed: decisions must not depend on a machine's load.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import torch
+from torch import Tensor
 
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
@@ -63,23 +64,16 @@ def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPl
     return plans
 
 
-def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
-    """The plan that leaves out everything that either plan leaves out; masks of ``second`` take precedence."""
-    traced = None
-    if first.traces and second.traces:
-        traced = first.traced if second.traced is None else second.traced
-    return EffectPlan(
-        visibility=first.visibility and second.visibility,
-        indirect=first.indirect and second.indirect,
-        bounces=first.bounces and second.bounces,
-        specular=first.specular and second.specular,
-        light_sampling=first.light_sampling and second.light_sampling,
-        sh_degree=min(first.sh_degree, second.sh_degree),
-        samples=max(first.samples, second.samples),
-        refresh=max(first.refresh, second.refresh),
-        traced=traced,
-        specular_at=first.specular_at if second.specular_at is None else second.specular_at,
-    )
+def combined(plans: Iterable[EffectPlan]) -> EffectPlan:
+    """The plan that leaves out what any of the plans leaves out, each of which leaves out another effect."""
+    changed = {
+        name: value
+        for plan in plans
+        for name, value in plan.state().items()
+        if isinstance(value, Tensor) or value != getattr(EVERYTHING, name)
+    }
+    plan = replace(EVERYTHING, **changed)
+    return plan if plan.traces else replace(plan, traced=None)
 
 
 MICROSECONDS = {
@@ -156,10 +150,6 @@ class Step:
     def saving(self, plan: EffectPlan) -> float:
         """Share of a step's work that is saved under ``plan``."""
         return 1 - cost(self.work(plan)) / cost(self.work(EVERYTHING))
-
-    def saved_rays(self, plan: EffectPlan) -> int:
-        """Number of rays of a step that are saved under ``plan``."""
-        return round(self.work(EVERYTHING)["rays"] - self.work(plan)["rays"])
 
 
 LEAST_SAVED = 0.25

@@ -26,8 +26,8 @@ LEVEL = 0.01
 PROBES = 2
 """Number of probes in a training."""
 
-NOT_ABSORBED = ("view-dependence", "samples")
-"""Effects whose absence cannot be compensated by a factor on the light."""
+NOT_ABSORBED = "view-dependence"
+"""The effect whose absence cannot be compensated by a factor on the light."""
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,7 @@ def accepted_plan(assessment: "Assessment", chosen: Mapping[str, EffectPlan]) ->
     """
     left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect]))
     while left:
-        plan = EffectPlan()
-        for effect in left:
-            plan = combined(plan, chosen[effect])
+        plan = combined(chosen[effect] for effect in left)
         found = assessment.decided(plan, assessment.measure("plan", [plan])[0])
         if found.verdict == "off":
             return found, left
@@ -146,7 +144,7 @@ def accepted_plan(assessment: "Assessment", chosen: Mapping[str, EffectPlan]) ->
 
 def light_factor_is_free(effect: str, scene: ProbeScene) -> bool:
     """Whether a factor on the light may compensate a change of all pixels that the missing effect causes."""
-    return effect not in NOT_ABSORBED and not scene.given_light
+    return effect != NOT_ABSORBED and not scene.given_light
 
 
 class Assessment:
@@ -163,7 +161,6 @@ class Assessment:
         self.scene, self.step, self.before, self.level = scene, step, occasion.before, level
         self.generator = torch.Generator().manual_seed(occasion.seed)
         self.radiance = PlanRadiance(scene)
-        self.gradients = Gradients(self.radiance)
         full = {"shaded": self.radiance.shaded(EVERYTHING).detach(), "own": self.radiance.own(HIGHEST_DEGREE)}
         rendered = rendered_views(self.radiance.projections, full.values())
         self.pixels = CoveredPixels.of(scene.views, rendered, scene.straight)
@@ -185,9 +182,34 @@ class Assessment:
         """The decision by images and gradients. Gradients cost most: a plan that the images refuse needs none."""
         verdict, why = self.by_images(plan, measured)
         if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
-            measured = replace(measured, gradient=self.gradients.change(plan))
+            measured = replace(measured, gradient=self.gradient_change(plan))
             verdict, why = self.by_images(plan, measured)
         return Decision(plan, verdict, why, measured)
+
+    @cached_property
+    def upstream(self) -> Float[Tensor, "surfels views 3"]:
+        """Gradient of the images' error with respect to the surfels' radiance; the same for every plan."""
+        return image_gradient(self.radiance)
+
+    @cached_property
+    def full_gradients(self) -> list[Tensor]:
+        """``gradients`` with all effects on."""
+        return self.gradients(EVERYTHING)
+
+    def gradients(self, plan: EffectPlan) -> list[Tensor]:
+        """Gradients of that error for albedo, roughness and light under a plan, in the order of the leaves."""
+        leaves, sent = list(self.radiance.leaves.values()), self.radiance.shaded(plan)
+        return list(torch.autograd.grad(sent, leaves, self.upstream, retain_graph=True, materialize_grads=True))
+
+    def gradient_change(self, plan: EffectPlan) -> float:
+        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where only g_full is zero.
+
+        An effect that hardly changes images may carry the only gradient. Roughness counts only if the plan has specular
+        lobes on all surfels: without a lobe it is not learnt on purpose.
+        """
+        shiny = plan.specular and plan.specular_at is None
+        pairs = zip(self.radiance.leaves, self.gradients(plan), self.full_gradients, strict=True)
+        return max(_relative(value - full, full) for name, value, full in pairs if shiny or name != "roughness")
 
     def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
         """Loss of each plan, which leaves ``effect`` out, compared with all effects on."""
@@ -229,7 +251,7 @@ class Assessment:
             worst=tolerance.worst_case(float(above[:, 0].max())),
             tail=tail,
             share=self.step.saving(plan),
-            rays=self.step.saved_rays(plan),
+            rays=round(self.step.work(EVERYTHING)["rays"] - self.step.work(plan)["rays"]),
         )
 
 
@@ -246,37 +268,6 @@ def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
             image = displayed(raster.features, raster.alpha, radiance.scene.straight)
             total = total + (image - view.target).square().mean()
     return torch.autograd.grad(total, sent)[0] if total.requires_grad else torch.zeros_like(sent)
-
-
-class Gradients:
-    """Gradients of the full images' error for albedo, roughness and light, and their change under plans."""
-
-    def __init__(self, radiance: PlanRadiance) -> None:
-        self.radiance = radiance
-
-    @cached_property
-    def upstream(self) -> Float[Tensor, "surfels views 3"]:
-        """Gradient with respect to the surfels' radiance; the same for every plan."""
-        return image_gradient(self.radiance)
-
-    @cached_property
-    def full(self) -> list[Tensor]:
-        """Gradients with all effects on, in the order of the leaves."""
-        return self.of(EVERYTHING)
-
-    def of(self, plan: EffectPlan) -> list[Tensor]:
-        """Gradients under a plan, in the order of the leaves."""
-        leaves, sent = list(self.radiance.leaves.values()), self.radiance.shaded(plan)
-        return list(torch.autograd.grad(sent, leaves, self.upstream, retain_graph=True, materialize_grads=True))
-
-    def change(self, plan: EffectPlan) -> float:
-        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where only g_full is zero.
-
-        Roughness counts only if the plan has specular lobes on all surfels: without a lobe it is not learnt on purpose.
-        """
-        shiny = plan.specular and plan.specular_at is None
-        pairs = zip(self.radiance.leaves, self.of(plan), self.full, strict=True)
-        return max(_relative(value - full, full) for name, value, full in pairs if shiny or name != "roughness")
 
 
 def _relative(change: Tensor, whole: Tensor) -> float:

@@ -10,13 +10,12 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from radiogs_core.errors import UsageError
 from radiogs_core.kernels.rasterize.projection import Projection
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
@@ -29,7 +28,7 @@ from radiogs_core.transport.splatting import (
     shade_surfels,
     towards,
 )
-from radiogs_core.transport.tracer import SurfelTracer, visibility_of
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 from ..rays import RaySettings
 
@@ -114,17 +113,6 @@ class ProbeScene(Viewpoints):
     given_light: bool = False
     """Whether the light is given; a learnt light may compensate changes by a factor."""
 
-    @property
-    def occlusion(self) -> Float[Tensor, " surfels"]:
-        """Share of the cosine-weighted hemisphere in which distant light is occluded."""
-        cosine = (self.incident.direction * self.surfels.frame[:, None, :, 2]).sum(-1).clamp(min=0)
-        flow = cosine * self.incident.weight
-        return 1 - (flow * self.incident.visibility).sum(1) / flow.sum(1)
-
-
-RAYS_AT_ONCE = 1 << 18
-"""Rays that are traced together."""
-
 
 @torch.no_grad()
 def trace_scene(
@@ -141,52 +129,36 @@ def trace_scene(
     each surfel sends the distant light that it scatters. ``among``: indices of the surfels to trace (None: all); the
     others are dark. Raises NumericalFailure if a ray hits a surfel with values that are not finite.
     """
-    surfels = Surfels.of(surfels.plain())
-    environment = environment.detach()
+    surfels, environment = Surfels.of(surfels.plain()), environment.detach()
     normal = surfels.frame[..., 2]
     direction, weight = rays.directions(normal, EnvironmentMap(environment))
     tracer, every = rays.tracer(surfels), torch.arange(len(surfels), device=normal.device)
-    index = every if among is None else among
-    seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
-    traced = ProbeScene(
-        **vars(viewpoints),
-        surfels=surfels,
-        environment=environment,
-        incident=Incident(direction, weight, seen, radiance),
-        untraced=tracer.untraced(every, direction, weight),
-    )
+    index, dark = every if among is None else among, torch.zeros_like(direction)
+    seen = incident_along(tracer, direction[index], weight[index], index=index)
+    lit = Incident(direction, weight, torch.zeros_like(weight), dark).replaced(index, seen)
+    untraced = tracer.untraced(every, direction, weight)
+    scene = ProbeScene(
+        **vars(viewpoints), surfels=surfels, environment=environment, incident=lit, untraced=untraced
+    )  # fmt: skip
     if not bounces:
-        return traced
-    lit = Incident(direction, weight, seen, torch.zeros_like(direction))
-    parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
-    once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    return replace(traced, first=_traced(tracer, index, direction, once)[2])
+        return scene
+    by_light = replace(lit, radiance=dark)
+    parts = shade_surfels(surfels, surfels.albedo, by_light, surfels.frame[:, None, :, 2], environment)[:, 0]
+    tracer.follow(glowing(surfels, parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]))
+    return replace(scene, first=incident_along(tracer, direction, weight).radiance)
 
 
-def _traced(
-    tracer: SurfelTracer,
-    index: Int[Tensor, " chosen"],
-    direction: Float[Tensor, "surfels samples 3"],
-    sent: Float[Tensor, "surfels 3"],
-) -> tuple[Tensor, Tensor, Tensor]:
-    """V, L_ind from the surfels' own radiance, and L_ind from the radiance ``sent``; 0 where not traced."""
-    visibility = torch.zeros_like(direction[..., 0])
-    radiance, features = torch.zeros_like(direction), torch.zeros_like(direction)
-    for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ():
-        hits = tracer.trace(some, direction[some], sent)
-        seen, whole = visibility_of(hits)
-        visibility[some] = seen.view(len(some), -1)
-        radiance[some] = (hits.radiance * whole[:, None]).view(len(some), -1, 3)
-        features[some] = (hits.features * whole[:, None]).view(len(some), -1, 3)
-    return visibility, radiance, features
+def glowing(surfels: Surfels, radiance: Float[Tensor, "surfels 3"]) -> Surfels:
+    """The surfels with another radiance of their own, linear RGB, the same in all directions."""
+    harmonics = torch.cat([radiance_to_sh(radiance)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    return Surfels.of(surfels.parameters() | {"sh": harmonics})
 
 
 class PlanRadiance:
     """Outgoing radiance of a scene's surfels towards its views, under any plan.
 
-    ``albedo``, ``roughness_logit`` and ``environment`` are leaves of the graph, so that gradients can be compared. Each
-    set of directions is shaded once, for white surfaces; a plan combines the parts and multiplies them by the albedo,
-    which also depends on the plan (see ``lambert_albedo``).
+    Gradients can be compared for ``leaves``. The light is shaded once, for white surfaces; a plan combines the parts
+    and multiplies them by the albedo, which also depends on the plan (see ``lambert_albedo``).
     """
 
     def __init__(self, scene: ProbeScene) -> None:
@@ -195,8 +167,8 @@ class PlanRadiance:
         self.albedo = surfels.albedo.clone().requires_grad_()
         self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
         self.environment = scene.environment.clone().requires_grad_()
+        self.leaves = {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
         self.outgoing = torch.stack([towards(view.camera, surfels) for view in scene.views], 1)
-        self._known: dict[bool, tuple[Tensor, Tensor]] = {}
 
     @cached_property
     def projections(self) -> list[Projection]:
@@ -204,16 +176,11 @@ class PlanRadiance:
         surfels = self.scene.surfels
         return [surfels.seen_by(view.camera, radiance=False) for view in self.scene.views]
 
-    @property
-    def leaves(self) -> dict[str, Tensor]:
-        """The tensors whose gradients are compared, by name."""
-        return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
-
     def shaded(self, plan: EffectPlan) -> Float[Tensor, "surfels views 3"]:
-        """L_PBR under a plan, linear RGB. Raises UsageError for a plan that the scene was not traced for."""
+        """L_PBR under a plan, linear RGB; a plan without bounces needs ``ProbeScene.first``."""
         traced = plan.traced if plan.traces else False
         shiny = plan.specular_at if plan.specular else False
-        parts, free = self._parts(plan.samples > 1)
+        parts, free = self._parts
         by_bounces = parts if plan.bounces else self._first
         occluded, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
         diffuse, specular = (
@@ -229,24 +196,14 @@ class PlanRadiance:
         """L_G, the surfels' own radiance, linear RGB, with harmonics up to ``degree``."""
         return surfel_radiance(self.scene.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
 
-    def _parts(self, halved: bool) -> tuple[Tensor, Tensor]:
+    @cached_property
+    def _parts(self) -> tuple[Tensor, Tensor]:
         """The four parts of white surfaces, shaded from traced light, and from its untraced substitute."""
-        if halved not in self._known:
-            both = self.scene.incident, self.scene.untraced
-            if halved:
-                half = both[0].weight.shape[1] // 2
-                both = both[0].thinned(half), both[1].thinned(half)
-            self._known[halved] = self._lit(both[0]), self._lit(both[1])
-        return self._known[halved]
+        return self._lit(self.scene.incident), self._lit(self.scene.untraced)
 
     @cached_property
     def _first(self) -> Tensor:
-        if self.scene.first is None:
-            raise UsageError(
-                "a plan without bounces for a scene that was traced without them",
-                "The light scattered by one surface alone was not traced.",
-                "Trace the scene with bounces=True.",
-            )
+        assert self.scene.first is not None
         return self._lit(replace(self.scene.incident, radiance=self.scene.first))
 
     def _lit(self, incident: Incident) -> Float[Tensor, "surfels views 4 3"]:

@@ -34,8 +34,8 @@ DIRECTIONS = 16
 IN_TRAINING = ("visibility",)
 """Effects that a probe decides about in training: no other one takes so much of a step that probing it pays."""
 
-BEFORE = EffectPlan(visibility=False, indirect=False)
-"""The plan until the first probe, which comes before the first step: no ray is traced for nothing."""
+BEFORE = EffectPlan(visibility=False, indirect=False, kept=True)
+"""The plan until the first probe, which comes before the first step: no ray is traced in vain."""
 
 
 class Planner:
@@ -54,7 +54,7 @@ class Planner:
         view = run.scene.train[0].camera
         self.step = Step.of(variant, budget, len(made["surfels"]["centre"]), view.width * view.height)
         self.share: Float[Tensor, " surfels"] | None = None
-        self.plan, self.evidence = BEFORE, ()
+        self.plan, self.evidence = BEFORE, tuple[Evidence, ...]()
         self.at = frozenset(budget.inverse_iterations * index // PROBES for index in range(PROBES))
         if (why := why_not_probed(variant, budget, self.step, PROBES)) is not None:
             self.plan, self.at = EffectPlan(), frozenset()
@@ -64,17 +64,16 @@ class Planner:
         """Probe, if that is due before the stage's next step; the stage adopts a plan with other rays."""
         if stage.iteration not in self.at:
             return
-        first = not stage.iteration
-        # The first probe sees the materials and light of stage 1: the start values of stage 2 are uninformative.
-        model = self._of_stage_1() if first else stage.model
+        model, first = stage.model, not stage.iteration
+        if first:
+            # It sees the materials and light of stage 1: the start values of stage 2 are uninformative.
+            stored = self.made["initialised"]
+            model = Model(Surfels.of(stored["surfels"]), stored["log_environment"])
         with part("probe"):
             before = self.observe(model, stage.views, stage.iteration, stage.cache)
-        if first or not same_rays(before, self.plan):
+        rays = [plan.without_rays(model.surfels.centre) for plan in (before, self.plan)]
+        if first or not torch.equal(*rays):
             stage.cache.adopt(self.plan, stage.model, stage.iteration)
-
-    def _of_stage_1(self) -> Model:
-        stored = self.made["initialised"]
-        return Model(Surfels.of(stored["surfels"]), stored["log_environment"])
 
     def observe(self, model: Model, views: Sequence[TrainingView], iteration: int, cache: IncidentCache) -> EffectPlan:
         """Probe ``model``, and hold the resulting plan with its evidence; returns the plan before.
@@ -107,23 +106,25 @@ class Planner:
             # Computed once: surfels hardly move any more.
             self.share = image_share([view.camera for view in views], surfels)
         viewpoints = Viewpoints(drawn_views(views, seed), self.share, self.straight)
-        keeping = torch.zeros_like(surfels.centre[:, 0], dtype=torch.bool)
+        keeping = torch.zeros_like(surfels.opacity_logit, dtype=torch.bool)
         if cache.kept is not None:
             keeping = self.plan.without_rays(surfels.centre)
         others, index = (torch.nonzero(mask)[:, 0] for mask in (~keeping, keeping))
-        rays = ProbeRays(self.samples, generator, self.rays)
-        scene = trace_scene(surfels, model.environment, viewpoints, rays, among=others)
+        scene = trace_scene(
+            surfels, model.environment, viewpoints, ProbeRays(self.samples, generator, self.rays), among=others
+        )
         # Directions below the horizon are occluded by the surface itself, also where rays start beyond it.
         clear = scene.incident.visibility * scene.untraced.visibility
-        incident, untraced = replace(scene.incident, visibility=clear), scene.untraced
-        if cache.kept is not None and len(index):
-            light = cache.kept.through(torch.randperm(CELLS**2, generator=generator)[: self.samples])
-            cache.tracer.follow(surfels)
-            incident = incident.replaced(
-                index, incident_along(cache.tracer, light.direction, light.weight, index=index)
-            )
-            untraced = untraced.replaced(index, light)
-        return replace(scene, incident=incident, untraced=untraced)
+        scene = replace(scene, incident=replace(scene.incident, visibility=clear))
+        if cache.kept is None:
+            return scene
+        some = torch.randperm(CELLS**2, generator=generator, device=generator.device)[: self.samples]
+        kept = cache.kept.through(some)
+        cache.tracer.follow(surfels)
+        now = incident_along(cache.tracer, kept.direction, kept.weight, index=index)
+        return replace(
+            scene, incident=scene.incident.replaced(index, now), untraced=scene.untraced.replaced(index, kept)
+        )
 
     @property
     def records(self) -> tuple[Mapping[str, Any], ...]:
@@ -143,17 +144,7 @@ class Planner:
 
 def drawn_views(views: Sequence[TrainingView], seed: int) -> tuple[ProbeView, ...]:
     """PROBE_VIEWS of the views, one drawn from each of that many equal parts of their list."""
-    generator, count = torch.Generator().manual_seed(seed), min(PROBE_VIEWS, len(views))
-    drawn = []
-    for index in range(count):
-        low, high = (len(views) * end // count for end in (index, index + 1))
-        view = views[int(torch.randint(low, high, (), generator=generator))]
-        drawn.append(ProbeView(view.camera, view.over(0.0)))
-    return tuple(drawn)
-
-
-def same_rays(first: EffectPlan, second: EffectPlan) -> bool:
-    """Whether both plans trace the same rays, so that the incident light of one is valid for the other."""
-    one, other = first.traced, second.traced
-    masks = one is other if one is None or other is None else torch.equal(one, other)
-    return masks and first.traces == second.traces
+    count = min(PROBE_VIEWS, len(views))
+    place = torch.arange(count) + torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    drawn = [views[int(each)] for each in (place * (len(views) / count)).tolist()]
+    return tuple(ProbeView(view.camera, view.over(0.0)) for view in drawn)

@@ -276,18 +276,6 @@ def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialise
         assert not torch.equal(image(dataclasses.replace(plan, kept=False)), image(EffectPlan()))
 
 
-@pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
-def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int) -> None:
-    direction = torch.randn(3, samples, 3, generator=torch.Generator().manual_seed(0))
-    whole = Incident(direction, torch.full((3, samples), 2 * torch.pi / samples), direction[..., 0], direction)
-    some = whole.thinned(count)
-    assert some.weight.shape == (3, count)
-    torch.testing.assert_close(some.weight.sum(1), whole.weight.sum(1))
-    kept = [number * samples // count for number in range(count)]
-    assert torch.equal(some.direction, direction[:, kept])
-    assert torch.equal(some.visibility, direction[:, kept, 0])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, Any], off: tuple[str, ...]) -> None:

@@ -10,7 +10,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from probed_scenes import CLAY, FLOOR, SAMPLES, cameras, found, grey, hidden, seen, sheet, shown, sky
+from probed_scenes import CLAY, FLOOR, SAMPLES, cameras, found, grey, hidden, occlusion, seen, sheet, shown, sky
 from radiogs.effects.images import image_share
 from radiogs.effects.new_light import (
     model_error,
@@ -110,7 +110,7 @@ def test_larger_masks_change_the_radiance_more() -> None:
     made = seen(surfels_over([FLOOR, table], 0.12), sky())
     radiance = PlanRadiance(made)
     full = radiance.shaded(EffectPlan()).detach()
-    masks = [made.occlusion > edge for edge in (0.05, 0.2, 0.4)]
+    masks = [occlusion(made) > edge for edge in (0.05, 0.2, 0.4)]
     reduced = [radiance.shaded(EffectPlan(traced=mask)).detach() for mask in masks]
     changes = [float((each - full).square().mean()) for each in reduced]
     assert changes == sorted(changes)
