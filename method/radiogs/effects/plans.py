@@ -158,8 +158,8 @@ LEAST_SAVED = 0.25
 MOST_PROBING = 0.02
 """Largest share of a training's work that probes may take."""
 
-STEPS_A_PROBE = 25
-"""A probe takes about as long as this many steps of stage 2."""
+STEPS_A_PROBE = 45
+"""A probe takes about as long as the surfels and pixels of this many steps."""
 
 
 def why_not_probed(variant: Variant, budget: Budget, step: Step, probes: int) -> str | None:
@@ -168,14 +168,17 @@ def why_not_probed(variant: Variant, budget: Budget, step: Step, probes: int) ->
     They pay if a scene that needs no rays would be trained in at most 1 - LEAST_SAVED of the work of all effects, and
     if the probes themselves take at most MOST_PROBING of it. ``step``: a step of stage 2 with the surfels of stage 1.
     """
-    before = budget.geometry.steps * cost({"surfels": step.surfels, "pixels": step.pixels}) + SEARCH
+    anyway = cost({"surfels": step.surfels, "pixels": step.pixels})
     each, steps = cost(step.work(EVERYTHING)), budget.inverse_iterations
-    whole = before + steps * each
-    probing = probes * STEPS_A_PROBE * each / whole
+    whole = budget.geometry.steps * anyway + SEARCH + steps * each
+    probing = probes * STEPS_A_PROBE * anyway / whole
     traced_again = variant.incident != "precomputed"
     saved = steps * each * step.saving(plan_without("visibility")) / whole - probing if traced_again else 0.0
     if saved < LEAST_SAVED:
-        return f"no probe: without rays the training would take {100 * saved:.0f} % less, {100 * LEAST_SAVED:.0f} % pay"
+        least = f"from {100 * LEAST_SAVED:.0f} % on a probe pays"
+        return f"no probe: without rays the training would take {100 * max(saved, 0):.0f} % less work; {least}"
     if probing > MOST_PROBING:
-        return f"no probe: probes would take {100 * probing:.1f} % of the training, {100 * MOST_PROBING:.0f} % pay"
+        return (
+            f"no probe: probes would take {100 * probing:.1f} % of the training, more than {100 * MOST_PROBING:.0f} %"
+        )
     return None

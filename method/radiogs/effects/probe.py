@@ -26,9 +26,6 @@ LEVEL = 0.01
 PROBES = 2
 """Number of probes in a training."""
 
-NOT_ABSORBED = "view-dependence"
-"""The effect whose absence cannot be compensated by a factor on the light."""
-
 
 @dataclass(frozen=True)
 class Occasion:
@@ -144,7 +141,7 @@ def accepted_plan(assessment: "Assessment", chosen: Mapping[str, EffectPlan]) ->
 
 def light_factor_is_free(effect: str, scene: ProbeScene) -> bool:
     """Whether a factor on the light may compensate a change of all pixels that the missing effect causes."""
-    return effect != NOT_ABSORBED and not scene.given_light
+    return effect != "view-dependence" and not scene.given_light
 
 
 class Assessment:
