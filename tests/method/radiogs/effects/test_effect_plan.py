@@ -166,27 +166,21 @@ def is_kept(now: Incident, kept: KeptLight, index: torch.Tensor) -> bool:
     return True
 
 
-def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_drawn_anew(
+def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_refresh_draws_anew(
     initialised: dict[str, Any],
 ) -> None:
     """Directions that stayed would keep the noise of their sums, and materials would be fitted to it."""
     stage = decided(initialised, NO_RAYS)
-    every = torch.arange(len(stage.cache.incident.weight))
-    counted, before, after = stepped(stage)
-    assert not counted.get("rays")
-    assert bool((before.direction != after.direction).any(-1).all())
+    before, every = copy_of(stage.cache.incident), torch.arange(len(stage.cache.incident.weight))
     assert is_kept(before, stage.cache.kept, every)
-    assert is_kept(after, stage.cache.kept, every)
-
-
-def test_directions_of_surfels_without_rays_are_drawn_at_a_refresh_alone(initialised: dict[str, Any]) -> None:
-    stage = decided(initialised, NO_RAYS)
-    before = copy_of(stage.cache.incident)
-    for _ in range(BUDGET.refresh_interval):
+    with recording() as instruments:
+        for _ in range(BUDGET.refresh_interval):
+            stage.step()
         assert torch.equal(before.direction, stage.cache.incident.direction)
         stage.step()
-    stage.step()
-    assert not torch.equal(before.direction, stage.cache.incident.direction)
+    assert not instruments.work["rays"]
+    assert bool((before.direction != stage.cache.incident.direction).any(-1).all())
+    assert is_kept(stage.cache.incident, stage.cache.kept, every)
 
 
 @pytest.mark.slow

@@ -90,32 +90,26 @@ def test_where_probes_do_not_pay_auto_is_all_and_says_so(initialised: dict[str, 
     assert auto.model.plan == EffectPlan()
 
 
-def test_a_ball_that_needs_no_rays_is_trained_with_little_of_the_work(initialised: dict[str, Any]) -> None:
-    """The rays of the planned training follow from those of its first steps; samples of images are shaded as before."""
-    steps, counted = 21, {}
+def test_a_ball_that_needs_no_rays_is_trained_with_hardly_any(initialised: dict[str, Any]) -> None:
+    """The rays of the whole training follow from those of its first steps."""
+    planned_rays = {}
     for effects in ("all", "auto"):
         stage = inverse_rendering(Run(SCENE, Variant(effects=effects), PROBED, 0, CPU), initialised)
         with recording() as first:
             stage.step()
         with recording() as more:
-            for _ in range(steps - 1):
+            for _ in range(20):
                 stage.step()
-        counted[effects] = [dict(each.work) for each in (first, more)]
+        planned_rays[effects] = first.work["rays"] + more.work["rays"] / 20 * PROBED.inverse_iterations
     assert not stage.plan.traces
-    assert not counted["auto"][1].get("rays")
-    assert not counted["auto"][1].get("node_visits")
-    rays = {
-        name: first["rays"] + more.get("rays", 0) / (steps - 1) * PROBED.inverse_iterations
-        for name, (first, more) in counted.items()
-    }
-    assert rays["auto"] < 0.01 * rays["all"]
-    assert counted["auto"][1]["shaded_samples"] == counted["all"][1]["shaded_samples"]
+    assert stage.planning.at == {0, PROBED.inverse_iterations // 2}
+    assert not more.work["node_visits"]
+    assert planned_rays["auto"] < 0.01 * planned_rays["all"]
 
 
 def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    made = stage.planning.made
-    stage.planning.made = copy.deepcopy(made)
+    stage.planning.made = copy.deepcopy(stage.planning.made)
     stage.planning.made["initialised"]["surfels"]["sh"][:] = torch.nan
     with recording() as instruments:
         stage.step()
@@ -185,11 +179,6 @@ def test_a_probe_does_not_spread_rays_from_surfels_with_kept_light() -> None:
     assert (found.untraced.visibility[mask] == 0.5).all()
     assert not (found.untraced.visibility[~mask] == 0.5).any()
     assert found.incident.radiance[~mask].any()
-
-
-def test_probes_are_due_at_the_beginning_and_half_way(initialised: dict[str, Any]) -> None:
-    assert planned(initialised).planning.at == {0, 10_000}
-    assert planned(initialised, BUDGET).planning.at == frozenset()
 
 
 @pytest.mark.slow
