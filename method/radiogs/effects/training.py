@@ -48,7 +48,7 @@ class Planner:
 
     def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any]) -> None:
         variant, budget = run.variant, run.budget
-        self.made, self.seed = made, run.seed
+        self.initialised, self.seed = made["initialised"], run.seed
         self.rays, self.straight = RaySettings.of(variant), variant.straight
         self.samples = max(2, min(DIRECTIONS, budget.incident_samples // 2))
         view = run.scene.train[0].camera
@@ -57,7 +57,7 @@ class Planner:
         self.plan, self.evidence = BEFORE, tuple[Evidence, ...]()
         self.at = frozenset(budget.inverse_iterations * index // PROBES for index in range(PROBES))
         if (why := why_not_probed(variant, budget, self.step, PROBES)) is not None:
-            self.plan, self.at = EffectPlan(), frozenset()
+            self.plan, self.at, self.initialised = EffectPlan(), frozenset(), {}
             self.evidence = (Evidence("plan", "on", why, 0, run.seed, TOLERANCE_DB, None),)
 
     def begin_step(self, stage: InverseRendering) -> None:
@@ -67,8 +67,8 @@ class Planner:
         model, first = stage.model, not stage.iteration
         if first:
             # It sees the materials and light of stage 1: the start values of stage 2 are uninformative.
-            stored = self.made["initialised"]
-            model = Model(Surfels.of(stored["surfels"]), stored["log_environment"])
+            model = Model(Surfels.of(self.initialised["surfels"]), self.initialised["log_environment"])
+            self.initialised = {}  # which would keep the outcome of stage 1 in memory
         with part("probe"):
             before = self.observe(model, stage.views, stage.iteration, stage.cache)
         rays = [plan.without_rays(model.surfels.centre) for plan in (before, self.plan)]

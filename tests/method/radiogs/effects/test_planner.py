@@ -109,8 +109,8 @@ def test_a_ball_that_needs_no_rays_is_trained_with_hardly_any(initialised: dict[
 
 def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    stage.planning.made = copy.deepcopy(stage.planning.made)
-    stage.planning.made["initialised"]["surfels"]["sh"][:] = torch.nan
+    stage.planning.initialised = copy.deepcopy(stage.planning.initialised)
+    stage.planning.initialised["surfels"]["sh"][:] = torch.nan
     with recording() as instruments:
         stage.step()
     assert stage.plan == stage.cache.plan == EffectPlan()
@@ -129,7 +129,7 @@ def views_of(made: ProbeScene) -> list[TrainingView]:
 
 def without_rays(surfels: Surfels) -> Planner:
     """A planner that has left out all rays."""
-    planner = Planner(Run(SCENE, AUTO, PROBED, 0, CPU), {"surfels": surfels.parameters()})
+    planner = Planner(Run(SCENE, AUTO, PROBED, 0, CPU), {"surfels": surfels.parameters(), "initialised": {}})
     planner.plan = dataclasses.replace(EffectPlan().without("indirect").without("visibility"), kept=True)
     return planner
 
