@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import torch
 
-from radiogs.effects.image_share import image_share
+from radiogs.effects.images import image_share
+from radiogs.effects.plans import Step
 from radiogs.effects.probe import Findings, Occasion, probe
 from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from radiogs.effects.step_cost import Step
 from radiogs.rays import RaySettings
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
@@ -78,18 +78,28 @@ def shown(made: ProbeScene, camera: Camera) -> torch.Tensor:
     return maps["image"]
 
 
+def occlusion(made: ProbeScene) -> torch.Tensor:
+    """Share of each surfel's hemisphere, weighted by the cosine, in which distant light is occluded."""
+    incident = made.incident
+    flow = (incident.direction * made.surfels.frame[:, None, :, 2]).sum(-1).clamp(min=0) * incident.weight
+    return 1 - (flow * incident.visibility).sum(1) / flow.sum(1)
+
+
 def hidden(made: ProbeScene) -> torch.Tensor:
     """The hidden share of the sky of each surfel on the middle of the floor, under the ``sheet``."""
     centre, normal = made.surfels.centre, made.surfels.frame[..., 2]
-    return made.occlusion[(centre.norm(dim=-1) < 0.2) & (normal[:, 2] > 0.9)]
+    return occlusion(made)[(centre.norm(dim=-1) < 0.2) & (normal[:, 2] > 0.9)]
 
 
 def step(surfels: Surfels) -> Step:
     return Step(len(surfels), 256, SAMPLES, 100)
 
 
-def found(made: ProbeScene, seed: int = 0, **more: Any) -> Findings:
-    return probe(made, step(made.surfels), Occasion(seed), **more)
+EFFECTS = ("visibility", "indirect", "specular", "view-dependence")
+
+
+def found(made: ProbeScene, effects: Sequence[str] = EFFECTS) -> Findings:
+    return probe(made, step(made.surfels), Occasion(0), effects)
 
 
 def grey(surfels: Surfels, radiance: float) -> Surfels:

@@ -14,6 +14,8 @@ CPU = torch.device("cpu")
 BUDGET = with_values(
     PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
 )
+PROBED = with_values(BUDGET, {"inverse_iterations": 20_000, "incident_samples": 32})
+"""A budget in which rays are most of the planned work, so that probes pay."""
 SCENE = sphere_scene(views=4, size=16)
 
 

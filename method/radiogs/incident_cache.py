@@ -9,8 +9,10 @@ from torch import Tensor
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.tracer import incident_along
+from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.tracer import EVERYTHING, incident_along
 
+from .kept_light import KeptLight
 from .model import Model
 from .rays import RaySettings
 from .settings import Budget, Variant
@@ -36,30 +38,40 @@ class IncidentCache:
     """V and L_ind of all surfels, each along its own directions.
 
     A step traces the light on the surfels that it draws, and caches it; every ``refresh_interval`` steps the light on
-    all surfels is traced again. ``Variant.incident`` may limit both.
+    all surfels is traced again. ``Variant.incident`` and ``plan`` may limit both. Under a plan that keeps light
+    (``EffectPlan.kept``), the V and L_ind of surfels without rays come from ``kept``, along directions that are drawn
+    anew with each tracing of all surfels: with directions that stayed, the noise of their sums would stay, and
+    materials would be fitted to it.
     """
 
     def __init__(
-        self, model: Model, rays: RaySettings, variant: Variant, budget: Budget, generator: torch.Generator
+        self,
+        model: Model,
+        rays: RaySettings,
+        variant: Variant,
+        budget: Budget,
+        generator: torch.Generator,
+        plan: EffectPlan = EVERYTHING,
     ) -> None:
-        self.rays, self.budget, self.generator = rays, budget, generator
+        self.rays, self.budget, self.generator, self.plan = rays, budget, generator, plan
         self.traced_again = variant.incident != "precomputed"
         """Whether light is traced again after the beginning of stage 2."""
         self.gradient = variant.incident == "traced"
         """Whether traced light has gradient to the surfels that rays hit."""
         self.tracer = rays.tracer(model.surfels)
         self.sampled: SampledLight | None = None
+        self.kept: KeptLight | None = None
         self.renew(model, 0)
 
     @property
     def samples(self) -> int:
         """Number of directions of each surfel in a set (N_s)."""
-        return self.budget.incident_samples
+        return max(1, self.budget.incident_samples // self.plan.samples)
 
     @property
     def interval(self) -> int:
         """Steps from one tracing of all surfels to the next."""
-        return self.budget.refresh_interval
+        return self.budget.refresh_interval * self.plan.refresh
 
     @property
     def sets(self) -> int:
@@ -96,23 +108,37 @@ class IncidentCache:
         if not self.traced_again:
             return self.of_set(index, self.set_of(iteration))
         if iteration % self.interval == 0 and iteration != self.traced_at:
-            self.refresh(model, iteration)
-        self.tracer.follow(model.surfels)
-        return self.traced(index, model, self.set_of(iteration))
+            self.renew(model, iteration)
+        number = self.set_of(iteration)
+        if not self.plan.kept:
+            return self.traced(index, model, number)
+        light, chosen = self.of_set(index, number), self.plan.traced_among(index)
+        return light.replaced(chosen, self.traced(index[chosen], model, number)) if len(chosen) else light
+
+    def adopt(self, plan: EffectPlan, model: Model, iteration: int) -> None:
+        """Follow another plan from now on; surfels that it leaves without rays are traced a last time."""
+        self.plan, self.kept = plan, None
+        if plan.kept:
+            self.tracer.follow(model.surfels)
+            self.kept = KeptLight.traced(self.tracer, plan.without_rays(model.surfels.centre))
+        self.renew(model, iteration)
 
     def renew(self, model: Model, iteration: int) -> None:
         """Trace the light on all surfels along new directions, as at the beginning of stage 2."""
         self.incident = self.gathered(model)
         self.traced_at = iteration
 
-    def refresh(self, model: Model, iteration: int) -> None:
-        """Trace the light on all surfels again, at a refresh."""
-        self.renew(model, iteration)
-
     def gathered(self, model: Model) -> Incident:
         """The light on all surfels along new directions, without gradient."""
         self.tracer.follow(model.surfels)
-        return incident_along(self.tracer, *self.all_sets(model))
+        direction, weight = self.all_sets(model)
+        if self.kept is None:
+            return incident_along(self.tracer, direction, weight, self.plan)
+        light = Incident(direction, weight, *self.kept.along(direction))
+        some = self.plan.traced_among(self.kept.every)
+        if not len(some):
+            return light
+        return light.replaced(some, incident_along(self.tracer, direction[some], weight[some], index=some))
 
     def all_sets(
         self, model: Model, index: Int[Tensor, " chosen"] | None = None
@@ -138,17 +164,9 @@ class IncidentCache:
         return self.sampled.sampler
 
     def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
-        """The light on the surfels ``index`` along new directions; also stores it in the cache as set ``number``."""
+        """The light on the surfels ``index``, traced along new directions and stored in the cache as set ``number``."""
+        self.tracer.follow(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.gradient):
-            fresh = self.along(index, *self.directions(model, index))
+            fresh = self.tracer.incident(index, *self.directions(model, index), self.plan.at_once)
         self.store(index, number, fresh)
         return fresh
-
-    def along(
-        self,
-        index: Int[Tensor, " chosen"],
-        direction: Float[Tensor, "chosen samples 3"],
-        weight: Float[Tensor, "chosen samples"],
-    ) -> Incident:
-        """The light on the surfels ``index`` along given unit directions with solid angles ``weight``."""
-        return self.tracer.incident(index, direction, weight)

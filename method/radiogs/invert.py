@@ -4,7 +4,7 @@ It starts with the surfels and radiance of stage 1, new materials and a new ligh
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor
@@ -16,6 +16,7 @@ from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, plan_of
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import own_radiance, splat, towards
 
@@ -28,13 +29,40 @@ from .settings import Budget, Variant
 from .shaders import MonteCarlo, Shader, SplitSum
 
 
+class Planning(Protocol):
+    """Decides during stage 2 which effects it simulates, by evidence."""
+
+    plan: EffectPlan
+    """The present plan."""
+
+    def begin_step(self, stage: "InverseRendering") -> None:
+        """Decide anew if that is due before the stage's next step; ``IncidentCache.adopt`` takes another plan."""
+
+    @property
+    def records(self) -> tuple[Mapping[str, Any], ...]:
+        """All decisions until now, as plain values."""
+
+    def state(self) -> dict[str, Any]:
+        """Tensors and plain values from which ``restore`` continues bit for bit."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+
+
 class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. It keeps the geometry and radiance of stage 1, and starts with new materials and a new light."""
 
-    def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any]) -> None:
-        """``made``: what ``start.make_start`` returned. The stage goes on with the random numbers of its generator."""
+    cache: IncidentCache
+    """The cached light; split-sum shading has none."""
+
+    def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any], planning: Planning | None = None) -> None:
+        """``made``: what ``start.make_start`` returned. The stage goes on with the random numbers of its generator.
+
+        ``planning``: decides about effects; None: they are those of the variant.
+        """
         variant = run.variant
         super().__init__(run, run.budget.inverse_iterations, variant.view_share)
+        self.planning = planning
         self.generator.set_state(made["generator"])
         self.geometry, self.surrounded = variant.surfel_learning, run.scene.surrounded
         self.start = start_of(run, made)
@@ -48,17 +76,32 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         if self.variant.shading == "split-sum":
             return SplitSum(self.variant.masking)
         rays = RaySettings.of(self.variant, self.start.indirect)
-        cache = IncidentCache(self.model, rays, self.variant, self.budget, self.generator)
-        return MonteCarlo(RadiometricConsistency.of(self.variant), cache)
+        self.cache = IncidentCache(self.model, rays, self.variant, self.budget, self.generator, self.plan)
+        return MonteCarlo(RadiometricConsistency.of(self.variant), self.cache)
+
+    @property
+    def plan(self) -> EffectPlan:
+        """The effects that are simulated at present."""
+        return plan_of(self.variant.effects) if self.planning is None else self.planning.plan
 
     @property
     def model(self) -> Model:
-        """The present surfels and light."""
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], indirect=self.start.indirect)
+        """The present surfels and light, and the plan of effects with its evidence."""
+        records = () if self.planning is None else self.planning.records
+        light = self.optimiser.tensors["log_environment"]
+        return Model(self.optimiser.surfels, light, self.plan, records, self.start.indirect)
 
     def visible_model(self) -> Model:
         """The model for the losses of a step, with gradient to all learnt tensors."""
-        return Model(self.optimiser.surfels.with_cached_values(), self.optimiser.tensors["log_environment"])
+        surfels, degree = self.optimiser.surfels.with_cached_values(), self.plan.sh_degree
+        if degree < HIGHEST_DEGREE:
+            surfels.sh = surfels.sh[:, : (degree + 1) ** 2]
+        return Model(surfels, self.optimiser.tensors["log_environment"])
+
+    def begin_step(self) -> None:
+        """Decide about effects, if that is due."""
+        if self.planning is not None:
+            self.planning.begin_step(self)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step, on ``view``, by name (paper, Eq. 11)."""
@@ -136,12 +179,16 @@ class InverseRendering(SurfelStage[Variant, Budget]):
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""
-        return super().state() | {"shader": self.shader.state()}
+        planning = {} if self.planning is None else {"planning": self.planning.state()}
+        return super().state() | {"shader": self.shader.state()} | planning
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         super().restore(state)
         self.shader.restore(state["shader"])
+        if self.planning is not None:
+            self.planning.restore(state["planning"])
+            self.cache.plan = self.planning.plan
 
 
 def start_of(run: Run[Variant, Budget], made: Mapping[str, Any]) -> Start:

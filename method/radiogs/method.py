@@ -10,7 +10,7 @@ from radiogs_core.scene.light import EnvironmentMap
 
 from .constants import recipe_table
 from .effects.probing import probe_run
-from .effects.training import PlannedInverseRendering
+from .effects.training import Planner
 from .initialise import Initialisation
 from .invert import InverseRendering
 from .model import Model
@@ -67,7 +67,7 @@ class RadioGS:
                 steps=budget.inverse_iterations,
                 owner=self.name,
                 reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *budget.shown_only)},
-                sources=("radiogs.effects.training" if variant.effects != "all" else "radiogs.invert",),
+                sources=("radiogs.invert", *(("radiogs.effects.training",) if variant.effects == "auto" else ())),
                 begin=inverse_rendering,
                 compiles=True,
                 uses_surfaces=any(part != "light" for part in variant.given),
@@ -124,13 +124,12 @@ def _initialise(run: Run[Variant, Budget], before: Mapping[str, Any]) -> Stage:
 
 
 def inverse_rendering(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> InverseRendering:
-    """Stage 2 of a run, from the product of stage 1; with a choice of effects, the stage that follows a plan."""
+    """Stage 2 of a run, from the product of stage 1."""
     return _from_start(run, make_start(run, initialised))
 
 
 def _from_start(run: Run[Variant, Budget], made: Mapping[str, Any]) -> InverseRendering:
-    stage = InverseRendering if run.variant.effects == "all" else PlannedInverseRendering
-    return stage(run, made)
+    return InverseRendering(run, made, Planner(run, made) if run.variant.effects == "auto" else None)
 
 
 RADIOGS = RadioGS()

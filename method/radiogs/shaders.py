@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.kernels.shade.shade import arrive, shade_total
@@ -24,6 +24,7 @@ from radiogs_core.transport.splatting import towards
 
 from .consistency import RadiometricConsistency, split_sum_consistency_loss
 from .incident_cache import IncidentCache
+from .kept_light import KeptLight
 from .model import Model
 
 
@@ -81,12 +82,14 @@ class MonteCarlo(Shader):
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over N_g random surfels, from rays traced now."""
         index, environment = self.drawn(model.surfels), model.environment
+        specular_at = self.cache.plan.specular_among(model.surfels.albedo_logit)
         incident = self.cache.light_on(index, model, iteration)
         if self.arriving is not None and self.arriving.stands(self.cache, model.log_environment):
             rows = self.cache.rows(index, self.cache.set_of(iteration))
             by_set = self.arriving.radiance.view(-1, *incident.radiance.shape[1:])
             arrive(by_set, rows, incident.direction, incident.visibility, incident.radiance, environment)
-        return self.radiometric.loss(model.surfels, environment, camera, index, incident, self.cache.generator)
+        generator = self.cache.generator
+        return self.radiometric.loss(model.surfels, environment, camera, index, incident, generator, specular_at)
 
     def drawn(self, surfels: Surfels) -> Int[Tensor, " chosen"]:
         """Indices of N_g surfels, drawn without repetition; of all surfels if there are fewer."""
@@ -110,10 +113,10 @@ class MonteCarlo(Shader):
         visibility: Float[Tensor, "surfels samples"] | None,
         radiance: Float[Tensor, "surfels samples 3"],
         environment: Float[Tensor, "height width 3"] | None,
-        specular_at: Bool[Tensor, " surfels"] | None = None,
     ) -> Float[Tensor, "surfels sets 3"]:
         """The sums over each set of cached directions; see ``shade_total`` for the arguments."""
         surfels, incident, sets = model.surfels, self.cache.incident, self.cache.sets
+        specular_at = self.cache.plan.specular_among(surfels.albedo_logit)
         albedo = lambert_albedo(surfels.albedo, surfels.roughness, specular_at)
         count, samples = incident.weight.shape
 
@@ -139,12 +142,14 @@ class MonteCarlo(Shader):
         return self.arriving.radiance
 
     def state(self) -> dict[str, Any]:
-        """The cached light."""
-        return {"incident": vars(self.cache.incident)}
+        """The cached light, and the light that surfels without rays keep."""
+        kept = self.cache.kept
+        return {"incident": vars(self.cache.incident)} | ({} if kept is None else {"kept": vars(kept)})
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.cache.incident, self.arriving = Incident(**state["incident"]), None
+        self.cache.kept = KeptLight(**state["kept"]) if "kept" in state else None
 
 
 class SplitSum(Shader):

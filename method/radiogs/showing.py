@@ -27,7 +27,7 @@ from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .constants import as_text
-from .effects.image_share import image_share
+from .effects.images import image_share
 from .effects.new_light import probe_relighting
 from .model import Model
 from .rays import RaySettings
@@ -60,8 +60,9 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         ``surfels``: their number. ``effects``: the plan at the end of training, and its evidence, oldest first.
         ``metrics``: ``plan/bound`` and ``plan/worst``, upper bounds on the loss by the plan, dB of PSNR, of the probe
         with the largest; 0 if no probe left an effect out. ``labels``: differences from the paper, by name
-        (``labels_of``). ``remarks``: effects that are not simulated, and the labels, in words. ``given``: the parts of
-        the truth that training was given, and the residual of the given indirect light (``KnownRadiance``).
+        (``labels_of``). ``remarks``: effects that are not simulated, or why all are, and the labels, in words.
+        ``given``: the parts of the truth that training was given, and the residual of the given indirect light
+        (``KnownRadiance``).
         """
         plan, evidence = self.model.plan, [dict(each) for each in self.model.evidence]
         measured = [each["measured"] for each in evidence if each["effect"] == "plan" and each["measured"] is not None]
@@ -77,6 +78,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
             "labels": self.labels,
             "remarks": [
                 *([f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else []),
+                *(f"all effects are simulated, {each['why']}" for each in evidence[-1:] if each["measured"] is None),
                 *(f"{name}: {value}" for name, value in self.labels.items()),
             ],
         }

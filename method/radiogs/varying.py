@@ -20,7 +20,7 @@ from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, towards
 
-from .effects.image_share import image_share
+from .effects.images import image_share
 from .model import Model
 from .nuisance import Answer, Blending, Jacobian, NuisanceOfSurfels, light_blocks, to_light, turned
 from .settings import Variant

@@ -1,6 +1,7 @@
 """Which light-transport effects a scene needs, by measured evidence.
 
-Some modules measure how images change without an effect (radiance under a plan, image errors, gradients) and how much
-work the effect takes. ``probe`` compares this with a tolerance and decides, ``planner`` does so during training, and
-``new_light`` for relighting. The decision is a ``radiogs_core.transport.plan.EffectPlan``.
+``probe`` measures how images change without an effect (``probe_scene``, ``images``), and how much work the effect takes
+(``plans``), and decides by a rule (``decision``, ``bounds``). ``training`` does so during training, ``new_light`` for
+relighting, and ``probing`` for a scene's true surfaces or a trained model. The decision is a
+``radiogs_core.transport.plan.EffectPlan``.
 """

@@ -23,14 +23,6 @@ def sidak(level: float, comparisons: int) -> float:
     return -math.expm1(math.log1p(-level) / comparisons)
 
 
-def zero_events_upper(trials: int, level: float) -> float:
-    """Upper bound on the probability of an event that did not occur in ``trials`` independent trials.
-
-    1 - level^(1/n): with 2048 trials and a level of 0.01 it is 0.22 %.
-    """
-    return -math.expm1(math.log(level) / trials) if trials else 1.0
-
-
 def bootstrap_t(
     values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:

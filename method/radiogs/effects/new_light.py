@@ -3,8 +3,7 @@
 A model is probed again under every new light: a sun needs shadows that an overcast sky did not.
 """
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -12,28 +11,23 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
-from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import own_radiance
+from radiogs_core.transport.splatting import own_radiance, shade_surfels
 
 from ..model import Model
 from ..rays import RaySettings
 from ..settings import Budget, Variant
-from .bounds import bootstrap_t, sidak
-from .covered_pixels import CoveredPixels, rendered_views
-from .decision import decide
-from .evidence import Evidence, Measured
-from .image_share import image_share
-from .planner import PROBE_VIEWS
-from .probe import LEVEL, PROBES, Findings, Occasion, probe
-from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from .staleness import colour_along_normals
-from .step_cost import Step
-from .tile_errors import ReferenceImage, mean_error
-from .tolerance import TOLERANCE_DB, Tolerance
+from .bounds import bootstrap_t
+from .decision import TOLERANCE_DB, Evidence, Measured, Tolerance, decide
+from .images import CoveredPixels, ReferenceImage, image_share, mean_error, rendered_views
+from .plans import Step
+from .probe import LEVEL, Findings, Occasion, probe
+from .probe_scene import PROBE_VIEWS, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
 
 CHECKED = 128
 """Number of surfels that are shaded with and without directions drawn from the light."""
@@ -54,29 +48,12 @@ IN_RELIGHTING = ("visibility", "indirect", "specular")
 """Effects that a probe of relighting measures in images."""
 
 
-@dataclass(frozen=True)
-class Concentration:
-    """Concentration of a light on the sphere."""
-
-    peak: float
-    """Radiance of the brightest texel, divided by the mean radiance."""
-    effective: float
-    """1 / sum p^2 over the texels, with p their shares of the power, divided by the same number for a constant light.
-
-    It is 1 for a constant light, and small for a sun.
-    """
-
-
-def concentration(light: EnvironmentMap) -> Concentration:
-    """Concentration of a light, by the largest channel of each texel, weighted by solid angle; black counts as even."""
-    area = texel_solid_angles(*light.radiance.shape[:2]).to(light.radiance.device)
-    power = (light.radiance.double().max(-1).values.clamp(min=0) * area).flatten()
-    total = float(power.sum())
-    if total == 0:
-        return Concentration(1.0, 1.0)
-    share, even = power / total, (area.expand(light.radiance.shape[:2]) / (4 * math.pi)).flatten()
-    peak = float((share / even).max())
-    return Concentration(peak, float(even.square().sum() / share.square().sum()))
+def colour_along_normals(
+    surfels: Surfels, incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> Float[Tensor, "surfels 3"]:
+    """Display colour (sRGB) of surfels seen along their normals. ``environment``: linear radiance of the light."""
+    along = surfels.frame[:, None, :, 2]
+    return srgb_encode(shade_surfels(surfels, surfels.albedo, incident, along, environment)[:, 0].sum(1))
 
 
 @torch.no_grad()
@@ -106,7 +83,7 @@ def decide_light_sampling(
 
     without = error(hemisphere_directions(normal, spread, generator))
     rise = without - error(relighting_directions(normal, LightSampler(light), spread, drawn, generator))
-    below, above = bootstrap_t(rise[None], sidak(LEVEL, PROBES), torch.Generator().manual_seed(seed))
+    below, above = bootstrap_t(rise[None], LEVEL, torch.Generator().manual_seed(seed))
     measured = Measured(
         contribution=tolerance.loss(float(rise.mean())),
         lowest=tolerance.loss(float(below)),
@@ -116,8 +93,6 @@ def decide_light_sampling(
         rays=len(surfels) * drawn,
     )
     verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
-    shape = concentration(light)
-    why += f"; peak {shape.peak:.1f} times the mean, {100 * shape.effective:.0f} % of the sphere in effect"
     return Evidence("light-sampling", verdict, why, 0, seed, tolerance.decibel, measured)
 
 
@@ -190,7 +165,7 @@ def plan_for_light(
     """
     # Every surfel is traced once, as in a step that only refreshes the cached light.
     step = Step(len(scene.surfels), 0, spread + drawn, 1)
-    findings = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
+    findings = probe(scene, step, Occasion(seed), IN_RELIGHTING, decibel, mse)
     light = EnvironmentMap(scene.environment)
     sampling = decide_light_sampling(scene.surfels, light, findings.tolerance, spread, drawn, seed)
     return findings.extended(sampling, light_sampling=sampling.verdict == "on")

@@ -1,31 +1,30 @@
-"""A probe: measures and decides every effect on the same images, then measures the whole plan once more."""
+"""A probe: measures how plans change the images of a scene, and decides about every effect and the whole plan."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
-from radiogs_core.transport.plan import EffectPlan
+import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from .assessment import Assessment
-from .bounds import sidak
-from .decision import LEAST_SHARE, OFF_BELOW
-from .evidence import Evidence, Measured, Verdict
-from .probe_scene import ProbeScene
-from .step_cost import Step
-from .substitutes import combined, partial_plans, partial_ray_plans, plan_without
-from .tolerance import TOLERANCE_DB, Tolerance
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.rasterize.rasterize import blend
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.tracer import EVERYTHING
+
+from .bounds import bootstrap_t, sidak
+from .decision import LEAST_SHARE, OFF_BELOW, TOLERANCE_DB, Evidence, Measured, Tolerance, Verdict, decide
+from .images import CoveredPixels, ReferenceImage, TileErrors, mean_error, rendered_views, tile_errors
+from .plans import Step, combined, partial_plans, partial_ray_plans, plan_without
+from .probe_scene import PlanRadiance, ProbeScene
 
 LEVEL = 0.01
 """Probability that any bound of a run is wrong, over all effects and probes."""
 
-PROBES = 3
-"""Number of probes in a run, at most."""
-
-IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
-"""Effects whose influence on images a probe measures during training."""
-
-COARSE_STEP = 2
-"""Use every k-th view for the coarse first pass, which shows for most effects that they are needed."""
+PROBES = 2
+"""Number of probes in a training."""
 
 
 @dataclass(frozen=True)
@@ -56,138 +55,220 @@ class Findings:
         return replace(self, plan=replace(self.plan, **changes), evidence=(*self.evidence, record))
 
 
-def level_of(effects: int) -> float:
-    """Level of each bound such that all bounds of a run hold together with an error of LEVEL.
-
-    Each effect is tried twice: left out completely, and in part, in an order that ends at the first refusal.
-    """
-    return sidak(LEVEL, 2 * effects * PROBES)
-
-
-def probe(
-    scene: ProbeScene,
-    step: Step,
-    occasion: Occasion,
-    effects: Sequence[str] = IN_TRAINING,
-    decibel: float = TOLERANCE_DB,
-    mse: float | None = None,
-) -> Findings:
-    """Measures ``effects`` on the scene and decides about each of them and about the whole plan.
-
-    ``decibel``: tolerated loss, dB of PSNR. ``mse``: the method's own error, display sRGB, if the views have no
-    targets; None: it is measured. All bounds of ``effects`` and PROBES hold together with an error of LEVEL. Raises
-    NumericalFailure if a surfel in a view has a radiance that is not finite.
-    """
-    few = replace(scene, views=scene.views[::COARSE_STEP])
-    coarse = Assessment(few, step, occasion.seed, LEVEL, decibel, mse)
-    assessment, measured = _measured_where_promising(coarse, scene, level_of(len(effects)), effects)
-    decisions = {
-        effect: _decided(assessment, occasion.before, [each for each in measured if each.effect == effect])
-        for effect in effects
-    }
-    chosen = {effect: decision.plan for effect, decision in decisions.items() if decision.verdict != "on"}
-    plan, whole, left_out = accepted_plan(assessment, chosen, occasion.before, occasion.iteration)
-    for effect in chosen.keys() - set(left_out):
-        decisions[effect] = replace(
-            decisions[effect], verdict="on", why="it passes if left out alone, but not together with others"
-        )
-    records = [
-        Evidence(effect, each.verdict, each.why, occasion.iteration, occasion.seed, decibel, each.measured)
-        for effect, each in decisions.items()
-    ]
-    return Findings(plan, (*records, whole), assessment.tolerance)
-
-
 @dataclass(frozen=True)
-class _Substitute:
-    """A plan that leaves an effect out, completely or in part, with its measurements."""
-
-    effect: str
-    plan: EffectPlan
-    measured: Measured
-
-
-@dataclass(frozen=True)
-class _Decision:
-    """The decision about one effect."""
+class Decision:
+    """The decision about one effect, or about the whole plan."""
 
     plan: EffectPlan
     """The chosen plan; for the verdict "on", the plan without the effect, which was refused."""
     verdict: Verdict
     why: str
     """The reason, in words."""
-    measured: Measured
-    """Measurements of ``plan``."""
+    measured: Measured | None
+    """Measurements of ``plan``; None if nothing is left out."""
 
 
-def _measured_where_promising(
-    coarse: Assessment, scene: ProbeScene, level: float, effects: Sequence[str]
-) -> tuple[Assessment, list[_Substitute]]:
-    """The assessment to decide with, and the measured plans: by a coarse pass over few views, then over all views.
+def probe(
+    scene: ProbeScene,
+    step: Step,
+    occasion: Occasion,
+    effects: Sequence[str],
+    decibel: float = TOLERANCE_DB,
+    mse: float | None = None,
+) -> Findings:
+    """Measures ``effects`` on the scene and decides about each of them and about the whole plan.
 
-    The coarse pass measures the most careful and the boldest plan of each effect. An effect that it refuses needs no
-    bound, because to keep an effect is never wrong. Rays are not part of it: the surfels that need no rays depend on
-    all views. All plans of the other effects are then measured from all views, with bounds of error ``level``.
+    ``decibel``: tolerated loss, dB of PSNR. ``mse``: the method's own error, display sRGB, if the views have no
+    targets; None: it is measured. All bounds of ``effects`` and PROBES hold together with an error of LEVEL: each
+    effect is tried completely and in part, in an order that ends at the first refusal. Raises NumericalFailure if a
+    surfel in a view has a radiance that is not finite.
     """
-    assessment = coarse
-    plans = {
-        effect: [*partial_plans(effect, scene.surfels), plan_without(effect)]
-        for effect in effects
-        if effect != "visibility"
-    }
-    ends = [(effect, plan) for effect, each in plans.items() for plan in (*each[:-1][:1], each[-1])]
-    measured = [_Substitute(*end, values) for end, values in zip(ends, assessment.measure(ends), strict=True)]
-    promising = {each.effect for each in measured if each.measured.contribution < assessment.tolerance.decibel}
-    candidates: list[tuple[str, EffectPlan]] = []
-    if promising or "visibility" in effects:
-        assessment = coarse.of(scene, level)
-    if "visibility" in effects:
-        fewer = partial_ray_plans(assessment.radiance, OFF_BELOW * assessment.tolerance.error)
-        candidates = [("visibility", plan) for plan in (*fewer, plan_without("visibility"))]
-    candidates += [(effect, plan) for effect, each in plans.items() if effect in promising for plan in each]
-    refused = [each for each in measured if each.effect not in promising]
-    values = assessment.measure(candidates)
-    substitutes = [_Substitute(*each, value) for each, value in zip(candidates, values, strict=True)]
-    return assessment, [*substitutes, *refused]
+    level = sidak(LEVEL, 2 * len(effects) * PROBES)
+    assessment = Assessment(scene, step, occasion, level, decibel, mse)
+    decisions = {effect: decided_about(effect, assessment) for effect in effects}
+    chosen = {effect: each.plan for effect, each in decisions.items() if each.verdict != "on"}
+    whole, left_out = accepted_plan(assessment, chosen)
+    for effect in chosen.keys() - set(left_out):
+        why = "it passes if left out alone, but not together with others"
+        decisions[effect] = replace(decisions[effect], verdict="on", why=why)
+    records = tuple(
+        Evidence(effect, each.verdict, each.why, occasion.iteration, occasion.seed, decibel, each.measured)
+        for effect, each in (*decisions.items(), ("plan", whole))
+    )
+    return Findings(whole.plan, records, assessment.tolerance)
 
 
-def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_Substitute]) -> _Decision:
+def decided_about(effect: str, assessment: "Assessment") -> Decision:
     """The plan without the effect, if it passes; else the boldest partial plan before the first refusal."""
-    *careful, bold = substitutes
-    decision = _Decision(bold.plan, *assessment.decided(bold.effect, bold.plan, bold.measured, before))
-    if decision.verdict == "off" or bold.measured.share < LEAST_SHARE:
+    if effect == "visibility":
+        careful = partial_ray_plans(assessment.radiance, OFF_BELOW * assessment.tolerance.error)
+    else:
+        careful = partial_plans(effect, assessment.scene.surfels)
+    bold = plan_without(effect)
+    *parts, whole = assessment.measure(effect, [*careful, bold])
+    decision = assessment.decided(bold, whole)
+    if decision.verdict == "off" or whole.share < LEAST_SHARE:
         return decision
     passed = []
-    for each in careful:
-        if assessment.by_images(each.effect, each.plan, each.measured, before)[0] == "on":
-            # This plan is refused for its small saving, not for its images; a bolder one may save enough.
-            if each.measured.share < LEAST_SHARE:
-                continue
-            break
-        passed.append(each)
-    for each in reversed(passed):
-        verdict, why, measured = assessment.decided(each.effect, each.plan, each.measured, before)
-        if verdict == "off":
-            return _Decision(each.plan, "local", why, measured)
+    for plan, measured in zip(careful, parts, strict=True):
+        # A plan that is refused for its small saving, not for its images, may be followed by one that saves enough.
+        if measured.share >= LEAST_SHARE:
+            if assessment.by_images(plan, measured)[0] == "on":
+                break
+            passed.append((plan, measured))
+    for plan, measured in reversed(passed):
+        found = assessment.decided(plan, measured)
+        if found.verdict == "off":
+            return replace(found, verdict="local")
     return decision
 
 
-def accepted_plan(
-    assessment: Assessment, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
-) -> tuple[EffectPlan, Evidence, list[str]]:
-    """The accepted plan, its record, and the effects that it leaves out.
+def accepted_plan(assessment: "Assessment", chosen: Mapping[str, EffectPlan]) -> tuple[Decision, list[str]]:
+    """The decision about the accepted plan, and the effects that it leaves out.
 
     It combines all chosen plans, if the combination passes; if not, the plan that saves least is dropped, and so on.
     Effects interact: without indirect light, rays that some surfels keep for it only darken them.
     """
-    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect], EffectPlan()))
-    seed, decibel = assessment.seed, assessment.tolerance.decibel
+    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect]))
     while left:
-        plan = EffectPlan()
-        for effect in left:
-            plan = combined(plan, chosen[effect])
-        verdict, why, measured = assessment.decided("plan", plan, assessment.measure([("plan", plan)])[0], before)
-        if verdict == "off":
-            return plan, Evidence("plan", "off", why, iteration, seed, decibel, measured), left
+        plan = combined(chosen[effect] for effect in left)
+        found = assessment.decided(plan, assessment.measure("plan", [plan])[0])
+        if found.verdict == "off":
+            return found, left
         left.pop()
-    return EffectPlan(), Evidence("plan", "on", "nothing is left out", iteration, seed, decibel, None), left
+    return Decision(EffectPlan(), "on", "nothing is left out", None), left
+
+
+def light_factor_is_free(effect: str, scene: ProbeScene) -> bool:
+    """Whether a factor on the light may compensate a change of all pixels that the missing effect causes."""
+    return effect != "view-dependence" and not scene.given_light
+
+
+class Assessment:
+    """Measures plans by comparison with the images of a scene with all effects on.
+
+    ``level``: error probability of each bound. ``decibel``: tolerated loss, dB of PSNR, relative to ``mse``. ``mse``:
+    the method's own mean squared error, display sRGB; None: the smaller of the errors of the shaded images and of the
+    surfels' own radiance, against the views' targets.
+    """
+
+    def __init__(
+        self, scene: ProbeScene, step: Step, occasion: Occasion, level: float, decibel: float, mse: float | None
+    ) -> None:
+        self.scene, self.step, self.before, self.level = scene, step, occasion.before, level
+        self.generator = torch.Generator().manual_seed(occasion.seed)
+        self.radiance = PlanRadiance(scene)
+        full = {"shaded": self.radiance.shaded(EVERYTHING).detach(), "own": self.radiance.own(HIGHEST_DEGREE)}
+        rendered = rendered_views(self.radiance.projections, full.values())
+        self.pixels = CoveredPixels.of(scene.views, rendered, scene.straight)
+        images = zip(full, self.pixels.take(rendered), strict=True)
+        self.full = {name: ReferenceImage.of(image, self.pixels) for name, image in images}
+        if mse is None:
+            mse = min(mean_error(image, self.pixels) for image in self.full.values())
+        self.tolerance = Tolerance(mse, decibel)
+
+    def was_left_out(self, plan: EffectPlan) -> bool:
+        """Whether ``plan`` saves no more work than the one before; a plan that saves more passes a stricter rule."""
+        return bool(self.before.off) and self.step.saving(plan) <= self.step.saving(self.before)
+
+    def by_images(self, plan: EffectPlan, measured: Measured) -> tuple[Verdict, str]:
+        """Verdict and reason by images, and by the gradient if ``measured`` has it."""
+        return decide(measured, self.was_left_out(plan), self.tolerance.decibel)
+
+    def decided(self, plan: EffectPlan, measured: Measured) -> Decision:
+        """The decision by images and gradients. Gradients cost most: a plan that the images refuse needs none."""
+        verdict, why = self.by_images(plan, measured)
+        if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
+            measured = replace(measured, gradient=self.gradient_change(plan))
+            verdict, why = self.by_images(plan, measured)
+        return Decision(plan, verdict, why, measured)
+
+    @cached_property
+    def upstream(self) -> Float[Tensor, "surfels views 3"]:
+        """Gradient of the images' error with respect to the surfels' radiance; the same for every plan."""
+        return image_gradient(self.radiance)
+
+    @cached_property
+    def full_gradients(self) -> list[Tensor]:
+        """``gradients`` with all effects on."""
+        return self.gradients(EVERYTHING)
+
+    def gradients(self, plan: EffectPlan) -> list[Tensor]:
+        """Gradients of that error for albedo, roughness and light under a plan, in the order of the leaves."""
+        leaves, sent = list(self.radiance.leaves.values()), self.radiance.shaded(plan)
+        return list(torch.autograd.grad(sent, leaves, self.upstream, retain_graph=True, materialize_grads=True))
+
+    def gradient_change(self, plan: EffectPlan) -> float:
+        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where only g_full is zero.
+
+        An effect that hardly changes images may carry the only gradient. Roughness counts only if the plan has specular
+        lobes on all surfels: without a lobe it is not learnt on purpose.
+        """
+        shiny = plan.specular and plan.specular_at is None
+        pairs = zip(self.radiance.leaves, self.gradients(plan), self.full_gradients, strict=True)
+        return max(_relative(value - full, full) for name, value, full in pairs if shiny or name != "roughness")
+
+    def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
+        """Loss of each plan, which leaves ``effect`` out, compared with all effects on."""
+        compared = [(index, kind) for index, plan in enumerate(plans) for kind in self._changed(plan)]
+        sent = [
+            self.radiance.own(plans[index].sh_degree) if kind == "own" else self.radiance.shaded(plans[index]).detach()
+            for index, kind in compared
+        ]
+        images = self.pixels.take(rendered_views(self.radiance.projections, sent))
+        free = light_factor_is_free(effect, self.scene)
+        errors = [
+            tile_errors(image, self.full[kind], self.pixels, free)
+            for (_, kind), image in zip(compared, images, strict=True)
+        ]
+        weighted = torch.cat([each.weighted for each in errors])
+        ends = weighted.double().mean(1).cpu(), *bootstrap_t(weighted, self.level, self.generator)
+        of_plan = [[row for row, (which, _) in enumerate(compared) if which == index] for index in range(len(plans))]
+        return [
+            self._measured(plan, [errors[row] for row in rows], [each.view(-1, 2)[rows] for each in ends])
+            for plan, rows in zip(plans, of_plan, strict=True)
+        ]
+
+    def _changed(self, plan: EffectPlan) -> list[str]:
+        """The images that a plan changes, by their names in ``full``."""
+        own, shaded = plan.sh_degree < HIGHEST_DEGREE, replace(plan, sh_degree=HIGHEST_DEGREE).off
+        return [*(["own"] if own else []), *(["shaded"] if shaded else [])]
+
+    def _measured(
+        self, plan: EffectPlan, errors: Sequence[TileErrors], ends: Sequence[Float[Tensor, "images 2"]]
+    ) -> Measured:
+        """``ends``: estimate, lower and upper bound of the mean difference and of the mean rise, display sRGB."""
+        tolerance, (mean, below, above) = self.tolerance, ends
+        worst_tile = max(float(each.difference.max()) for each in errors)
+        tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
+        return Measured(
+            contribution=tolerance.loss(float(mean.max())),
+            lowest=tolerance.loss(float(below.max())),
+            bound=tolerance.loss(float(above.max())),
+            worst=tolerance.worst_case(float(above[:, 0].max())),
+            tail=tail,
+            share=self.step.saving(plan),
+            rays=round(self.step.work(EVERYTHING)["rays"] - self.step.work(plan)["rays"]),
+        )
+
+
+def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
+    """Gradient of the images' squared error with respect to the radiance of each surfel towards each view.
+
+    The error is the mean over pixels and channels, display sRGB. The gradient is zero for views without a target.
+    """
+    sent = radiance.shaded(EVERYTHING).detach().requires_grad_()
+    total = sent.new_zeros(())
+    for index, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
+        if view.target is not None:
+            raster = blend(projection, sent[:, index], 1.0)
+            image = displayed(raster.features, raster.alpha, radiance.scene.straight)
+            total = total + (image - view.target).square().mean()
+    return torch.autograd.grad(total, sent)[0] if total.requires_grad else torch.zeros_like(sent)
+
+
+def _relative(change: Tensor, whole: Tensor) -> float:
+    moved, length = float(change.norm()), float(whole.norm())
+    if length > 0:
+        return moved / length
+    return 0.0 if moved == 0 else float("inf")

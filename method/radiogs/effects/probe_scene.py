@@ -1,19 +1,34 @@
-"""The scene of a probe: surfels, their light, the views of them, and the light that arrives at them."""
+"""The scene of a probe: surfels, views, the light that arrives, and the radiance that leaves under any plan.
+
+All plans are shaded from the same directions, so that they differ only in what they leave out.
+"""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.rasterize.projection import Projection
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
-from radiogs_core.transport.tracer import SurfelTracer, visibility_of
+from radiogs_core.transport.shading import lambert_albedo
+from radiogs_core.transport.splatting import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    shade_surfels,
+    towards,
+)
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 from ..rays import RaySettings
 
@@ -22,8 +37,8 @@ PROBE_OFFSET = 6.66
 distance at which the opacity of the densest surfel has fallen to 1/255. Nearer surfels with overlapping footprints
 sample the same surface, which does not occlude itself (docs/effects.md)."""
 
-SHARP_ROUGHNESS = 0.2
-"""A roughness that training may still reach on any surface; the specular lobe is assessed at this roughness too."""
+PROBE_VIEWS = 8
+"""Number of training views of a probe: one from each eighth of their list."""
 
 
 @dataclass(frozen=True)
@@ -81,18 +96,6 @@ class ProbeRays:
         return relighting_directions(normal, sampler, self.samples, self.drawn, self.generator, self.variant.floor)
 
 
-@dataclass(frozen=True)
-class KeptLight:
-    """The light of surfels without rays: as they keep it, and traced now along the same directions."""
-
-    mask: Bool[Tensor, " surfels"]
-    """The surfels that keep their light."""
-    light: Incident
-    """The light that these surfels keep."""
-    anew: Incident
-    """The light on these surfels, traced now."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ProbeScene(Viewpoints):
     """A model, its views, and the light that arrives at it. No tensor has a gradient."""
@@ -107,21 +110,8 @@ class ProbeScene(Viewpoints):
     """Its substitute without rays, along the same directions."""
     first: Float[Tensor, "surfels samples 3"] | None = None
     """The part of the incident radiance that one surface has scattered, linear RGB; None if it was not traced."""
-    sharpest: float | None = None
-    """Roughness that training may still reach on any surface, for the specular lobe; None: materials are final."""
     given_light: bool = False
     """Whether the light is given; a learnt light may compensate changes by a factor."""
-
-    @property
-    def occlusion(self) -> Float[Tensor, " surfels"]:
-        """Share of the cosine-weighted hemisphere in which distant light is occluded."""
-        cosine = (self.incident.direction * self.surfels.frame[:, None, :, 2]).sum(-1).clamp(min=0)
-        flow = cosine * self.incident.weight
-        return 1 - (flow * self.incident.visibility).sum(1) / flow.sum(1)
-
-
-RAYS_AT_ONCE = 1 << 18
-"""Rays that are traced together."""
 
 
 @torch.no_grad()
@@ -139,41 +129,96 @@ def trace_scene(
     each surfel sends the distant light that it scatters. ``among``: indices of the surfels to trace (None: all); the
     others are dark. Raises NumericalFailure if a ray hits a surfel with values that are not finite.
     """
-    surfels = Surfels.of(surfels.plain())
-    environment = environment.detach()
+    surfels, environment = Surfels.of(surfels.plain()), environment.detach()
     normal = surfels.frame[..., 2]
     direction, weight = rays.directions(normal, EnvironmentMap(environment))
     tracer, every = rays.tracer(surfels), torch.arange(len(surfels), device=normal.device)
-    index = every if among is None else among
-    seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
-    traced = ProbeScene(
-        **vars(viewpoints),
-        surfels=surfels,
-        environment=environment,
-        incident=Incident(direction, weight, seen, radiance),
-        untraced=tracer.untraced(every, direction, weight),
-    )
+    index, dark = every if among is None else among, torch.zeros_like(direction)
+    seen = incident_along(tracer, direction[index], weight[index], index=index)
+    lit = Incident(direction, weight, torch.zeros_like(weight), dark).replaced(index, seen)
+    untraced = tracer.untraced(every, direction, weight)
+    scene = ProbeScene(
+        **vars(viewpoints), surfels=surfels, environment=environment, incident=lit, untraced=untraced
+    )  # fmt: skip
     if not bounces:
-        return traced
-    lit = Incident(direction, weight, seen, torch.zeros_like(direction))
-    parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
-    once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    return replace(traced, first=_traced(tracer, index, direction, once)[2])
+        return scene
+    by_light = replace(lit, radiance=dark)
+    parts = shade_surfels(surfels, surfels.albedo, by_light, surfels.frame[:, None, :, 2], environment)[:, 0]
+    tracer.follow(glowing(surfels, parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]))
+    return replace(scene, first=incident_along(tracer, direction, weight).radiance)
 
 
-def _traced(
-    tracer: SurfelTracer,
-    index: Int[Tensor, " chosen"],
-    direction: Float[Tensor, "surfels samples 3"],
-    sent: Float[Tensor, "surfels 3"],
-) -> tuple[Tensor, Tensor, Tensor]:
-    """V, L_ind from the surfels' own radiance, and L_ind from the radiance ``sent``; 0 where not traced."""
-    visibility = torch.zeros_like(direction[..., 0])
-    radiance, features = torch.zeros_like(direction), torch.zeros_like(direction)
-    for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ():
-        hits = tracer.trace(some, direction[some], sent)
-        seen, whole = visibility_of(hits)
-        visibility[some] = seen.view(len(some), -1)
-        radiance[some] = (hits.radiance * whole[:, None]).view(len(some), -1, 3)
-        features[some] = (hits.features * whole[:, None]).view(len(some), -1, 3)
-    return visibility, radiance, features
+def glowing(surfels: Surfels, radiance: Float[Tensor, "surfels 3"]) -> Surfels:
+    """The surfels with another radiance of their own, linear RGB, the same in all directions."""
+    harmonics = torch.cat([radiance_to_sh(radiance)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    return Surfels.of(surfels.parameters() | {"sh": harmonics})
+
+
+class PlanRadiance:
+    """Outgoing radiance of a scene's surfels towards its views, under any plan.
+
+    Gradients can be compared for ``leaves``. The light is shaded once, for white surfaces; a plan combines the parts
+    and multiplies them by the albedo, which also depends on the plan (see ``lambert_albedo``).
+    """
+
+    def __init__(self, scene: ProbeScene) -> None:
+        self.scene = scene
+        surfels = scene.surfels
+        self.albedo = surfels.albedo.clone().requires_grad_()
+        self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
+        self.environment = scene.environment.clone().requires_grad_()
+        self.leaves = {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
+        self.outgoing = torch.stack([towards(view.camera, surfels) for view in scene.views], 1)
+
+    @cached_property
+    def projections(self) -> list[Projection]:
+        """The surfels projected into each view."""
+        surfels = self.scene.surfels
+        return [surfels.seen_by(view.camera, radiance=False) for view in self.scene.views]
+
+    def shaded(self, plan: EffectPlan) -> Float[Tensor, "surfels views 3"]:
+        """L_PBR under a plan, linear RGB; a plan without bounces needs ``ProbeScene.first``."""
+        traced = plan.traced if plan.traces else False
+        shiny = plan.specular_at if plan.specular else False
+        parts, free = self._parts
+        by_bounces = parts if plan.bounces else self._first
+        occluded, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
+        diffuse, specular = (
+            _where(occluded, parts[:, :, direct], free[:, :, direct])
+            + _where(lit, by_bounces[:, :, indirect], free[:, :, indirect])
+            for direct, indirect in ((DIFFUSE_DIRECT, DIFFUSE_INDIRECT), (SPECULAR_DIRECT, SPECULAR_INDIRECT))
+        )
+        roughness = self._materials.roughness
+        albedo = lambert_albedo(self.albedo, roughness, plan.specular_among(self.albedo))
+        return albedo[:, None] * diffuse + _where(shiny, specular, 0.0)
+
+    def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
+        """L_G, the surfels' own radiance, linear RGB, with harmonics up to ``degree``."""
+        return surfel_radiance(self.scene.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
+
+    @cached_property
+    def _parts(self) -> tuple[Tensor, Tensor]:
+        """The four parts of white surfaces, shaded from traced light, and from its untraced substitute."""
+        return self._lit(self.scene.incident), self._lit(self.scene.untraced)
+
+    @cached_property
+    def _first(self) -> Tensor:
+        assert self.scene.first is not None
+        return self._lit(replace(self.scene.incident, radiance=self.scene.first))
+
+    def _lit(self, incident: Incident) -> Float[Tensor, "surfels views 4 3"]:
+        white = torch.ones_like(self.albedo)
+        return shade_surfels(self._materials, white, incident, self.outgoing, self.environment)
+
+    @property
+    def _materials(self) -> Surfels:
+        return Surfels.of(self.scene.surfels.parameters() | {"roughness_logit": self.roughness_logit})
+
+
+def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
+    """``one`` for the chosen surfels, ``other`` for the rest. ``chosen``: None: all; False: none."""
+    if chosen is None:
+        return one
+    if isinstance(chosen, bool):
+        return other if isinstance(other, Tensor) else torch.zeros_like(one)
+    return torch.where(chosen[:, None, None], one, other)

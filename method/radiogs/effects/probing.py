@@ -20,7 +20,7 @@ from radiogs_core.learning.known_scene import OFFSET
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
-from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
@@ -30,15 +30,11 @@ from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 from ..model import Model
 from ..rays import RaySettings
 from ..settings import Budget, Variant
-from .assessment import light_factor_is_free
-from .covered_pixels import rendered_views
+from .images import light_factor, rendered_views
 from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, training_viewpoints
-from .plan_radiance import PlanRadiance
-from .probe import Findings, Occasion, probe
-from .probe_scene import ProbeRays, ProbeScene, trace_scene
-from .step_cost import step_of
-from .substitutes import plan_without
-from .tile_errors import light_factor
+from .plans import Step, plan_without
+from .probe import Findings, Occasion, light_factor_is_free, probe
+from .probe_scene import PlanRadiance, ProbeRays, ProbeScene, glowing, trace_scene
 
 BOUNCES = 8
 """Number of surfaces that light is followed over, as in the images of generated scenes."""
@@ -68,7 +64,7 @@ class Decay:
         return 1 + math.ceil(math.log(tolerated / first) / fall)
 
 
-EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
+EFFECTS = ("visibility", "indirect", "bounces", "specular")
 """Effects that a probe of a scene measures. View-dependence is not among them, because the true surfels have the same
 radiance in all directions."""
 
@@ -137,8 +133,9 @@ def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
 
 def training_findings(scene: ProbeScene, run: Run[Variant, Budget], effects: tuple[str, ...] = EFFECTS) -> Findings:
     """The plan of stage 2 with the run's budget, with its evidence."""
-    step = step_of(run.variant, run.budget, len(scene.surfels))
-    return probe(scene, step, Occasion(run.seed), effects=effects)
+    view = run.scene.train[0].camera
+    step = Step.of(run.variant, run.budget, len(scene.surfels), view.width * view.height)
+    return probe(scene, step, Occasion(run.seed), effects)
 
 
 def relighting_findings(
@@ -225,8 +222,7 @@ def solve_radiosity(surfels: Surfels, light: EnvironmentMap, samples: int, seed:
     parts = shade_surfels(surfels, surfels.albedo, lit, normal[:, None], light.radiance)[:, 0]
     sent = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     total, decay = scatter(surfels, sent, direction, weight, BOUNCES - 1)
-    harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
-    return Surfels.of(surfels.parameters() | {"sh": harmonics}), decay
+    return glowing(surfels, total), decay
 
 
 @torch.no_grad()

@@ -1,6 +1,6 @@
 """Incident light at surfels from a set of directions, traced through the surfels themselves."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float, Int
@@ -23,18 +23,6 @@ class Incident:
     def of(self, index: Int[Tensor, " chosen"]) -> "Incident":
         """The entries of the surfels at ``index``."""
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
-
-    def thinned(self, count: int) -> "Incident":
-        """``count`` evenly chosen directions of each surfel, with weights scaled to the full solid angle."""
-        samples = self.weight.shape[1]
-        some = torch.arange(count, device=self.weight.device) * samples // count
-        chosen = Incident(*(getattr(self, each.name)[:, some] for each in fields(self)))
-        return replace(chosen, weight=chosen.weight * (samples / count))
-
-    def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
-        """Overwrite the entries of the surfels at ``index`` with ``fresh``, without gradient."""
-        for each in fields(self):
-            getattr(self, each.name)[index] = getattr(fresh, each.name).detach()
 
     def replaced(self, index: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
         """A copy with the entries at ``index`` taken from ``fresh``, to which gradients flow."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from radiogs.effects.evidence import Evidence
+from radiogs.effects.decision import Evidence
 from radiogs.effects.new_light import decide_light_sampling
 from radiogs.effects.probe import Findings
 from radiogs.effects.probe_scene import ProbeScene

@@ -20,7 +20,7 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.plain_values import with_values
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
-from short_training import BUDGET, CPU, SCENE, resumed, same_tensors, through_a_file
+from short_training import BUDGET, CPU, PROBED, SCENE, resumed, same_tensors, through_a_file
 
 
 def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> InverseRendering:
@@ -71,19 +71,26 @@ def test_under_a_light_that_is_held_the_radiance_that_arrives_follows_each_traci
 
 def test_a_plan_decided_during_training_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
     """There are two probes, one before the checkpoint and one after it."""
-    whole, again = resumed(lambda: inverse(initialised, Variant(effects="auto")), 8, 18)
+
+    def begin() -> InverseRendering:
+        stage = begun(initialised, PROBED, effects="auto")
+        stage.planning.at = frozenset({0, 10})
+        return stage
+
+    whole, again = resumed(begin, 8, 18)
     assert same_tensors(whole, again)
-    assert whole.planner.evidence == again.planner.evidence
-    assert {record.iteration for record in whole.planner.evidence} == {0, 10}
-    assert whole.planner.plan == again.planner.plan
+    assert whole.planning.evidence == again.planning.evidence
+    assert {record.iteration for record in whole.planning.evidence} == {0, 10}
+    assert whole.plan == again.plan == again.cache.plan
+    assert whole.plan.kept
 
 
 def test_rays_and_time_of_a_probe_are_counted_separately(initialised: dict[str, Any]) -> None:
     """The first probe traces its directions once from every surfel; steps without a probe do not count as one."""
-    stage = inverse(initialised, Variant(effects="auto"))
+    stage = begun(initialised, PROBED, effects="auto")
     with recording() as instruments:
         stage.step()
-        once = len(stage.optimiser.surfels) * stage.planner.samples
+        once = len(stage.optimiser.surfels) * stage.planning.samples
         taken = dict(instruments.parts)
         assert instruments.work["probe_rays"] == once <= instruments.work["rays"]
         assert taken["probe"] > 0
@@ -163,8 +170,8 @@ def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], vari
         assert torch.equal(value, stage.model.surfels.parameters()[name]), name
 
 
-def begun(initialised: dict[str, Any], **changed: Any) -> InverseRendering:
-    return inverse_rendering(Run(SCENE, with_values(Variant(), changed), BUDGET, 0, CPU), initialised)
+def begun(initialised: dict[str, Any], budget: Budget = BUDGET, **changed: Any) -> InverseRendering:
+    return inverse_rendering(Run(SCENE, with_values(Variant(), changed), budget, 0, CPU), initialised)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ import pytest
 import torch
 
 from radiogs.consistency import RadiometricConsistency
-from radiogs.effects.image_share import image_share
-from radiogs.effects.plan_radiance import PlanRadiance
-from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.images import image_share
+from radiogs.effects.probe_scene import PlanRadiance, ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.rays import RaySettings
 from radiogs.relighting import RelitByRays

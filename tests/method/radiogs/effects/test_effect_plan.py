@@ -1,17 +1,17 @@
 """A plan saves the work of the effects that it leaves out, by the counters, and the remaining light does not change."""
 
 import dataclasses
-from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
 import pytest
 import torch
 
-from radiogs.effects import training as effect_training
-from radiogs.effects.assessment import Assessment
-from radiogs.effects.training import LastLight
+from radiogs import kept_light
+from radiogs.effects.plans import Step
+from radiogs.effects.probe import Assessment
 from radiogs.invert import InverseRendering
+from radiogs.kept_light import CELLS, KeptLight, cells, middles
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.settings import Variant
@@ -25,7 +25,7 @@ from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EFFECTS, EffectPlan, plan_of
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
-from short_training import BUDGET, CPU, SCENE
+from short_training import BUDGET, CPU, PROBED, SCENE
 
 
 def but(*off: str) -> tuple[str, ...]:
@@ -48,7 +48,7 @@ def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_b
     with monkeypatch.context() as patch:
         patch.setattr(SurfelBVH, "build", Mock(side_effect=RuntimeError("the first tree")))
         with pytest.raises(RuntimeError, match="the first tree"):
-            _ = stage.shader.cache.tracer.bvh
+            _ = stage.cache.tracer.bvh
     with recording() as instruments:
         Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
     assert not instruments.work["rays"]
@@ -109,79 +109,89 @@ def copy_of(incident: Incident) -> Incident:
 def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> InverseRendering:
     """Stage 2 after a probe that has decided for ``plan``."""
     stage = inverse_rendering(Run(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU), initialised)
-    stage.planner.at = frozenset()
-    stage.planner.plan = plan
-    stage.shader.cache.renew(stage.model, 0)
+    stage.planning.plan = plan
+    stage.cache.adopt(plan, stage.model, 0)
     return stage
 
 
 def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
     """Work of twelve steps, one of them with a refresh, and the cached light before and after them."""
-    before = copy_of(stage.shader.cache.incident)
+    before = copy_of(stage.cache.incident)
     with recording() as instruments:
         for _ in range(12):
             stage.step()
-    return dict(instruments.work), before, stage.shader.cache.incident
+    return dict(instruments.work), before, stage.cache.incident
 
 
 def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
     plain = MaterialLearning(start=MaterialStart(light="constant"))  # the search for the light traces rays of its own
-    whole = inverse_rendering(Run(SCENE, Variant(materials=plain), BUDGET, 0, CPU), initialised).shader.cache.incident
+    stage = inverse_rendering(Run(SCENE, Variant(materials=plain), BUDGET, 0, CPU), initialised)
     for plan in (NO_RAYS, local_rays(initialised)):
         with recording() as instruments:
-            stage = decided(initialised, plan, materials=plain)
-        more = effect_training.KEPT_DIRECTIONS - whole.weight.shape[1]
-        without = int(plan.without_rays(whole.weight).sum())
-        assert instruments.work["rays"] == whole.weight.numel() + without * more
-        stage.generator.manual_seed(0)
-        stage.shader.cache.renew(stage.model, 0)
-        for name, value in vars(whole).items():
-            assert torch.equal(value, getattr(stage.shader.cache.incident, name))
+            stage.cache.adopt(plan, stage.model, 0)
+        without = plan.without_rays(stage.cache.incident.weight)
+        each = stage.cache.incident.weight.shape[1]
+        assert instruments.work["rays"] == int(without.sum()) * CELLS**2 + int((~without).sum()) * each
 
 
-def has_the_light_of_the_nearest_directions(now: Incident, last: LastLight, index: torch.Tensor) -> bool:
-    """Whether surfels at ``index`` have, along each direction, V and L_ind of the nearest kept direction."""
-    for direction, visibility, radiance, row in zip(
-        now.direction, now.visibility, now.radiance, last.row[index], strict=True
-    ):
-        nearest = (direction[:, None] - last.direction[row]).norm(dim=-1).argmin(1)
-        if not torch.equal(visibility, last.visibility[row][nearest]):
+def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
+    middle = torch.nn.functional.normalize(middles(torch.zeros(0)), dim=-1)
+    assert bool((middle[:, 2] > 0).all())
+    assert torch.equal(cells(middle), torch.arange(CELLS**2))
+    below = torch.tensor([[0.6, 0.0, -0.8], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    assert bool((cells(below) < CELLS**2).all())
+    assert torch.equal(cells(below[:1]), cells(torch.tensor([[1.0, 0.0, 0.0]])))
+    drawn = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(0))
+    drawn = torch.nn.functional.normalize(torch.cat([drawn[:, :2], drawn[:, 2:].abs()], -1), dim=-1)
+    apart = (drawn * middle[cells(drawn)]).sum(-1).clamp(max=1).acos().rad2deg()
+    assert float(apart.max()) < 10
+    # Cells share the hemisphere by their solid angles: so many of the random directions fall into each.
+    light = KeptLight(torch.arange(1), torch.eye(3)[None], torch.ones(1, CELLS**2), torch.ones(1, CELLS**2, 3))
+    share = light.through(torch.arange(CELLS**2)).weight[0] / (2 * torch.pi)
+    assert float(share.sum()) == pytest.approx(1)
+    counted = torch.bincount(cells(drawn), minlength=CELLS**2) / len(drawn)
+    rows = torch.stack([share, counted]).view(2, CELLS, CELLS).sum(-1)
+    torch.testing.assert_close(rows[0], rows[1], rtol=0.1, atol=0)
+
+
+def is_kept(now: Incident, kept: KeptLight, index: torch.Tensor) -> bool:
+    """Whether surfels at ``index`` have, along each direction, V and L_ind of the cell that it falls into."""
+    for number, surfel in enumerate(index.tolist()):
+        row = int(kept.row[surfel])
+        cell = cells(now.direction[number] @ kept.frame[row])
+        if not torch.equal(now.visibility[number], kept.visibility[row][cell]):
             return False
-        if not torch.equal(radiance, last.radiance[row][nearest]):
+        if not torch.equal(now.radiance[number], kept.radiance[row][cell]):
             return False
     return True
 
 
-def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_drawn_anew(
+def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_refresh_draws_anew(
     initialised: dict[str, Any],
 ) -> None:
     """Directions that stayed would keep the noise of their sums, and materials would be fitted to it."""
     stage = decided(initialised, NO_RAYS)
-    every = torch.arange(len(stage.shader.cache.incident.weight))
-    last = stage.shader.cache.last
-    counted, before, after = stepped(stage)
-    assert not counted.get("rays")
-    assert bool((before.direction != after.direction).any(-1).all())
-    assert last.direction.shape[1] >= effect_training.KEPT_DIRECTIONS
-    assert has_the_light_of_the_nearest_directions(before, last, every), "the cached directions are kept ones"
-    assert has_the_light_of_the_nearest_directions(after, last, every)
+    before, every = copy_of(stage.cache.incident), torch.arange(len(stage.cache.incident.weight))
+    assert is_kept(before, stage.cache.kept, every)
+    with recording() as instruments:
+        for _ in range(BUDGET.refresh_interval):
+            stage.step()
+        assert torch.equal(before.direction, stage.cache.incident.direction)
+        stage.step()
+    assert not instruments.work["rays"]
+    assert bool((before.direction != stage.cache.incident.direction).any(-1).all())
+    assert is_kept(stage.cache.incident, stage.cache.kept, every)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan(indirect=False, kept=True), None])
-def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
-    initialised: dict[str, Any], plan: EffectPlan | None
-) -> None:
-    """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too, and
-    after steps in which some surfels alone had lobes."""
+@pytest.mark.parametrize("local", [False, True])
+def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(initialised: dict[str, Any], local: bool) -> None:
+    """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too."""
     ended = []
     for anew in (False, True):
-        stage = decided(initialised, local_rays(initialised) if plan is None else plan)
+        stage = decided(initialised, local_rays(initialised) if local else NO_RAYS)
         assert not stage.model.log_environment.requires_grad
-        lobes = (torch.arange(len(stage.model.surfels)) % 2 == 0, None)
-        for step in range(12):
-            if step in (4, 7):
-                stage.planner.plan = dataclasses.replace(stage.planner.plan, specular_at=lobes[step == 7])
+        for _ in range(12):
             if anew:
                 stage.shader.arriving = None
             stage.step()
@@ -193,7 +203,7 @@ def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
 @pytest.mark.slow
 def test_kept_light_is_looked_up_in_parts(initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     whole = stepped(decided(initialised, NO_RAYS))[2]
-    monkeypatch.setattr(effect_training, "COMPARED", 1)
+    monkeypatch.setattr(kept_light, "DIRECTIONS_AT_ONCE", 1)
     parts = stepped(decided(initialised, NO_RAYS))[2]
     assert all(torch.equal(value, getattr(parts, name)) for name, value in vars(whole).items())
 
@@ -203,12 +213,11 @@ def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialis
     plan = local_rays(initialised)
     whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
     stage = decided(initialised, plan)
-    last = stage.shader.cache.last
     counted, before, after = stepped(stage)
     assert 0 < counted["rays"] < 0.5 * whole["rays"]
     without = torch.nonzero(~plan.traced)[:, 0]
-    assert len(last.direction) == len(without)
-    assert has_the_light_of_the_nearest_directions(after.of(without), last, without)
+    assert len(stage.cache.kept.frame) == len(without)
+    assert is_kept(after.of(without), stage.cache.kept, without)
     assert bool((before.direction != after.direction).any(-1).any(-1).all())
 
 
@@ -216,38 +225,37 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
     plan = local_rays(initialised)
     stage = decided(initialised, plan)
     index = torch.tensor([5, 3, 9, 1])
-    before = stage.shader.cache.of_set(index, 1)
-    light = stage.shader.cache.light_on(index, stage.model, 1)
+    before = stage.cache.of_set(index, 1)
+    light = stage.cache.light_on(index, stage.model, 1)
     assert light.visibility.requires_grad or light.radiance.requires_grad
     for row, surfel in enumerate(index.tolist()):
         for name in vars(light):
-            value = getattr(light, name)[row]
-            assert torch.equal(value, getattr(stage.shader.cache.of_set(index, 1), name)[row])
-        assert not torch.equal(light.direction[row], before.direction[row])
+            assert torch.equal(getattr(light, name)[row], getattr(stage.cache.of_set(index, 1), name)[row])
+        assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
         if not plan.traced[surfel]:
-            one = light.of(torch.tensor([row])), stage.shader.cache.last, torch.tensor([surfel])
-            assert has_the_light_of_the_nearest_directions(*one)
+            assert is_kept(light.of(torch.tensor([row])), stage.cache.kept, torch.tensor([surfel]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
-def test_a_plan_with_other_rays_renews_the_cached_light_unless_it_is_precomputed(
-    initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool
+@pytest.mark.parametrize("other", [False, True])
+def test_a_plan_with_other_rays_renews_the_cached_light(
+    initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, other: bool
 ) -> None:
-    """Both probes change the plan; the second one comes after half of the steps."""
-    stage = inverse_rendering(Run(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU), initialised)
+    """The second probe comes after half of the steps."""
+    stage = inverse_rendering(Run(SCENE, Variant(effects="auto"), PROBED, 0, CPU), initialised)
+    plans = iter([NO_RAYS, local_rays(initialised) if other else NO_RAYS])
 
-    def without_rays(*arguments: Any) -> bool:
-        stage.planner.plan = NO_RAYS
-        return True
+    def observe(*arguments: Any) -> EffectPlan:
+        before, stage.planning.plan = stage.planning.plan, next(plans)
+        return before
 
-    monkeypatch.setattr(stage.planner, "observe", without_rays)
+    monkeypatch.setattr(stage.planning, "observe", observe)
     stage.step()
-    before = copy_of(stage.shader.cache.incident)
-    assert before.radiance.any()
-    while stage.iteration < stage.iterations:
-        stage.step()
-    assert torch.equal(before.direction, stage.shader.cache.incident.direction) != renewed
+    assert stage.cache.incident.radiance.any()
+    kept, stage.iteration = stage.cache.kept, PROBED.inverse_iterations // 2
+    stage.begin_step()
+    assert (stage.cache.kept is not kept) == other
+    assert stage.cache.plan is stage.plan
 
 
 def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
@@ -260,39 +268,6 @@ def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialise
     for plan in (NO_RAYS, local_rays(initialised)):
         assert torch.equal(image(plan), image(EffectPlan()))
         assert not torch.equal(image(dataclasses.replace(plan, kept=False)), image(EffectPlan()))
-
-
-@pytest.mark.slow
-def test_without_indirect_light_occluders_keep_their_mean_radiance(
-    initialised: dict[str, Any],
-) -> None:
-    plan = EffectPlan(indirect=False, kept=True)
-    stage = decided(initialised, plan)
-    index = stage.shader.cache.incident.radiance.sum((1, 2)).topk(3).indices
-    before = copy_of(stage.shader.cache.incident.of(index))
-    light = stage.shader.cache.light_on(index, stage.model, 1)
-    assert light.visibility.requires_grad
-    for row in range(3):
-        weight = before.weight[row]
-        hidden = ((1 - before.visibility[row]) * weight).sum()
-        mean = (before.radiance[row] * weight[:, None]).sum(0) / hidden if hidden > 0 else torch.zeros(3)
-        expected = (1 - light.visibility[row])[:, None] * mean
-        torch.testing.assert_close(light.radiance[row], expected)
-    assert light.radiance.any()
-    bare = decided(initialised, dataclasses.replace(plan, kept=False))
-    assert not bare.shader.cache.light_on(index, bare.model, 1).radiance.any()
-
-
-@pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
-def test_thinned_directions_cover_the_same_solid_angle(samples: int, count: int) -> None:
-    direction = torch.randn(3, samples, 3, generator=torch.Generator().manual_seed(0))
-    whole = Incident(direction, torch.full((3, samples), 2 * torch.pi / samples), direction[..., 0], direction)
-    some = whole.thinned(count)
-    assert some.weight.shape == (3, count)
-    torch.testing.assert_close(some.weight.sum(1), whole.weight.sum(1))
-    kept = [number * samples // count for number in range(count)]
-    assert torch.equal(some.direction, direction[:, kept])
-    assert torch.equal(some.visibility, direction[:, kept, 0])
 
 
 @pytest.mark.slow
@@ -309,9 +284,9 @@ def test_gradients_flow_only_through_simulated_effects(initialised: dict[str, An
     assert ("roughness_logit" in moved) == ("specular" not in off)
 
 
-@pytest.mark.parametrize("effects", ["auto", but("specular")])
-def test_only_a_choice_of_effects_makes_stage_2_depend_on_their_code(effects: Any) -> None:
-    for variant, depends in ((Variant(), False), (Variant(effects=effects), True)):
+def test_only_effects_by_evidence_make_stage_2_depend_on_their_code() -> None:
+    for effects, depends in (("all", False), (but("specular"), False), ("auto", True)):
+        variant = Variant(effects=effects)
         modules = installed().closure(*RADIOGS.stages(variant, BUDGET)[1].sources)
         for name in ("radiogs.effects.training", "radiogs.effects.bounds"):
             assert (name in modules) == depends
@@ -346,10 +321,8 @@ def test_rays_give_gradient_to_hit_surfels_in_refresh_steps_too(initialised: dic
 
 def test_a_plan_counts_as_left_out_only_if_it_saves_no_more_than_before() -> None:
     assessment = Assessment.__new__(Assessment)
-    assessment.step = SimpleNamespace(saving=lambda plan, full: len(plan.off) - len(full.off))  # type: ignore[assignment]
-    some = EffectPlan().without("indirect")
-    more = some.without("specular")
-    assert assessment.was_left_out(some, some)
-    assert assessment.was_left_out(some, more)
-    assert not assessment.was_left_out(more, some)
-    assert not assessment.was_left_out(EffectPlan(), EffectPlan())
+    assessment.step = Step(100, 20, 8, 10)
+    every, some, more = EffectPlan(), EffectPlan().without("indirect"), EffectPlan().without("samples")
+    for before, plan, expected in ((some, some, True), (more, some, True), (some, more, False), (every, every, False)):
+        assessment.before = before
+        assert assessment.was_left_out(plan) == expected

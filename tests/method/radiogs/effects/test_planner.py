@@ -1,4 +1,4 @@
-"""Probes during training: their scene, their decisions, and the failure of a probe."""
+"""Probes during training: when they pay, their scene, their decisions, and the failure of a probe."""
 
 import copy
 import dataclasses
@@ -7,36 +7,30 @@ from typing import Any
 import pytest
 import torch
 
-from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
-from radiogs.effects.planner import Planner
-from radiogs.effects.probe import Occasion
-from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
-from radiogs.effects.staleness import decide_refresh
-from radiogs.effects.step_cost import Step
-from radiogs.effects.tolerance import Tolerance
+from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky
+from radiogs.effects.plans import LEAST_SAVED, Step, why_not_probed
+from radiogs.effects.probe_scene import ProbeScene
+from radiogs.effects.training import BEFORE, Planner
+from radiogs.incident_cache import IncidentCache
 from radiogs.invert import InverseRendering
+from radiogs.kept_light import KeptLight
 from radiogs.method import inverse_rendering
+from radiogs.model import Model
 from radiogs.rays import RaySettings
-from radiogs.settings import Variant
+from radiogs.settings import PRESETS, Budget, Variant
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
 from radiogs_core.learning.views import TrainingView, Whole
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import View
-from radiogs_core.transport.incident import unoccluded
+from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan
-from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.tracer import SurfelTracer, incident_along
-from radiogs_datasets.generate.solids import Box, Sphere
+from radiogs_core.transport.tracer import SurfelTracer
+from radiogs_datasets.generate.solids import Box
 from scenes import surfels_over
-from short_training import BUDGET, CPU, SCENE
+from short_training import BUDGET, CPU, PROBED, SCENE
 
-
-def test_a_probe_during_training_assesses_the_lobe_at_a_low_roughness() -> None:
-    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
-    assert (
-        Planner("auto", 0, 40, SAMPLES, RaySettings(), straight=True).scene(ball, sky(), (), 0).sharpest
-        == SHARP_ROUGHNESS
-    )
+AUTO = Variant(effects="auto")
 
 
 def test_the_work_of_a_step_follows_from_its_size() -> None:
@@ -44,27 +38,84 @@ def test_the_work_of_a_step_follows_from_its_size() -> None:
 
     All surfels are shaded once, and the drawn ones twice more, for both directions of L_rad; a ray blends four surfels.
     """
-    work = Step(100, 20, 8, 10).work(EffectPlan())
     rays = 8 * (20 + 100 / 10)
-    assert work == {
-        "rays": rays, "shaded_samples": 140 * 8, "lobes": 140 * 8, "coefficients": (140 + 4 * rays) * 16,
-        "surfels": 100,
+    assert Step(100, 20, 8, 10, pixels=50).work(EffectPlan()) == {
+        "rays": rays, "directions": rays, "compared": 8 * 20, "shaded_samples": 800, "lobes": 800,
+        "coefficients": (140 + 4 * rays) * 16, "surfels": 100, "pixels": 50,
     }  # fmt: skip
     assert Step(10, 20, 8, 10).work(EffectPlan())["rays"] == 8 * (10 + 1)
+    without = Step(100, 20, 8, 10).work(EffectPlan().without("indirect").without("visibility"))
+    assert (without["rays"], without["directions"]) == (0, 8 * 10)
 
 
-def planned(initialised: dict[str, Any]) -> InverseRendering:
-    return inverse_rendering(Run(SCENE, Variant(effects="auto"), BUDGET, 0, CPU), initialised)
+def why_not(budget: Budget, surfels: int, pixels: int = 96**2, **changes: Any) -> str | None:
+    variant = dataclasses.replace(AUTO, **changes)
+    return why_not_probed(variant, budget, Step.of(variant, budget, surfels, pixels), 2)
+
+
+def test_probes_pay_from_preset_small_on() -> None:
+    """With the surfels that training of ``convex`` ends stage 1 with, and its views."""
+    sizes = {"smoke": 400, "tiny": 5_900, "small": 18_700, "paper": 100_000}
+    pays = {name: why_not(PRESETS[name], surfels) is None for name, surfels in sizes.items()}
+    assert pays == {"smoke": False, "tiny": False, "small": True, "paper": True}
+
+
+def test_whether_probes_pay_follows_from_settings_and_not_from_names() -> None:
+    small = PRESETS["small"]
+    assert why_not(with_values(PRESETS["tiny"], {"inverse_iterations": 3000, "incident_samples": 128}), 5_900) is None
+    few = why_not(with_values(small, {"incident_samples": 8}), 18_700)
+    assert few is not None
+    assert f"from {100 * LEAST_SAVED:.0f} % on" in few
+    assert "less work" in (why_not(with_values(small, {"geometry.steps": 100_000}), 18_700) or "")
+    assert "less work" in (why_not(small, 18_700, pixels=4_000_000) or "")
+    assert "less work" in (why_not(small, 18_700, incident="precomputed") or "")
+    assert "probes would take" in (
+        why_not(with_values(small, {"geometry.steps": 100, "inverse_iterations": 300}), 18_700) or ""
+    )
+
+
+def planned(initialised: dict[str, Any], budget: Budget = PROBED) -> InverseRendering:
+    return inverse_rendering(Run(SCENE, AUTO, budget, 0, CPU), initialised)
+
+
+def test_where_probes_do_not_pay_auto_is_all_and_says_so(initialised: dict[str, Any]) -> None:
+    auto, full = planned(initialised, BUDGET), inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
+    for _ in range(12):
+        auto.step()
+        full.step()
+    assert all(torch.equal(value, full.optimiser.tensors[name]) for name, value in auto.optimiser.tensors.items())
+    (record,) = auto.model.evidence
+    assert (record["verdict"], record["measured"]) == ("on", None)
+    assert "no probe" in record["why"]
+    assert auto.model.plan == EffectPlan()
+
+
+def test_a_ball_that_needs_no_rays_is_trained_with_hardly_any(initialised: dict[str, Any]) -> None:
+    """The rays of the whole training follow from those of its first steps."""
+    planned_rays = {}
+    for effects in ("all", "auto"):
+        stage = inverse_rendering(Run(SCENE, Variant(effects=effects), PROBED, 0, CPU), initialised)
+        with recording() as first:
+            stage.step()
+        with recording() as more:
+            for _ in range(20):
+                stage.step()
+        planned_rays[effects] = first.work["rays"] + more.work["rays"] / 20 * PROBED.inverse_iterations
+    assert not stage.plan.traces
+    assert stage.planning.at == {0, PROBED.inverse_iterations // 2}
+    assert not more.work["node_visits"]
+    assert planned_rays["auto"] < 0.01 * planned_rays["all"]
 
 
 def test_a_failed_probe_turns_all_effects_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    stage.planner.plan = EffectPlan().without("indirect").without("visibility")
-    stage.initialised = copy.deepcopy(stage.initialised)
-    stage.initialised["surfels"]["sh"][:] = torch.nan
-    stage.step()
-    assert stage.planner.plan == EffectPlan()
-    assert "failed" in stage.planner.evidence[-1].why
+    stage.planning.initialised = copy.deepcopy(stage.planning.initialised)
+    stage.planning.initialised["surfels"]["sh"][:] = torch.nan
+    with recording() as instruments:
+        stage.step()
+    assert stage.plan == stage.cache.plan == EffectPlan()
+    assert "failed" in stage.planning.evidence[-1].why
+    assert instruments.work["rays"] > stage.cache.incident.weight.numel()
 
 
 def views_of(made: ProbeScene) -> list[TrainingView]:
@@ -76,9 +127,9 @@ def views_of(made: ProbeScene) -> list[TrainingView]:
     ]
 
 
-def without_rays() -> Planner:
+def without_rays(surfels: Surfels) -> Planner:
     """A planner that has left out all rays."""
-    planner = Planner("auto", 0, 30, SAMPLES, RaySettings(), straight=True)
+    planner = Planner(Run(SCENE, AUTO, PROBED, 0, CPU), {"surfels": surfels.parameters(), "initialised": {}})
     planner.plan = dataclasses.replace(EffectPlan().without("indirect").without("visibility"), kept=True)
     return planner
 
@@ -86,58 +137,48 @@ def without_rays() -> Planner:
 WALL = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
 
 
-def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
-    """A plan without rays was decided before a wall appeared."""
-    planner = without_rays()
-    surfels = surfels_over([FLOOR, WALL], 0.12)
-    assert planner.due(15)
-    changed = planner.observe(surfels, sky(), views_of(seen(surfels, sky())), step(surfels), 15)
-    assert changed
-    assert planner.plan.visibility
+def model_of(surfels: Surfels) -> Model:
+    return Model(surfels, sky().log())
+
+
+def cache_of(surfels: Surfels, kept: KeptLight) -> IncidentCache:
+    """A cache of surfels that keep this light."""
+    cache = IncidentCache(model_of(surfels), RaySettings(), AUTO, PROBED, torch.Generator(), BEFORE)
+    cache.kept = kept
+    return cache
 
 
 @pytest.mark.parametrize("moved", [False, True])
 def test_light_is_kept_as_long_as_rays_trace_the_same_light(moved: bool) -> None:
     """Kept light from before a wall appeared is dropped; kept light that contains the wall is as good as rays."""
-    planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
-    made = seen(surfels, sky())
-    direction, weight = hemisphere_directions(surfels.frame[..., 2], planner.samples, torch.Generator().manual_seed(3))
-    anew = incident_along(SurfelTracer(surfels), direction, weight)
-    light = unoccluded(direction, weight) if moved else anew
-    kept = KeptLight(torch.ones(len(surfels), dtype=torch.bool), light, anew)
-    changed = planner.observe(surfels, sky(), views_of(made), step(surfels), 15, kept=kept)
-    assert changed == moved
+    planner, tracer = without_rays(surfels), SurfelTracer(surfels)
+    kept = KeptLight.traced(tracer, torch.ones(len(surfels), dtype=torch.bool))
+    if moved:
+        kept = dataclasses.replace(kept, visibility=torch.ones_like(kept.visibility), radiance=0 * kept.radiance)
+    planner.observe(model_of(surfels), views_of(seen(surfels, sky())), 10_000, cache_of(surfels, kept))
     assert planner.plan.traces == moved
     assert planner.plan.kept or moved
 
 
-def test_a_probe_does_not_trace_surfels_with_kept_light() -> None:
+def test_a_probe_does_not_spread_rays_from_surfels_with_kept_light() -> None:
+    """It traces them as training does, and compares this light with the kept light along the same directions."""
     surfels = surfels_over([FLOOR, WALL], 0.12)
-    made = seen(surfels, sky())
-    direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
+    planner, tracer = without_rays(surfels), SurfelTracer(surfels)
     mask = torch.arange(len(surfels)) % 3 == 0
-    lit = unoccluded(direction[mask], weight[mask])
-    kept = KeptLight(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
+    planner.plan = EffectPlan(traced=~mask, kept=True)
+    kept = KeptLight.traced(tracer, mask)
+    cache = cache_of(surfels, dataclasses.replace(kept, visibility=0.5 + 0 * kept.visibility))
+    views = views_of(seen(surfels, sky()))
     with recording() as instruments:
-        found = Planner("auto", 0, 30, SAMPLES, RaySettings(), straight=True).scene(
-            surfels, sky(), views_of(made), 5, kept
-        )
-    assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
-    assert torch.equal(found.incident.direction[mask], direction[mask])
-    assert (found.incident.visibility[mask] == 0.5).all()
-    assert (found.untraced.visibility[mask] == 1).all()
+        found = planner.scene(model_of(surfels), views, 5, cache)
+    assert instruments.work["rays"] == len(surfels) * SAMPLES // 2
+    index = torch.nonzero(mask)[:, 0]
+    now = tracer.incident(index, found.incident.direction[mask], found.incident.weight[mask])
+    assert torch.equal(found.incident.visibility[mask], now.visibility)
+    assert (found.untraced.visibility[mask] == 0.5).all()
+    assert not (found.untraced.visibility[~mask] == 0.5).any()
     assert found.incident.radiance[~mask].any()
-
-
-def test_a_fresh_cache_is_refreshed_less_often_and_a_stale_one_more_often() -> None:
-    tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
-    still = 1e-9 * torch.rand(200)
-    factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)
-    assert (factor, record.verdict) == (2, "off")
-    moving = 1e-2 * torch.rand(200)
-    factor, record = decide_refresh(moving, tolerance, budgeted, Occasion(0, 20, EffectPlan(refresh=2)), 1e-3)
-    assert (factor, record.verdict) == (1, "on")
 
 
 @pytest.mark.slow
@@ -148,8 +189,8 @@ def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does
     """The back of the sheet occludes the sky for the floor; rays of the released code pass through it."""
     deviations = ("hemisphere-floor", "one-sided-rays", "premultiplied-encoding") if released else ()
     variant = Variant(effects="auto", deviations=deviations)
-    stage = inverse_rendering(Run(SCENE, variant, BUDGET, 0, CPU), initialised)
-    made = stage.planner.scene(sheet(), sky(), stage.views, 0)
+    stage = inverse_rendering(Run(SCENE, variant, PROBED, 0, CPU), initialised)
+    made = stage.planning.scene(model_of(sheet()), stage.views, 0, stage.cache)
     assert made.straight != released
     assert bool((hidden(made) < 0.01).all() if released else (hidden(made) > 0.25).all())
     cosine = (made.incident.direction * made.surfels.frame[:, None, :, 2]).sum(-1)
