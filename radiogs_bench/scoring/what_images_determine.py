@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -69,22 +68,22 @@ def determined(
     require(method, model, Varying, "varying()")
     with calling(method, "values of varying()"):
         values = dict(model.values)
-    covered = [int((coverage(view)[..., 0] > 0).sum()) for view in views]
-    seen = [Seen(view.name, truth(view, "image").double(), pixels) for view, pixels in zip(views, covered, strict=True)]
     found: dict[str, Determined] = {}
     for quantity in (name for name in QUANTITIES if name in values):
         shown, errors = [], []
         for amount in (0.0, STEPS[quantity], -STEPS[quantity]):
             with calling(method, f"images() with {quantity} changed by {amount:g}"):
                 shown.append(list(model.images(quantity, amount)))
-            errors.append(_errors(method, shown[-1], seen))
+            errors.append(_errors(method, shown[-1], views))
             still_there()
         held = from_errors(values[quantity], STEPS[quantity], *errors)
         if isinstance(model, VaryingFreely):
             rise = held["rise"]
             if rise > HALF_A_LEVEL:
                 with calling(method, f"nuisance() of {quantity}"):
-                    rise = min(rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(seen)))
+                    rise = min(
+                        rise, free_rise(model.nuisance(quantity), STEPS[quantity], shown, Comparison.over(views))
+                    )
                 if not math.isfinite(rise):
                     raise NumericalFailure(f"{method} showed an image that is not finite, with {quantity} changed")
                 still_there()
@@ -97,16 +96,6 @@ Images = Sequence[Float[Tensor, "height width 3"]]
 """One image of each view, display sRGB."""
 
 
-class Seen(NamedTuple):
-    """The truth of a view."""
-
-    name: str
-    image: Float[Tensor, "height width 3"]
-    """The training image on black, display sRGB, float64."""
-    covered: int
-    """Number of pixels that the object covers."""
-
-
 @dataclass(frozen=True)
 class Comparison:
     """The norm by which changes of images count: squared, the change per covered pixel, mean over views."""
@@ -117,10 +106,11 @@ class Comparison:
     """Height and width of each view."""
 
     @classmethod
-    def over(cls, views: Sequence[Seen]) -> "Comparison":
+    def over(cls, views: Sequence[View]) -> "Comparison":
         """The norm for images of these views."""
-        weights = [(max(1, view.covered) * len(views) * 3) ** -0.5 for view in views]
-        return cls(weights, [(view.image.shape[0], view.image.shape[1]) for view in views])
+        covered = [float((coverage(view)[..., 0] > 0).sum().clamp(min=1)) for view in views]
+        sizes = [(view.camera.height, view.camera.width) for view in views]
+        return cls([(each * len(views) * 3) ** -0.5 for each in covered], sizes)
 
     def vector(self, images: Images) -> Float[Tensor, " values"]:
         """All weighted values as one vector."""
@@ -245,14 +235,16 @@ def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
     return [views[index * len(views) // most] for index in range(most)] if len(views) > most else views
 
 
-def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[Seen]) -> list[float]:
-    given, sizes = ([tuple(each.shape) for each in every] for every in (images, [view.image for view in views]))
+def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[View]) -> list[float]:
+    sizes = [(view.camera.height, view.camera.width, 3) for view in views]
+    given = [tuple(image.shape) for image in images]
     if given != sizes:
         raise refused(method, f"images() gave images of {given}", f"The cameras ask for {sizes}.")
     found = []
     for image, view in zip(images, views, strict=True):
-        error = (image.detach().cpu().double() - view.image).square().mean(-1)
-        found.append(float(error.sum() / max(1, view.covered)))
+        error = (image.detach().cpu().double() - truth(view, "image").double()).square().mean(-1)
+        covered = coverage(view)[..., 0] > 0
+        found.append(float(error.sum() / covered.sum().clamp(min=1)))
         if not math.isfinite(found[-1]):
             raise NumericalFailure(f"{method} showed an image that is not finite, of view '{view.name}'")
     return found
