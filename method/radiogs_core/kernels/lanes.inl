@@ -219,16 +219,19 @@ auto sum_of = [](const SCALAR* lanes) -> SCALAR {
 // sums[i] becomes the sum of the lanes of rows[i], for 16 rows of LANES = 16 numbers: each step folds pairs of rows
 // into one that holds half as many partial sums of each, and the last row holds all sums in their order.
 auto sums_of = [](Lanes* rows, SCALAR* sums) {
+#pragma unroll
     for (int i = 0; i < 8; ++i) {
         const Lanes a = rows[2 * i], b = rows[2 * i + 1];
         rows[i] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23)
             + __builtin_shufflevector(a, b, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
     }
+#pragma unroll
     for (int i = 0; i < 4; ++i) {
         const Lanes a = rows[2 * i], b = rows[2 * i + 1];
         rows[i] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27)
             + __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
     }
+#pragma unroll
     for (int i = 0; i < 2; ++i) {
         const Lanes a = rows[2 * i], b = rows[2 * i + 1];
         rows[i] = __builtin_shufflevector(a, b, 0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 20, 21, 24, 25, 28, 29)
@@ -237,7 +240,7 @@ auto sums_of = [](Lanes* rows, SCALAR* sums) {
     const Lanes a = rows[0], b = rows[1];
     const Lanes all = __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30)
         + __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-    for (int i = 0; i < LANES; ++i) sums[i] = all[i];
+    memcpy(sums, &all, sizeof(all));
 };
 
 // ---- half_warp

@@ -166,6 +166,7 @@ for (int entry = begin; entry < last; ++entry) {
     SCALAR* to_record = grad_records.data + RECORD * (long long)member;
     SCALAR* to_feature = grad_features.data + CHANNELS * (long long)member;
     SCALAR total[ROWS];
+#pragma unroll
     for (int row = 0; row < ROWS; row += LANES) sums_of(by + row, total + row);
     for (int i = 0; i < RECORD - 1; ++i) to_record[i] += total[i];
     for (int k = 0; k < CHANNELS; ++k) to_feature[k] += total[RECORD - 1 + k];
