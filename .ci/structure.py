@@ -49,9 +49,9 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 492,
     "lines of radiogs_reports": 8_498, "functions of radiogs_reports": 511,
     "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_406,
-    "lines of kernels' C++": 3_820,
+    "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_325,
-    "lines of tests": 59_519,
+    "lines of tests": 59_520,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""
