@@ -44,7 +44,7 @@ LIMITS: Mapping[str, int] = {
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
     "lines of radiogs_core": 12_400, "functions of radiogs_core": 741,
-    "lines of radiogs": 4_990, "functions of radiogs": 271,
+    "lines of radiogs": 4_989, "functions of radiogs": 271,
     "lines of radiogs_datasets": 11_412, "functions of radiogs_datasets": 638,
     "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 492,
     "lines of radiogs_reports": 8_498, "functions of radiogs_reports": 511,
