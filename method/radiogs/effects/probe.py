@@ -86,7 +86,7 @@ def probe(
     level = sidak(LEVEL, 2 * len(effects) * PROBES)
     assessment = Assessment(scene, step, occasion, level, decibel, mse)
     decisions = {effect: decided_about(effect, assessment) for effect in effects}
-    chosen = {effect: each.plan for effect, each in decisions.items() if each.verdict != "on"}
+    chosen = {effect: each for effect, each in decisions.items() if each.verdict != "on"}
     whole, left_out = accepted_plan(assessment, chosen)
     for effect in chosen.keys() - set(left_out):
         why = "it passes if left out alone, but not together with others"
@@ -123,19 +123,21 @@ def decided_about(effect: str, assessment: "Assessment") -> Decision:
     return decision
 
 
-def accepted_plan(assessment: "Assessment", chosen: Mapping[str, EffectPlan]) -> tuple[Decision, list[str]]:
+def accepted_plan(assessment: "Assessment", chosen: Mapping[str, Decision]) -> tuple[Decision, list[str]]:
     """The decision about the accepted plan, and the effects that it leaves out.
 
     It combines all chosen plans, if the combination passes; if not, the plan that saves least is dropped, and so on.
     Effects interact: without indirect light, rays that some surfels keep for it only darken them.
     """
-    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect]))
-    while left:
-        plan = combined(chosen[effect] for effect in left)
+    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect].plan))
+    while len(left) > 1:
+        plan = combined(chosen[effect].plan for effect in left)
         found = assessment.decided(plan, assessment.measure("plan", [plan])[0])
         if found.verdict == "off":
             return found, left
         left.pop()
+    if left:
+        return replace(chosen[left[0]], verdict="off"), left
     return Decision(EffectPlan(), "on", "nothing is left out", None), left
 
 

@@ -31,9 +31,6 @@ from .probe_scene import PROBE_VIEWS, ProbeRays, ProbeScene, ProbeView, Viewpoin
 DIRECTIONS = 16
 """Largest number of directions that a probe traces from every surfel; it is at most half of training's."""
 
-IN_TRAINING = ("visibility",)
-"""Effects that a probe decides about in training: no other one takes so much of a step that probing it pays."""
-
 BEFORE = EffectPlan(visibility=False, indirect=False, kept=True)
 """The plan until the first probe, which comes before the first step: no ray is traced in vain."""
 
@@ -83,7 +80,7 @@ class Planner:
         before = self.plan
         occasion = Occasion(1_000_003 * (self.seed + 1) + iteration, iteration, before if iteration else EffectPlan())
         try:
-            findings = probe(self.scene(model, views, occasion.seed, cache), self.step, occasion, IN_TRAINING)
+            findings = probe(self.scene(model, views, occasion.seed, cache), self.step, occasion, ("visibility",))
         except NumericalFailure as failure:
             self.plan = EffectPlan()
             why = f"the probe failed: {failure.what}"

@@ -226,7 +226,7 @@ def test_the_facts_have_the_largest_bounds_of_all_whole_plans(
 ) -> None:
     def evidence(effect: str, bound: float | None) -> dict[str, Any]:
         measured = None if bound is None else {"bound": bound, "worst": 2 * bound}
-        return {"effect": effect, "why": "because", "measured": measured}
+        return {"effect": effect, "why": "", "measured": measured}
 
     model, run = inverse(initialised).model, Run(KNOWN, Variant(), BUDGET, 0, CPU)
     assert TrainedRadioGS(model, run).facts()["metrics"] == {"plan/bound": 0.0, "plan/worst": 0.0}

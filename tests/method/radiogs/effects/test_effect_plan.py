@@ -6,6 +6,7 @@ from unittest.mock import Mock
 
 import pytest
 import torch
+from torch.nn.functional import normalize
 
 from radiogs import kept_light
 from radiogs.effects.plans import Step
@@ -135,14 +136,14 @@ def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: di
 
 
 def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
-    middle = torch.nn.functional.normalize(middles(torch.zeros(0)), dim=-1)
+    middle = normalize(middles(torch.zeros(0)), dim=-1)
     assert bool((middle[:, 2] > 0).all())
     assert torch.equal(cells(middle), torch.arange(CELLS**2))
     below = torch.tensor([[0.6, 0.0, -0.8], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     assert bool((cells(below) < CELLS**2).all())
     assert torch.equal(cells(below[:1]), cells(torch.tensor([[1.0, 0.0, 0.0]])))
     drawn = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(0))
-    drawn = torch.nn.functional.normalize(torch.cat([drawn[:, :2], drawn[:, 2:].abs()], -1), dim=-1)
+    drawn = normalize(torch.cat([drawn[:, :2], drawn[:, 2:].abs()], -1), dim=-1)
     apart = (drawn * middle[cells(drawn)]).sum(-1).clamp(max=1).acos().rad2deg()
     assert float(apart.max()) < 10
     # Cells share the hemisphere by their solid angles: so many of the random directions fall into each.
@@ -156,14 +157,10 @@ def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
 
 def is_kept(now: Incident, kept: KeptLight, index: torch.Tensor) -> bool:
     """Whether surfels at ``index`` have, along each direction, V and L_ind of the cell that it falls into."""
-    for number, surfel in enumerate(index.tolist()):
-        row = int(kept.row[surfel])
-        cell = cells(now.direction[number] @ kept.frame[row])
-        if not torch.equal(now.visibility[number], kept.visibility[row][cell]):
-            return False
-        if not torch.equal(now.radiance[number], kept.radiance[row][cell]):
-            return False
-    return True
+    row = kept.row[index]
+    cell = cells(now.direction @ kept.frame[row])
+    same = torch.equal(now.visibility, kept.visibility[row[:, None], cell])
+    return same and torch.equal(now.radiance, kept.radiance[row[:, None], cell])
 
 
 def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_refresh_draws_anew(

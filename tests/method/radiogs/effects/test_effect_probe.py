@@ -137,11 +137,8 @@ def test_the_image_gradient_reaches_visible_surfels_alone() -> None:
 def test_effects_that_save_least_return_if_the_combination_costs_too_much(refused: set[str]) -> None:
     """The assessment refuses a plan that leaves out all of ``refused``; each effect alone passes."""
     local = EffectPlan(traced=torch.arange(100) < 30)
-    chosen = {
-        "visibility": local,
-        "indirect": EffectPlan().without("indirect"),
-        "samples": EffectPlan().without("samples"),
-    }
+    without = {name: EffectPlan().without(name) for name in ("indirect", "samples")}
+    chosen = {name: Decision(plan, "off", "", None) for name, plan in {"visibility": local, **without}.items()}
 
     class TogetherTooMuch(Assessment):
         def __init__(self) -> None:
