@@ -225,8 +225,7 @@ def test_the_facts_have_the_largest_bounds_of_all_whole_plans(
     initialised: dict[str, Any],
 ) -> None:
     def evidence(effect: str, bound: float | None) -> dict[str, Any]:
-        measured = None if bound is None else {"bound": bound, "worst": 2 * bound}
-        return {"effect": effect, "why": "", "measured": measured}
+        return {"effect": effect, "why": "", "measured": bound and {"bound": bound, "worst": 2 * bound}}
 
     model, run = inverse(initialised).model, Run(KNOWN, Variant(), BUDGET, 0, CPU)
     assert TrainedRadioGS(model, run).facts()["metrics"] == {"plan/bound": 0.0, "plan/worst": 0.0}

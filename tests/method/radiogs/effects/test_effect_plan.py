@@ -231,6 +231,9 @@ def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: di
         assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
         if not plan.traced[surfel]:
             assert is_kept(light.of(torch.tensor([row])), stage.cache.kept, torch.tensor([surfel]))
+    again = decided(initialised, NO_RAYS)
+    again.restore(stage.state())
+    assert torch.equal(again.cache.plan.traced, plan.traced)
 
 
 @pytest.mark.slow
