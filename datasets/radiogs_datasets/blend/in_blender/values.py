@@ -8,6 +8,9 @@ Scalar = Any
 Colour = Any
 """Three numbers, or the output socket of a colour or vector."""
 
+COLOURS = ("albedo",)
+"""Outputs of the renderer that are colours; the others are numbers."""
+
 
 class Arithmetic:
     """Expressions in one node tree."""
@@ -61,7 +64,7 @@ class Arithmetic:
         """Make a value an output of the renderer (an AOV), which ``declare`` has declared."""
         node = self.tree.nodes.new("ShaderNodeOutputAOV")
         node.aov_name = name
-        self._give(node.inputs["Color" if self._is_colour(value) else "Value"], value)
+        self._give(node.inputs["Color" if name in COLOURS else "Value"], value)
 
     def _is_colour(self, value: Scalar | Colour) -> bool:
         return isinstance(value, tuple) or (not isinstance(value, float) and value.type in ("RGBA", "VECTOR"))
