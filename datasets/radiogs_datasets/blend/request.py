@@ -19,7 +19,8 @@ class Request:
     """A .blend file, and how it is rendered.
 
     ``cameras``: "published", "fit" (``cameras``), or a folder with transforms files; ``train`` and ``test`` count the
-    views of the first two. ``size``: pixels a side; ``samples`` a pixel; ``bounces`` after the first surface.
+    views of the first two. ``size``: pixels a side; ``samples`` a pixel, of test views ``test_samples`` (0: as many); ``bounces`` after the
+    first surface.
     ``lights``: a folder of .hdr and .exr maps (lat-long, Z up, linear), of which ``training_light`` (a file's name
     without its ending; None: "training", or else the first in order) lights the training views, and the others the
     relit ones.
@@ -34,6 +35,7 @@ class Request:
     test: int = 20
     size: int = 400
     samples: int = 256
+    test_samples: int = 0
     bounces: int = 12
     seed: int = 0
     device: str = "cpu"

@@ -53,7 +53,7 @@ class Studio:
             camera=shot.opengl(),
             field_of_view=shot.field_of_view,
             size=request.size,
-            samples=request.samples,
+            samples=(shot.split == "test" and request.test_samples) or request.samples,
             bounces=request.bounces if bounces is None else bounces,
             seed=(request.seed * 1_000_000_007 + number) % SEEDS,
             distance=shot.distance,

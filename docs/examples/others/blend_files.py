@@ -250,13 +250,15 @@ def leather(dark: tuple[float, float, float], light: tuple[float, float, float],
     return nodes.principled(base, nodes.ranged(nodes.noise(6.0), rough, rough + 0.25, 0.3, 0.7), coat=coat)
 
 
-def enamel(first: tuple[float, float, float], second: tuple[float, float, float], scale: float) -> Any:
+def enamel(
+    first: tuple[float, float, float], second: tuple[float, float, float], scale: float, rough: float = 0.15
+) -> Any:
     """A glaze that runs from one colour to another, with blotches and a varying gloss."""
     nodes = Nodes("enamel")
     run = nodes.between(nodes.along(2, 0.05, 0.75), first, second)
     spots = nodes.ranged(nodes.cells(scale), 0.7, 0.0, 0.15, 0.45)
     base = nodes.between(spots, run, (0.86, 0.83, 0.78))
-    return nodes.principled(base, nodes.ranged(nodes.noise(3.0), 0.15, 0.5, 0.35, 0.65))
+    return nodes.principled(base, nodes.ranged(nodes.noise(3.0), rough, rough + 0.35, 0.35, 0.65))
 
 
 def sand() -> Any:
@@ -273,15 +275,17 @@ def painted_limestone() -> Any:
                        (0.42, (0.58, 0.33, 0.2)), (0.62, (0.52, 0.27, 0.16)), (0.72, (0.07, 0.12, 0.24)),
                        (1.0, (0.1, 0.2, 0.33)))  # fmt: skip
     worn = nodes.between(nodes.ranged(nodes.noise(3.5, 8.0), 0.0, 1.0, 0.5, 0.68), paint, (0.68, 0.62, 0.52))
-    base = nodes.between(nodes.cavities(0.47, 0.503), (0.16, 0.12, 0.09), worn)
+    base = nodes.between(nodes.cavities(0.485, 0.503), (0.16, 0.12, 0.09), worn)
     return nodes.principled(base, nodes.ranged(nodes.noise(2.4, seed=5.0), 0.35, 0.8, 0.35, 0.65))
 
 
-def marble(white: tuple[float, float, float], vein: tuple[float, float, float], rough: float) -> Any:
+def marble(
+    white: tuple[float, float, float], vein: tuple[float, float, float], rough: float, scale: float = 1.6
+) -> Any:
     """Polished stone with bent veins and soft clouds, dirt in cavities."""
     nodes = Nodes("marble")
     clouds = nodes.between(nodes.noise(1.4), white, tuple(0.86 * each for each in white))
-    veined = nodes.between(nodes.ranged(nodes.veins(1.6, 12.0), 0.0, 0.85, 0.78, 1.0), clouds, vein)
+    veined = nodes.between(nodes.ranged(nodes.veins(scale, 12.0), 0.0, 0.85, 0.6, 1.0), clouds, vein)
     base = nodes.between(nodes.cavities(0.44, 0.495), tuple(0.35 * each for each in white), veined)
     return nodes.principled(base, nodes.ranged(nodes.noise(2.0, seed=1.0), rough, rough + 0.3, 0.35, 0.65))
 
@@ -291,7 +295,7 @@ def terracotta() -> Any:
     nodes = Nodes("terracotta")
     clay = nodes.between(nodes.noise(3.0, 6.0), (0.44, 0.18, 0.09), (0.6, 0.31, 0.18))
     lime = nodes.between(nodes.ranged(nodes.noise(5.0, 8.0, seed=4.0), 0.0, 0.8, 0.55, 0.75), clay, (0.66, 0.6, 0.52))
-    return nodes.principled(nodes.between(nodes.cavities(0.47, 0.503), (0.09, 0.06, 0.05), lime), 0.75)
+    return nodes.principled(nodes.between(nodes.cavities(0.485, 0.503), (0.09, 0.06, 0.05), lime), 0.75)
 
 
 def horn_and_bone() -> Any:
@@ -375,8 +379,8 @@ def still_life(stage: Stage) -> None:
 
 def grotto(stage: Stage) -> None:
     """A fish in a deep basin of veined marble: much of its light comes from the basin."""
-    stage.basin(marble((0.88, 0.86, 0.84), (0.42, 0.3, 0.26), 0.35), 1.3, 0.1, (0, 0, 0.25))
-    stage.scan("fish", enamel((0.55, 0.13, 0.05), (0.75, 0.55, 0.2), 5.0), 1.5, (0, 0, -0.6), (0, -25, 40))
+    stage.basin(marble((0.88, 0.86, 0.84), (0.5, 0.37, 0.31), 0.6, 0.6), 1.3, 0.1, (0, 0, 0.25))
+    stage.scan("fish", enamel((0.55, 0.13, 0.05), (0.75, 0.55, 0.2), 5.0, 0.45), 1.5, (0, 0, -0.6), (0, -25, 40))
 
 
 def hammer(stage: Stage) -> None:

@@ -1,7 +1,7 @@
 """The set ``others``: ten scenes that this project's generator did not think of, rendered by Blender Cycles.
 
     pip install "radiogs-bench[blend]"
-    python docs/examples/others/make.py MESHES LIGHTS OUT [SCENE ...] [--size N] [--samples N] [--workers N]
+    python docs/examples/others/make.py MESHES LIGHTS OUT [SCENE ...] [--size N] [--workers N]
 
 MESHES: a folder of odedstein/meshes (commit 8352132). LIGHTS: city.hdr, studio.hdr, sunset.hdr and forest.hdr of
 pmndrs/assets (commit d8709a9), which are from Poly Haven. OUT gets a folder a scene and ``lights``, whose maps all
@@ -69,7 +69,8 @@ SUNS: Mapping[str, Sun] = {
 class Plan:
     """How a scene is seen and lit, and what is told of it.
 
-    lights: maps and columns of turning, the training light's first. azimuth, elevation: where cameras stand, degrees.
+    lights: maps and columns of turning, the training light's first. samples: a pixel, of training and of test views.
+    azimuth, elevation: where cameras stand, degrees.
     """
 
     purpose: str
@@ -77,6 +78,7 @@ class Plan:
     choices: str
     lights: Mapping[str, int]
     meshes: tuple[str, ...]
+    samples: tuple[int, int]
     azimuth: tuple[float, float] = (0.0, 360.0)
     elevation: tuple[float, float] = (8.0, 70.0)
     not_represented: str = ""
@@ -89,43 +91,43 @@ SUNNY, SOFT, BEFORE_WALLS = "scans under a sun", "scans under soft light", "scan
 PLANS: Mapping[str, Plan] = {
     "spot": Plan(
         "a model of a cow with blotches and mud on a meadow, under a sun of two degrees", SUNNY, TUNED,
-        {"forest_sun": 40, "city": 100, "sunset": 300}, ("spot",),
+        {"forest_sun": 40, "city": 100, "sunset": 300}, ("spot",), (192, 384),
     ),
     "workbench": Plan(
         "a scanned boot and hammer on a table before a wall, by studio lamps, from the front", BEFORE_WALLS, TUNED,
-        {"studio": 174, "city_sun": 28, "sunset": 461}, ("boot", "hammer"), FRONT, LOW,
+        {"studio": 174, "city_sun": 28, "sunset": 461}, ("boot", "hammer"), (256, 512), FRONT, LOW,
     ),
     "shoal": Plan(
         "three glazed fish that shade one another, under a sun of 0.7 degrees", SUNNY, TUNED,
-        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",),
+        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",), (256, 512),
     ),
     "boot": Plan(
         "a scanned boot whose leather has a clear coat, at sunset", SOFT, TUNED,
-        {"sunset": 120, "studio": 400, "city": 330}, ("boot",), not_represented="a clear coat",
+        {"sunset": 120, "studio": 400, "city": 330}, ("boot",), (128, 384), not_represented="a clear coat",
     ),
     "nefertiti": Plan(
         "a scanned bust with worn paint, under a cloudy sky", SOFT, REPORTED,
-        {"city": 0, "sunset_sun": 210, "studio": 120}, ("nefertiti",),
+        {"city": 0, "sunset_sun": 210, "studio": 120}, ("nefertiti",), (128, 384),
     ),
     "orators": Plan(
         "two scanned busts that shade one another, before a sun of five degrees in haze", SUNNY, REPORTED,
-        {"sunset_sun": 130, "city": 400, "forest": 250}, ("demosthenes", "nefertiti"),
+        {"sunset_sun": 130, "city": 400, "forest": 250}, ("demosthenes", "nefertiti"), (192, 512),
     ),
     "trophy": Plan(
         "a goat's head on an off-white wall, under a sun of two degrees, from the front", BEFORE_WALLS, REPORTED,
-        {"forest_sun": 101, "studio": 82, "sunset": 446}, ("goathead",), FRONT, LOW,
+        {"forest_sun": 101, "studio": 82, "sunset": 446}, ("goathead",), (192, 512), FRONT, LOW,
     ),
     "still_life": Plan(
         "three objects on a table with a wall, by studio lamps, from one side", "still life with a wall", REPORTED,
-        {"studio": 96, "forest_sun": 115, "sunset": 432}, ("boot", "fish", "spot"), (-75.0, 75.0), (5.0, 60.0),
+        {"studio": 96, "forest_sun": 115, "sunset": 432}, ("boot", "fish", "spot"), (384, 640), (-75.0, 75.0), (5.0, 60.0),
     ),
     "grotto": Plan(
         "a fish in a deep basin of veined marble, under a sun of 0.7 degrees", "hollow of stone", REPORTED,
-        {"city_sun": 20, "sunset": 350, "forest": 130}, ("fish",), elevation=(30.0, 78.0),
+        {"city_sun": 20, "sunset": 350, "forest": 130}, ("fish",), (192, 768), elevation=(30.0, 78.0),
     ),
     "hammer": Plan(
         "a scanned hammer with a head of steel, at sunset", "scan with metal", REPORTED,
-        {"sunset": 400, "forest_sun": 60, "city": 200}, ("hammer",), not_represented="a metallic part",
+        {"sunset": 400, "forest_sun": 60, "city": 200}, ("hammer",), (128, 384), not_represented="a metallic part",
     ),
 }  # fmt: skip
 
@@ -152,7 +154,6 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("scenes", nargs="*", help=", ".join(PLANS))
     parser.add_argument("--size", type=int, default=96)
-    parser.add_argument("--samples", type=int, default=512)
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args()
     write_maps(given.lights, given.out / "lights")
@@ -213,7 +214,7 @@ def make(name: str, given: argparse.Namespace) -> None:
             write_hdr(files / "lights" / f"{role}.hdr", np.roll(read_hdr(given.out / "lights" / f"{light}.hdr"), turned, 1))
         write_cameras(plan, given.size, files)
         request = Request(file=files / f"{name}.blend", lights=files / "lights", cameras=str(files), size=given.size,
-                          samples=given.samples, bounces=32)  # fmt: skip
+                          samples=plan.samples[0], test_samples=plan.samples[1], bounces=32)  # fmt: skip
         write_scene(request, folder, given.workers, 1, lambda done, total: print(name, done, total, flush=True))
     finish(folder, plan)
 
