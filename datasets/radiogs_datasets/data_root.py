@@ -9,15 +9,17 @@ from radiogs_core.errors import DataError
 
 DATA_VARIABLE = "RADIOGS_BENCH_DATA"
 
-TINY = Path(__file__).parent / "tiny"
+TINY, OTHERS = Path(__file__).parent / "tiny", Path(__file__).parent / "others"
+"""Sets of scenes that come with the package: path-traced by its own generator, and made by other hands."""
 
 DEEPEST = 3
 """Folders that may lie between a data set's and a scene's."""
 
 
-def scene_names() -> tuple[str, ...]:
-    """Names of the miniatures that come with the package."""
-    return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
+def scene_names(*sets: Path) -> tuple[str, ...]:
+    """Names of the scenes in some sets that come with the package; in TINY and OTHERS, if none is given."""
+    folders = [path for each in sets or (TINY, OTHERS) for path in each.iterdir()]
+    return tuple(sorted(path.name for path in folders if (path / "transforms_train.json").is_file()))
 
 
 def data_root() -> Path | None:

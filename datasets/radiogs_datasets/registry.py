@@ -9,7 +9,7 @@ from radiogs_core.errors import DataError, UsageError, did_you_mean, unknown
 from radiogs_core.scene.scene import Scene
 
 from .bounded_reading import printable
-from .data_root import TINY, below, below_root, data_root, in_data_sets, scene_names
+from .data_root import OTHERS, TINY, below, below_root, data_root, in_data_sets, scene_names
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
@@ -65,7 +65,7 @@ def known_names() -> tuple[str, ...]:
 
 def comes_with_package(folder: Path) -> bool:
     """Whether a scene's folder is one of those that are committed with the package."""
-    return folder.parent in (TINY, FORWARD)
+    return folder.parent in (TINY, OTHERS, FORWARD)
 
 
 def scene_kind(name_or_path: str) -> str | None:
@@ -92,7 +92,7 @@ def _stated(name_or_path: str, key: str) -> str | None:
 
 def scene_folder(name_or_path: str) -> Path:
     """Where a scene is. Raises DataError for what is neither a miniature nor a folder."""
-    for room in (TINY, FORWARD):
+    for room in (TINY, OTHERS, FORWARD):
         if name_or_path in (*scene_names(), *forward_names()) and (room / name_or_path).is_dir():
             return room / name_or_path
     folder = located(name_or_path)

@@ -3,7 +3,7 @@
 docs/baselines.md says what was measured, and what each ablation stands for.
 """
 
-from .suite import Row, Suite, metrics
+from .suite import JUDGED, Row, Suite, metrics
 
 OURS = Row("ours", "Ours", "RadioGS", {})
 RECOMMENDED = Row("recommended", "Ours (recommended)", "RadioGS (recommended)", recipe="recommended")
@@ -28,7 +28,7 @@ BASELINES = Suite(
         "nvs/psnr,ssim,lpips", "normal/mae", "albedo/psnr,ssim,lpips", "relight/psnr,ssim,lpips", "roughness/mse",
         "indirect/psnr", "environment/error_scaled", "render/ms", "training/megabytes",
     ),
-    scenes=("corner", "bowl", "convex", "red_white"),
+    scenes=JUDGED,
     recipe="printed",
 )  # fmt: skip
 

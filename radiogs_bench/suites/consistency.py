@@ -5,10 +5,7 @@ from typing import Any
 
 from .own import EVERY_PART
 from .paper import ABLATIONS
-from .suite import Row, Suite, metrics
-
-SCENES = ("corner", "front_plain", "lamps")
-"""Three kinds with much indirect light."""
+from .suite import JUDGED, Row, Suite, metrics
 
 PRINTED, RECOMMENDED = "printed", "recommended"
 
@@ -104,7 +101,7 @@ DEPARTURES = Suite(
     reference=PRINTED,
     rows=_departures(),
     columns=EVERY_PART,
-    scenes=SCENES,
+    scenes=JUDGED,
 )
 """Every row has the changes of all rows above it; the last one is the recipe ``recommended``."""
 
@@ -157,7 +154,7 @@ RIVALS = Suite(
         ),
     ),
     columns=EVERY_PART,
-    scenes=SCENES,
+    scenes=JUDGED,
 )  # fmt: skip
 """The paths to a right light, a right estimator and a right roughness, each with and without L_rad, from both
 recipes."""
@@ -181,7 +178,7 @@ CONSISTENCY_LENGTH = Suite(
         for name, factor in LENGTHS.items()
     ),
     columns=EVERY_PART,
-    scenes=SCENES,
+    scenes=JUDGED,
 )  # fmt: skip
 """Four curves for each scene: both recipes, with and without L_rad."""
 
@@ -192,8 +189,9 @@ CLOSED = Suite(
     reference="ours",
     rows=ABLATIONS.rows[:2],
     columns=(*EVERY_PART, *metrics("environment/error", "scale/factor")),
-    scenes=ABLATIONS.scenes,
+    scenes=("bowl", "front_patterned", "front_plain", "niche", "knot", "lamps", "corner", "crowd"),
     recipe=PRINTED,
 )
-"""With and without L_rad. At the paper's length (``--set inverse_iterations=20000``) the length rule's factor is 1.
-With ``--set materials.rates.length_power=0`` it is 1 at every length: then length and rates are told apart."""
+"""With and without L_rad, on the eight scenes of this project with the largest shares of indirect light. At the
+paper's length (``--set inverse_iterations=20000``) the length rule's factor is 1. With
+``--set materials.rates.length_power=0`` it is 1 at every length: then length and rates are told apart."""

@@ -6,7 +6,7 @@ from radiogs_core.capabilities import PARTS, Part
 from radiogs_core.transport.plan import EFFECTS
 
 from .experiment import AUDIT, COST
-from .suite import Row, Suite, metrics
+from .suite import JUDGED, Row, Suite, metrics
 
 EVERY_PART = metrics(
     "nvs/psnr", "normal/mae", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr",
@@ -96,6 +96,7 @@ COST_OF_ACCURACY = Suite(
     columns=metrics(
         "nvs/psnr", "normal/mae", "albedo/psnr", "relight/psnr", "indirect/psnr", "render/ms", "training/megabytes"
     ),
+    scenes=JUDGED,
     experiment=COST,
 )  # fmt: skip
 """Knobs of both stages and of relighting, one at a time. The search for the light has none: one row leaves it out. The
@@ -114,9 +115,9 @@ LENGTH = Suite(
         for name, factor in (("1", 1.0), ("2-5", 2.5), ("5", 5.0), ("10", 10.0))
     ),
     columns=EVERY_PART,
-    scenes=("corner", "front_plain", "front_patterned", "glossware", "crowd", "lamps", "sculpture"),
+    scenes=("front_patterned", "crowd", "lamps", "nefertiti", "trophy", "grotto"),
 )  # fmt: skip
-"""The preset's steps, and up to ten times as many, on a scene of each kind."""
+"""The preset's steps, and up to ten times as many, on scenes of six kinds; three are by other hands."""
 
 
 def _all_but(*left_out: str) -> dict[str, tuple[str, ...]]:

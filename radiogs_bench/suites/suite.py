@@ -126,6 +126,10 @@ class Row:
     """Values that take the place of the preset's numbers, by dotted names; the factors multiply them."""
 
 
+JUDGED = ("front_patterned", "lamps", "still_life", "orators")
+"""Scenes of four kinds on which no setting was chosen; two are by other hands."""
+
+
 @dataclass(frozen=True)
 class Suite:
     """A table: rows by columns over scenes and seeds."""

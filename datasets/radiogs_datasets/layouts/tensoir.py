@@ -3,18 +3,19 @@
     <scene>/transforms_train.json  transforms_test.json
     <scene>/<view>/rgba.png  albedo.png  normal.png  roughness.png  depth.exr  direct.exr  indirect.exr
     <scene>/<view>/rgba_<light>.png  indirect_<light>.exr
-    <scene>/envmaps/<light>.hdr
+    <scene>/envmaps/<light>.hdr, or <scene>/lights.json and lights/<map>.hdr beside the scenes
 
 Images are display sRGB with straight alpha; albedo is linear; normals are world-space, n / 2 + 1 / 2; cameras are
 camera-to-world in OpenGL axes. TensoIR_Ind has ``indirect.png``: straight sRGB, taken here for outgoing radiance, which
 nothing public confirms; an ``indirect.exr`` goes before it. ``training.hdr`` is the training light where it is known.
 TensoIR's archive has a folder ``Environment_Maps`` beside the scenes or one level up; ground truth was rendered under
-its 2k maps, training images under ``sunset``.
+its 2k maps, training images under ``sunset``. Scenes that share maps name them in ``lights.json``, each with the
+columns by which it is turned to the right: ``{"training": {"map": "sunset", "turned": 37}, ...}``.
 """
 
 import re
 from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
+from ..bounded_reading import read_json
 from ..cameras.transforms import Transforms, read_splits, said_of_files
 from ..image_files import read_hdr
 from ..lights import latitude_longitude
@@ -46,6 +48,7 @@ MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
 }
 
 TRAINING_LIGHT = "training"
+SHARED_LIGHTS = "lights.json"
 ARCHIVE_TRAINING_LIGHT = "sunset"
 ARCHIVE_FOLDERS = ("Environment_Maps/high_res_envmaps_2k", "Environment_Maps/high_res_envmaps_1k")
 
@@ -72,7 +75,8 @@ def load_tensoir(folder: Path) -> Scene:
     lights = find_lights(folder, {found[1] for name in maps_of_test if (found := RELIT_IMAGE.fullmatch(name))})
     every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
-    sizes, checksum = inspect(named | lights.files())
+    tables = {path.name: path for path in [folder / SHARED_LIGHTS] if path.is_file()}
+    sizes, checksum = inspect(named | tables | lights.files())
     train, test = (_views(folder, each, images[table], maps[table], sizes) for table, each in files.items())
     decode_if_small([*train, *test], sizes)
     return Scene(
@@ -80,8 +84,8 @@ def load_tensoir(folder: Path) -> Scene:
         layout="tensoir",
         train=train,
         test=test,
-        lights={light: read_light(path) for light, path in lights.relight.items()},
-        training_light=None if lights.training is None else read_light(lights.training),
+        lights={light: lights.read(light, path) for light, path in lights.relight.items()},
+        training_light=None if lights.training is None else lights.read(TRAINING_LIGHT, lights.training),
         checksum=checksum,
         repairs=said_of_files(files),
     )
@@ -146,24 +150,34 @@ def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
 
 @dataclass(frozen=True)
 class LightFiles:
-    """Maps for relighting by the light's name, and the training light's, where there is one."""
+    """Maps for relighting by the light's name, and the training light's, where there is one.
+
+    ``turned``: columns by which a map is turned to the right, by the light's name; 0 for those that it leaves out.
+    """
 
     relight: Mapping[str, Path]
     training: Path | None
+    turned: Mapping[str, int] = field(default_factory=dict)
 
     def files(self) -> dict[str, Path]:
         """Every map by the name it has in the scene, wherever it lies."""
         training = {TRAINING_LIGHT: self.training} if self.training is not None else {}
         return {f"envmaps/{light}.hdr": path for light, path in {**self.relight, **training}.items()}
 
+    def read(self, light: str, path: Path) -> EnvironmentMap:
+        """A light's map as it shines on the scene. Raises DataError if it is damaged, or no latitude-longitude map."""
+        return EnvironmentMap(read_light(path).radiance.roll(self.turned.get(light, 0), 1))
+
 
 def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
     """The maps of a scene whose test views have images under the lights ``relit``.
 
-    Raises DataError if the scene has maps of its own, but not for each of these lights. With no map anywhere the
+    Raises DataError if the scene names or has maps, but not for each of these lights. With no map anywhere the
     scene is still good for everything but relighting.
     """
+    shared = _shared_lights(folder / SHARED_LIGHTS)
     own = {path.stem: path for path in sorted((folder / "envmaps").glob("*.hdr"))}
+    own = own or {light: folder.parent / "lights" / f"{name}.hdr" for light, (name, _) in shared.items()}
     if not own:  # TensoIR's archive has the finer maps first; its rotated lights (sunset_120) have images but no map
         for archive in (parent / name for parent in (folder.parent, folder.parent.parent) for name in ARCHIVE_FOLDERS):
             found = {path.stem: path for path in sorted(archive.glob("*.hdr"))}
@@ -177,8 +191,28 @@ def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
             "Its test views have images under these lights; without the maps they cannot be relit.",
             f"Add {folder / 'envmaps'}/<light>.hdr, or remove the images rgba_<light>.png.",
         )
+    require_files(folder.parent, list(own.values()))
     training = own.pop(TRAINING_LIGHT, None)
-    return LightFiles(own, training)
+    return LightFiles(own, training, {light: columns for light, (_, columns) in shared.items()})
+
+
+def _shared_lights(table: Path) -> dict[str, tuple[str, int]]:
+    """Names of the set's maps, and columns of turning, by light; empty without the file.
+
+    Raises DataError for an entry that is not as the head of this module shows it.
+    """
+    entries = read_json(table) if table.is_file() else {}
+    try:
+        shared = {light: (each["map"], each["turned"]) for light, each in entries.items()}
+    except (AttributeError, KeyError, TypeError):
+        shared = {"": ("", 0)}
+    if not all(re.fullmatch(r"\w+", str(name)) and type(columns) is int for name, columns in shared.values()):
+        raise DataError(
+            f"{table} names no map and columns of turning for each light",
+            "A map's name is the name of a .hdr file in the folder 'lights' beside the scene.",
+            'Write, for example, {"training": {"map": "sunset", "turned": 37}}.',
+        )
+    return shared
 
 
 def read_light(path: Path) -> EnvironmentMap:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from math import radians
+from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,9 @@ from mathutils import Matrix, Vector
 Socket = Any
 Value = Any
 """The output socket of a node, a number, or a linear RGB colour."""
+
+Triple = tuple[float, float, float]
+"""Coordinates, degrees about the axes, or a linear RGB colour."""
 
 Y_UP = Matrix.Rotation(radians(90), 4, "X")
 LYING = Matrix.Rotation(radians(90), 4, "Z")
@@ -81,7 +84,7 @@ class Nodes:
         given = {"Value": pointed, "From Min": low, "From Max": high}
         return self._add("ShaderNodeMapRange", given, clamp=True, interpolation_type="SMOOTHSTEP").outputs["Result"]
 
-    def ramp(self, share: Socket, *stops: tuple[float, tuple[float, float, float]]) -> Socket:
+    def ramp(self, share: Socket, *stops: tuple[float, Triple]) -> Socket:
         """Colours at given shares, and linearly between them."""
         node = self._add("ShaderNodeValToRGB", {"Fac": share})
         elements = node.color_ramp.elements
@@ -126,8 +129,8 @@ class Stage:
         file: str,
         material: Any,
         size: float,
-        at: tuple[float, float, float] = (0, 0, 0),
-        turned: tuple[float, float, float] = (0, 0, 0),
+        at: Triple = (0, 0, 0),
+        turned: Triple = (0, 0, 0),
         up: Matrix = Y_UP,
         refined: int = 0,
     ) -> Any:
@@ -154,9 +157,7 @@ class Stage:
         thing.matrix_world = Matrix.Translation(at)
         return self._finished(thing, material, refined, smooth=True)
 
-    def block(
-        self, material: Any, size: tuple[float, float, float], at: tuple[float, float, float], bevel: float = 0.02
-    ) -> Any:
+    def block(self, material: Any, size: Triple, at: Triple, bevel: float = 0.02) -> Any:
         """A box with rounded edges, by its sides and its middle."""
         bpy.ops.mesh.primitive_cube_add(size=1)
         thing = bpy.context.object
@@ -166,7 +167,7 @@ class Stage:
         edges.width, edges.segments = bevel, 3
         return self._finished(thing, material)
 
-    def drum(self, material: Any, radius: float, height: float, at: tuple[float, float, float]) -> Any:
+    def drum(self, material: Any, radius: float, height: float, at: Triple) -> Any:
         """A cylinder with rounded edges, by its middle."""
         bpy.ops.mesh.primitive_cylinder_add(radius=radius, depth=height, vertices=128)
         thing = bpy.context.object
@@ -175,18 +176,20 @@ class Stage:
         edges.width, edges.segments, edges.limit_method = 0.02, 3, "ANGLE"
         return self._finished(thing, material)
 
-    def basin(self, material: Any, radius: float, thick: float, at: tuple[float, float, float]) -> Any:
-        """The lower half of a hollow ball, by the middle of the ball."""
-        bpy.ops.mesh.primitive_uv_sphere_add(radius=radius, segments=128, ring_count=96)
-        thing = bpy.context.object
-        mesh = thing.data
-        import bmesh
-
-        cut = bmesh.new()
-        cut.from_mesh(mesh)
-        bmesh.ops.delete(cut, geom=[each for each in cut.verts if each.co.z > 0.35 * radius], context="VERTS")
-        cut.to_mesh(mesh)
-        cut.free()
+    def basin(self, material: Any, radius: float, thick: float, at: Triple) -> Any:
+        """The part of a hollow ball below 20 degrees of latitude, by the middle of the ball."""
+        rings, around = 64, 128
+        heights = [radians(-89.9 + 110 * ring / (rings - 1)) for ring in range(rings)]
+        turns = [2 * pi * step / around for step in range(around)]
+        places = [(radius * cos(up) * cos(turn), radius * cos(up) * sin(turn), radius * sin(up))
+                  for up in heights for turn in turns]  # fmt: skip
+        corners = [(0, 0), (0, 1), (1, 1), (1, 0)]
+        faces = [[(ring + up) * around + (step + beside) % around for up, beside in corners]
+                 for ring in range(rings - 1) for step in range(around)]  # fmt: skip
+        mesh = bpy.data.meshes.new("basin")
+        mesh.from_pydata([*places], [], [*faces, list(range(around))[::-1]])
+        thing = bpy.data.objects.new("basin", mesh)
+        bpy.context.scene.collection.objects.link(thing)
         thing.matrix_world = Matrix.Translation(at)
         walls = thing.modifiers.new("walls", "SOLIDIFY")
         walls.thickness, walls.offset = thick, -1
@@ -204,14 +207,20 @@ class Stage:
 
 def box(mesh: Any) -> tuple[Vector, Vector]:
     """Lowest and highest coordinates of a mesh."""
-    places = [each.co for each in mesh.vertices]
-    return tuple(Vector(end(each[axis] for each in places) for axis in range(3)) for end in (min, max))  # type: ignore[return-value]
+    axes = list(zip(*(each.co for each in mesh.vertices), strict=True))
+    return Vector(map(min, axes)), Vector(map(max, axes))
+
+
+def shade(colour: Triple, factor: float) -> Triple:
+    """A darker colour."""
+    return (factor * colour[0], factor * colour[1], factor * colour[2])
 
 
 def cow_hide() -> Any:
     """Cream and brown blotches, and mud up to the knees."""
     nodes = Nodes("hide")
-    fur = nodes.ramp(nodes.noise(1.6, 2.0, 0.4), (0.44, (0.20, 0.09, 0.04)), (0.5, (0.82, 0.74, 0.6)), (1.0, (0.7, 0.58, 0.42)))
+    brown, cream, dull = (0.20, 0.09, 0.04), (0.82, 0.74, 0.6), (0.7, 0.58, 0.42)
+    fur = nodes.ramp(nodes.noise(1.6, 2.0, 0.4), (0.44, brown), (0.5, cream), (1.0, dull))
     mud = nodes.between(nodes.noise(9.0), (0.10, 0.07, 0.04), (0.22, 0.17, 0.11))
     base = nodes.between(nodes.along(2, 0.08, 0.55), mud, fur)
     return nodes.principled(base, nodes.ranged(nodes.noise(5.0, seed=3.0), 0.4, 0.85, 0.3, 0.7))
@@ -225,15 +234,15 @@ def turf() -> Any:
     return nodes.principled(base, 0.9)
 
 
-def wood(dark: tuple[float, float, float], light: tuple[float, float, float], scale: float, rough: float) -> Any:
+def wood(dark: Triple, light: Triple, scale: float, rough: float) -> Any:
     """Planks' grain, worn in places."""
     nodes = Nodes("wood")
     grain = nodes.between(nodes.veins(scale, 6.0), dark, light)
-    base = nodes.between(nodes.ranged(nodes.noise(2.0), 0.0, 0.5, 0.45, 0.75), grain, tuple(0.5 * each for each in dark))
+    base = nodes.between(nodes.ranged(nodes.noise(2.0), 0.0, 0.5, 0.45, 0.75), grain, shade(dark, 0.5))
     return nodes.principled(base, nodes.ranged(nodes.noise(3.0, seed=2.0), rough - 0.15, rough + 0.2, 0.3, 0.7))
 
 
-def plaster(white: tuple[float, float, float], stain: tuple[float, float, float]) -> Any:
+def plaster(white: Triple, stain: Triple) -> Any:
     """A painted wall with damp stains that begin below."""
     nodes = Nodes("plaster")
     damp = nodes.between(nodes.along(2, -0.4, 0.6), nodes.noise(1.8, 6.0), (0.0, 0.0, 0.0))
@@ -241,18 +250,16 @@ def plaster(white: tuple[float, float, float], stain: tuple[float, float, float]
     return nodes.principled(base, nodes.ranged(nodes.noise(4.0), 0.65, 0.9, 0.3, 0.7))
 
 
-def leather(dark: tuple[float, float, float], light: tuple[float, float, float], rough: float, coat: float = 0.0) -> Any:
+def leather(dark: Triple, light: Triple, rough: float, coat: float = 0.0) -> Any:
     """Leather, lighter on ridges and dusty at the sole."""
     nodes = Nodes("leather")
     worn = nodes.between(nodes.cavities(), dark, light)
-    blotched = nodes.between(nodes.ranged(nodes.noise(4.0, 6.0), 0.0, 0.55, 0.4, 0.7), worn, tuple(0.45 * each for each in dark))
+    blotched = nodes.between(nodes.ranged(nodes.noise(4.0, 6.0), 0.0, 0.55, 0.4, 0.7), worn, shade(dark, 0.45))
     base = nodes.between(nodes.along(2, 0.02, 0.35), (0.34, 0.29, 0.22), blotched)
     return nodes.principled(base, nodes.ranged(nodes.noise(6.0), rough, rough + 0.25, 0.3, 0.7), coat=coat)
 
 
-def enamel(
-    first: tuple[float, float, float], second: tuple[float, float, float], scale: float, rough: float = 0.15
-) -> Any:
+def enamel(first: Triple, second: Triple, scale: float, rough: float = 0.15) -> Any:
     """A glaze that runs from one colour to another, with blotches and a varying gloss."""
     nodes = Nodes("enamel")
     run = nodes.between(nodes.along(2, 0.05, 0.75), first, second)
@@ -279,14 +286,12 @@ def painted_limestone() -> Any:
     return nodes.principled(base, nodes.ranged(nodes.noise(2.4, seed=5.0), 0.35, 0.8, 0.35, 0.65))
 
 
-def marble(
-    white: tuple[float, float, float], vein: tuple[float, float, float], rough: float, scale: float = 1.6
-) -> Any:
+def marble(white: Triple, vein: Triple, rough: float, scale: float = 1.6) -> Any:
     """Polished stone with bent veins and soft clouds, dirt in cavities."""
     nodes = Nodes("marble")
-    clouds = nodes.between(nodes.noise(1.4), white, tuple(0.86 * each for each in white))
+    clouds = nodes.between(nodes.noise(1.4), white, shade(white, 0.86))
     veined = nodes.between(nodes.ranged(nodes.veins(scale, 12.0), 0.0, 0.85, 0.6, 1.0), clouds, vein)
-    base = nodes.between(nodes.cavities(0.44, 0.495), tuple(0.35 * each for each in white), veined)
+    base = nodes.between(nodes.cavities(0.44, 0.495), shade(white, 0.35), veined)
     return nodes.principled(base, nodes.ranged(nodes.noise(2.0, seed=1.0), rough, rough + 0.3, 0.35, 0.65))
 
 
@@ -304,7 +309,8 @@ def horn_and_bone() -> Any:
     bone = nodes.between(nodes.noise(4.0, 6.0), (0.72, 0.64, 0.48), (0.5, 0.4, 0.26))
     horn = nodes.between(nodes.veins(7.0, 2.0), (0.1, 0.07, 0.05), (0.24, 0.17, 0.11))
     base = nodes.between(nodes.ranged(nodes.along(2, 0.0, 1.6), 0.0, 1.0, 0.5, 0.75), bone, horn)
-    return nodes.principled(nodes.between(nodes.cavities(0.45, 0.5), (0.2, 0.14, 0.09), base), nodes.ranged(nodes.along(2, 0.0, 1.6), 0.7, 0.35, 0.5, 0.75))
+    base = nodes.between(nodes.cavities(0.45, 0.5), (0.2, 0.14, 0.09), base)
+    return nodes.principled(base, nodes.ranged(nodes.along(2, 0.0, 1.6), 0.7, 0.35, 0.5, 0.75))
 
 
 def steel_and_ash() -> Any:
@@ -356,7 +362,8 @@ def nefertiti(stage: Stage) -> None:
 
 def orators(stage: Stage) -> None:
     """Two busts on a slab, before a low sun in haze: one stands in the other's shadow."""
-    stage.scan("demosthenes-low-res", marble((0.75, 0.73, 0.68), (0.4, 0.36, 0.33), 0.3), 1.5, (-0.45, -0.55, -0.75), (0, 0, 75), refined=1)
+    stone = marble((0.75, 0.73, 0.68), (0.4, 0.36, 0.33), 0.3)
+    stage.scan("demosthenes-low-res", stone, 1.5, (-0.45, -0.55, -0.75), (0, 0, 75), refined=1)
     stage.scan("nefertiti-lowres", terracotta(), 1.6, (0.4, 0.55, -0.75), (0, 0, -70))
     stage.block(marble((0.58, 0.55, 0.5), (0.3, 0.25, 0.2), 0.5), (2.0, 2.5, 0.2), (0, 0, -0.85))
 
@@ -372,14 +379,15 @@ def still_life(stage: Stage) -> None:
     """A boot, a fish and a cow on a table with a wall behind them."""
     stage.scan("boot", leather((0.3, 0.22, 0.14), (0.55, 0.45, 0.33), 0.5), 1.0, (-0.1, -0.75, -0.6), (0, 0, 80))
     stage.scan("fish", enamel((0.08, 0.22, 0.38), (0.45, 0.52, 0.55), 4.0), 1.0, (0.25, 0.1, -0.6), (90, 0, 70))
-    stage.scan("spot_low_resolution", marble((0.8, 0.77, 0.72), (0.35, 0.33, 0.36), 0.2), 1.05, (-0.15, 0.8, -0.6), (0, 0, 115), refined=2)
+    stone = marble((0.8, 0.77, 0.72), (0.35, 0.33, 0.36), 0.2)
+    stage.scan("spot_low_resolution", stone, 1.05, (-0.15, 0.8, -0.6), (0, 0, 115), refined=2)
     stage.block(wood((0.3, 0.19, 0.1), (0.55, 0.38, 0.22), 1.2, 0.5), (1.5, 2.6, 0.12), (0, 0, -0.66))
     stage.block(plaster((0.72, 0.66, 0.52), (0.42, 0.33, 0.24)), (0.12, 2.6, 1.7), (-0.75, 0, 0.13))
 
 
 def grotto(stage: Stage) -> None:
     """A fish in a deep basin of veined marble: much of its light comes from the basin."""
-    stage.basin(marble((0.88, 0.86, 0.84), (0.5, 0.37, 0.31), 0.6, 0.6), 1.3, 0.1, (0, 0, 0.25))
+    stage.basin(marble((0.75, 0.73, 0.69), (0.45, 0.33, 0.27), 0.6, 0.6), 1.3, 0.1, (0, 0, 0.25))
     stage.scan("fish", enamel((0.55, 0.13, 0.05), (0.75, 0.55, 0.2), 5.0, 0.45), 1.5, (0, 0, -0.6), (0, -25, 40))
 
 

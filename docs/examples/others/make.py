@@ -7,8 +7,8 @@ MESHES: a folder of odedstein/meshes (commit 8352132). LIGHTS: city.hdr, studio.
 pmndrs/assets (commit d8709a9), which are from Poly Haven. OUT gets a folder a scene and ``lights``, whose maps all
 scenes share: a scene's ``lights.json`` tells which map it has under which name, and by how many columns it is turned.
 
-A map has 256 rows, and is scaled so that the brightest white diffuse surface has radiance 1.05. ``*_sun`` are maps whose
-sun was hidden: a disc was added, with the diameter, direction, colour and share of the light that SUNS gives.
+A map has 256 rows, and is scaled so that the brightest white diffuse surface has radiance 1.05. The sun of maps
+``*_sun`` was hidden: a disc was added, with the diameter, direction, colour and share of the light that SUNS gives.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import argparse
 import json
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -95,39 +96,40 @@ PLANS: Mapping[str, Plan] = {
     ),
     "workbench": Plan(
         "a scanned boot and hammer on a table before a wall, by studio lamps, from the front", BEFORE_WALLS, TUNED,
-        {"studio": 174, "city_sun": 28, "sunset": 461}, ("boot", "hammer"), (256, 512), FRONT, LOW,
+        {"studio": 174, "city_sun": 28, "sunset": 461}, ("boot", "hammer"), (192, 320), FRONT, LOW,
     ),
     "shoal": Plan(
         "three glazed fish that shade one another, under a sun of 0.7 degrees", SUNNY, TUNED,
-        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",), (256, 512),
+        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",), (160, 256),
     ),
     "boot": Plan(
         "a scanned boot whose leather has a clear coat, at sunset", SOFT, TUNED,
-        {"sunset": 120, "studio": 400, "city": 330}, ("boot",), (128, 384), not_represented="a clear coat",
+        {"sunset": 120, "studio": 400, "city": 330}, ("boot",), (96, 192), not_represented="a clear coat",
     ),
     "nefertiti": Plan(
         "a scanned bust with worn paint, under a cloudy sky", SOFT, REPORTED,
-        {"city": 0, "sunset_sun": 210, "studio": 120}, ("nefertiti",), (128, 384),
+        {"city": 0, "sunset_sun": 210, "studio": 120}, ("nefertiti",), (96, 192),
     ),
     "orators": Plan(
         "two scanned busts that shade one another, before a sun of five degrees in haze", SUNNY, REPORTED,
-        {"sunset_sun": 130, "city": 400, "forest": 250}, ("demosthenes", "nefertiti"), (192, 512),
+        {"sunset_sun": 130, "city": 400, "forest": 250}, ("demosthenes", "nefertiti"), (128, 256),
     ),
     "trophy": Plan(
         "a goat's head on an off-white wall, under a sun of two degrees, from the front", BEFORE_WALLS, REPORTED,
-        {"forest_sun": 101, "studio": 82, "sunset": 446}, ("goathead",), (192, 512), FRONT, LOW,
+        {"forest_sun": 101, "studio": 82, "sunset": 446}, ("goathead",), (128, 256), FRONT, LOW,
     ),
     "still_life": Plan(
         "three objects on a table with a wall, by studio lamps, from one side", "still life with a wall", REPORTED,
-        {"studio": 96, "forest_sun": 115, "sunset": 432}, ("boot", "fish", "spot"), (384, 640), (-75.0, 75.0), (5.0, 60.0),
+        {"studio": 96, "forest_sun": 115, "sunset": 432}, ("boot", "fish", "spot"), (256, 512),
+        (-75.0, 75.0), (5.0, 60.0),
     ),
     "grotto": Plan(
         "a fish in a deep basin of veined marble, under a sun of 0.7 degrees", "hollow of stone", REPORTED,
-        {"city_sun": 20, "sunset": 350, "forest": 130}, ("fish",), (192, 768), elevation=(30.0, 78.0),
+        {"city_sun": 20, "sunset": 350, "forest": 130}, ("fish",), (128, 640), elevation=(30.0, 78.0),
     ),
     "hammer": Plan(
         "a scanned hammer with a head of steel, at sunset", "scan with metal", REPORTED,
-        {"sunset": 400, "forest_sun": 60, "city": 200}, ("hammer",), (128, 384), not_represented="a metallic part",
+        {"sunset": 400, "forest_sun": 60, "city": 200}, ("hammer",), (96, 192), not_represented="a metallic part",
     ),
 }  # fmt: skip
 
@@ -160,7 +162,6 @@ def main() -> None:
     for name in given.scenes or PLANS:
         if not (given.out / name).is_dir():
             make(name, given)
-            print(name, flush=True)
 
 
 def write_maps(source: Path, folder: Path) -> None:
@@ -170,8 +171,8 @@ def write_maps(source: Path, folder: Path) -> None:
         stored = folder / f"{name}.hdr"
         if not stored.is_file():
             sun = SUNS.get(name)
-            light = cv2.resize(read_hdr(source / f"{sun.map if sun else name}.hdr"), (2 * ROWS, ROWS),
-                               interpolation=cv2.INTER_AREA)  # fmt: skip
+            full = read_hdr(source / f"{sun.map if sun else name}.hdr")
+            light = np.asarray(cv2.resize(full, (2 * ROWS, ROWS), interpolation=cv2.INTER_AREA), np.float32)
             light = with_sun(light, sun) if sun else light
             write_hdr(stored, light * (BRIGHTEST / brightest(light)))
 
@@ -204,6 +205,10 @@ def brightest(light: NDArray[np.float32]) -> float:
 def make(name: str, given: argparse.Namespace) -> None:
     """Render one scene, put its shared maps into ``lights.json``, and complete its metadata."""
     plan, folder = PLANS[name], given.out / name
+
+    def progress(done: int, total: int) -> None:
+        sys.stderr.write(f"{name}: {done} of {total} views\n")
+
     with tempfile.TemporaryDirectory() as made:
         files = Path(made)
         script = Path(__file__).with_name("blend_files.py")
@@ -211,11 +216,13 @@ def make(name: str, given: argparse.Namespace) -> None:
         (files / "lights").mkdir()
         for place, (light, turned) in enumerate(plan.lights.items()):
             role = light if place else "training"
-            write_hdr(files / "lights" / f"{role}.hdr", np.roll(read_hdr(given.out / "lights" / f"{light}.hdr"), turned, 1))
+            write_hdr(
+                files / "lights" / f"{role}.hdr", np.roll(read_hdr(given.out / "lights" / f"{light}.hdr"), turned, 1)
+            )
         write_cameras(plan, given.size, files)
         request = Request(file=files / f"{name}.blend", lights=files / "lights", cameras=str(files), size=given.size,
                           samples=plan.samples[0], test_samples=plan.samples[1], bounces=32)  # fmt: skip
-        write_scene(request, folder, given.workers, 1, lambda done, total: print(name, done, total, flush=True))
+        write_scene(request, folder, given.workers, 1, progress)
     finish(folder, plan)
 
 
@@ -245,7 +252,9 @@ def finish(folder: Path, plan: Plan) -> None:
     suns = {light: f"a disc of {sun.across} degrees added to {sun.map}, {sun.share:.0%} of all light"
             for light, sun in SUNS.items() if light in plan.lights}  # fmt: skip
     meshes = [TITLES[name] for name in plan.meshes]
-    credits = [{"title": title, "author": author, "licence": licence, "source": MESHES} for title, author, licence in meshes]
+    credits = [
+        {"title": title, "author": author, "licence": licence, "source": MESHES} for title, author, licence in meshes
+    ]
     maps = sorted({SUNS[light].map if light in SUNS else light for light in plan.lights})
     credits += [{"title": f"{light} (environment map)", "author": "Poly Haven", "licence": "CC0", "source": POLY_HAVEN}
                 for light in maps]  # fmt: skip
