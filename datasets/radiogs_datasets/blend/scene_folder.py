@@ -191,7 +191,7 @@ def describe(
     return {
         "scene": request.file.stem,
         "purpose": "rendered from a .blend file by Blender Cycles",
-        **{name: identity[name] for name in ("seed", "samples", "bounces", "device", "file", "cameras")},
+        **{name: identity[name] for name in MADE_BY},
         "noise_floor_db": _psnr(*shown),
         "noise_floors_db": {name: _psnr(getattr(first, name), getattr(second, name)) for name in NOISY},
         "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
@@ -211,6 +211,9 @@ def describe(
         "versions": {"blender": opened["blender"], "numpy": np.__version__, "torch": torch.__version__},
     }
 
+
+MADE_BY = ("seed", "samples", "test_samples", "bounces", "device", "file", "cameras")
+"""Parts of a request that its metadata repeats."""
 
 OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_system", "scripts", "lamps", "cameras",
           "volumes", "other_scenes")  # fmt: skip

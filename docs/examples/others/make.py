@@ -36,7 +36,7 @@ from radiogs_datasets.blend.request import Request
 from radiogs_datasets.blend.scene_folder import write_scene
 from radiogs_datasets.generate.cameras import pinhole
 from radiogs_datasets.generate.recipe import Rig
-from radiogs_datasets.image_files import read_hdr, write_hdr
+from radiogs_datasets.image_files import read_exr, read_hdr, write_exr, write_hdr
 from radiogs_datasets.writing import write_transforms
 
 ROWS = 256
@@ -145,7 +145,10 @@ TITLES: Mapping[str, tuple[str, str, str]] = {
 """Title, author and licence of each mesh. They were scaled, turned, and given other materials."""
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, 39.6
-TRAINING_VIEWS, TEST_VIEWS = 40, 8
+TRAINING_VIEWS, TEST_VIEWS = 40, 6
+BITS, SMALLEST = 7, 2.0**-12
+"""Precision of stored radiance: significant bits, and the step below which there is none. Its error lies 20 dB and more
+below the noise, and files are two fifths smaller."""
 
 
 def main() -> None:
@@ -240,10 +243,12 @@ def write_cameras(plan: Plan, size: int, folder: Path) -> None:
 
 
 def finish(folder: Path, plan: Plan) -> None:
-    """Refer to the set's maps instead of copies, and tell kind, makers and licences."""
+    """Refer to the set's maps instead of copies, round radiance, and tell kind, makers and licences."""
     shutil.rmtree(folder / "envmaps")
     for unused in folder.glob("*/incident_indirect.exr"):
         unused.unlink()
+    for radiance in (path for name in ("direct", "indirect") for path in folder.glob(f"*/{name}*.exr")):
+        write_exr(radiance, rounded(read_exr(radiance)))
     lights = {light if place else "training": {"map": light, "turned": turned}
               for place, (light, turned) in enumerate(plan.lights.items())}  # fmt: skip
     (folder / "lights.json").write_text(json.dumps(lights, indent=1) + "\n", encoding="utf-8")
@@ -264,6 +269,12 @@ def finish(folder: Path, plan: Plan) -> None:
         **({"not_represented": plan.not_represented} if plan.not_represented else {}),
         "training_light": next(iter(plan.lights)), "suns": suns,
     }, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")  # fmt: skip
+
+
+def rounded(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Radiance as precisely as it is stored."""
+    mantissa, exponent = np.frexp(np.round(radiance.astype(np.float64) / SMALLEST) * SMALLEST)
+    return np.ldexp(np.round(mantissa * 2**BITS) / 2**BITS, exponent).astype(np.float32)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 import json
 from collections import Counter
 from dataclasses import replace
-from importlib.resources import files
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -45,8 +44,10 @@ from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.plain_values import flat, to_plain
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
-from radiogs_datasets import known_names, load_scene
+from radiogs_datasets import known_names, load_scene, scene_choices, scene_kind, scene_names
+from radiogs_datasets.data_root import OTHERS
 from radiogs_datasets.hard_scenes import BASE, CONDITIONS
+from radiogs_datasets.registry import scene_folder
 
 OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
 WHOLE_TABLES = {
@@ -362,12 +363,20 @@ def test_cells_of_several_methods_stand_in_one_request(chain: Chain) -> None:
         asked(1, suite, "paper")
 
 
-def test_the_ablations_run_on_the_eight_scenes_with_the_most_indirect_light() -> None:
-    packaged = files("radiogs_datasets") / "tiny"
-    share = {
-        each.name: json.loads((each / "metadata.json").read_text())["indirect_share"] for each in packaged.iterdir()
-    }
-    assert SUITES["ablations"].scenes == tuple(sorted(share, key=share.__getitem__, reverse=True)[:8])
+@pytest.mark.parametrize("name", ["ablations", "departures", "rivals", "cost", "baselines", "length"])
+def test_suites_run_where_nothing_was_tuned_and_half_of_their_scenes_are_by_other_hands(name: str) -> None:
+    scenes = SUITES[name].scenes
+    assert {scene_choices(scene) for scene in scenes} == {"reported only"}
+    assert 2 * len({*scenes} & {*scene_names(OTHERS)}) == len(scenes)
+    assert len({scene_kind(scene) for scene in scenes}) == len(scenes)
+
+
+def test_the_ablations_have_the_most_indirect_light_first() -> None:
+    share = [
+        json.loads((scene_folder(name) / "metadata.json").read_text())["indirect_share"]
+        for name in SUITES["ablations"].scenes
+    ]
+    assert share == sorted(share, reverse=True)
 
 
 def test_some_rows_of_a_suite_keep_its_order_and_its_reference_row_if_it_is_among_them() -> None:

@@ -28,7 +28,7 @@ HALF_FLOAT = 2.0**-11
 """Largest relative rounding error of a half float."""
 
 
-@pytest.fixture(scope="module", params=scene_names())
+@pytest.fixture(scope="module", params=scene_names(TINY))
 def scene(request: pytest.FixtureRequest) -> Scene:
     return load_scene(request.param)
 
@@ -72,9 +72,11 @@ def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...],
 
 
 def test_the_miniatures_come_with_the_package_and_are_small() -> None:
-    assert {*scene_names(), "alcove"} == set(RECIPES)  # which is for pictures, and too large to come with the package
-    assert "alcove" not in scene_names()
-    sizes = [sum(path.stat().st_size for path in (TINY / name).rglob("*")) for name in scene_names()]
+    assert {*scene_names(TINY), "alcove"} == set(
+        RECIPES
+    )  # which is for pictures, and too large to come with the package
+    assert "alcove" not in scene_names(TINY)
+    sizes = [sum(path.stat().st_size for path in (TINY / name).rglob("*")) for name in scene_names(TINY)]
     assert max(sizes) < 3_000_000
     assert sum(sizes) < 40_000_000
 
@@ -199,7 +201,7 @@ PURPOSES = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in PURPOSES if name in scene_names()])
+@pytest.mark.parametrize("name", [name for name in PURPOSES if name in scene_names(TINY)])
 def test_each_scene_shows_the_effect_that_it_is_for(name: str) -> None:
     metadata = json.loads((TINY / name / "metadata.json").read_text())
     for share, (low, high) in PURPOSES[name].items():
@@ -214,7 +216,7 @@ def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in scene_names() if name not in ("corner", "convex")])
+@pytest.mark.parametrize("name", [name for name in scene_names(TINY) if name not in ("corner", "convex")])
 def test_the_object_is_wholly_in_every_picture(name: str) -> None:
     scene = load_scene(name)
     for view in (*scene.train, *scene.test):

@@ -20,7 +20,7 @@ from radiogs_datasets.registry import TINY, forward_names, scene_names
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*scene_names(), *forward_names()])
+@pytest.mark.parametrize("name", [*scene_names(TINY), *forward_names()])
 def test_every_generated_scene_knows_its_surfaces(name: str) -> None:
     samples = load_scene(name).true_surfaces(0.4)
     normal = samples.frame[..., 2]
@@ -74,7 +74,7 @@ def test_hard_cases_have_no_surfaces() -> None:
     assert load_scene(HARD_CASES).surfaces is None
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize("name", scene_names(TINY))
 def test_metadata_of_the_miniatures_names_their_recipe(name: str) -> None:
     metadata = json.loads((TINY / name / "metadata.json").read_text())
     assert metadata["scene"] == name

@@ -1,5 +1,6 @@
 """Environment maps are found where TensoIR's scenes keep them, and point where their convention says."""
 
+import json
 import math
 import shutil
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_hdr
 from radiogs_datasets.layouts.tensoir import find_lights, read_light
@@ -48,3 +50,50 @@ def test_maps_of_the_archive_are_found_beside_the_scenes_or_one_level_up(tmp_pat
 def test_a_scene_without_any_map_is_good_for_all_but_relighting(tmp_path: Path) -> None:
     lights = find_lights(tmp_path, {"sunset"})
     assert (lights.relight, lights.training) == ({}, None)
+
+
+def sharing(tmp_path: Path, lights: object) -> Path:
+    """A scene that names maps of its set, which has one called ``sky``."""
+    folder = tmp_path / "set" / "corner"
+    shutil.copytree(TINY / "corner", folder)
+    shutil.move(folder / "envmaps", folder.parent / "lights")
+    (folder / "lights.json").write_text(json.dumps(lights))
+    return folder
+
+
+def test_scenes_share_the_maps_of_their_set_each_turned_by_columns(tmp_path: Path) -> None:
+    """Turned by a quarter of its columns to the right, a map shines on +X from where +Y was lit before."""
+    entries = {name: {"map": name, "turned": 0} for name in ("training", "sunset", "overcast")}
+    folder = sharing(tmp_path, entries | {"sunset": {"map": "training", "turned": 16}})
+    scene = load_scene(str(folder))
+    own = load_scene("corner")
+    assert own.training_light is not None
+    assert scene.training_light is not None
+    assert torch.equal(scene.training_light.radiance, own.training_light.radiance)
+    assert set(scene.lights) == {"sunset", "overcast"}
+    columns = own.training_light.radiance.shape[1]
+    turn = torch.tensor(2 * math.pi * 16 / columns)
+    ahead = torch.tensor([1.0, 0.0, 0.3])
+    before = torch.stack([turn.cos(), turn.sin(), torch.tensor(0.3)])
+    torch.testing.assert_close(
+        scene.lights["sunset"].lookup(ahead), own.training_light.lookup(before), rtol=1e-4, atol=1e-4
+    )
+    text = (folder / "lights.json").read_text().replace("16", "17")
+    (folder / "lights.json").write_text(text)
+    assert load_scene(str(folder)).checksum != scene.checksum
+
+
+@pytest.mark.parametrize(
+    ("lights", "told"),
+    [
+        ([1], "names no map"),
+        ({"training": {"map": "../corner/train_000/rgba", "turned": 0}}, "names no map"),
+        ({"training": {"map": "training", "turned": 1.5}}, "names no map"),
+        ({"training": {"map": "training"}}, "names no map"),
+        ({"training": {"map": "training", "turned": 0}}, "no environment map for: overcast, sunset"),
+        ({name: {"map": "mars", "turned": 0} for name in ("sunset", "overcast")}, "mars.hdr"),
+    ],
+)  # fmt: skip
+def test_a_table_of_shared_maps_that_names_none_is_an_error(tmp_path: Path, lights: object, told: str) -> None:
+    with pytest.raises(DataError, match=told):
+        load_scene(str(sharing(tmp_path, lights)))

@@ -158,7 +158,7 @@ def test_a_generated_scene_that_was_moved_does_not_know_the_surfaces_of_before(
 
 @pytest.mark.slow
 def test_every_miniature_knows_its_surfaces() -> None:
-    assert all(load_scene(name).surfaces is not None for name in (*scene_names(), "corner-128"))
+    assert all(load_scene(name).surfaces is not None for name in (*scene_names(TINY), "corner-128"))
 
 
 def test_two_views_that_would_be_stored_as_one_are_refused() -> None:
