@@ -15,7 +15,6 @@ columns by which it is turned to the right: ``{"training": {"map": "sunset", "tu
 
 import re
 from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -72,11 +71,16 @@ def load_tensoir(folder: Path) -> Scene:
     require_distinct(folder, [image.parent for paths in images.values() for image in paths])
     maps = {table: _common_maps(folder, paths) for table, paths in images.items()}
     _, maps_of_test = maps.values()
-    lights = find_lights(folder, {found[1] for name in maps_of_test if (found := RELIT_IMAGE.fullmatch(name))})
+    found = find_lights(folder, {relit[1] for name in maps_of_test if (relit := RELIT_IMAGE.fullmatch(name))})
     every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
     tables = {path.name: path for path in [folder / SHARED_LIGHTS] if path.is_file()}
-    sizes, checksum = inspect(named | tables | lights.files())
+    named |= {f"envmaps/{light}.hdr": path for light, (path, _) in found.items()}
+    sizes, checksum = inspect(named | tables)
+    lights = {
+        light: EnvironmentMap(read_light(path).radiance.roll(columns, 1)) for light, (path, columns) in found.items()
+    }
+    training_light = lights.pop(TRAINING_LIGHT, None)
     train, test = (_views(folder, each, images[table], maps[table], sizes) for table, each in files.items())
     decode_if_small([*train, *test], sizes)
     return Scene(
@@ -84,8 +88,8 @@ def load_tensoir(folder: Path) -> Scene:
         layout="tensoir",
         train=train,
         test=test,
-        lights={light: lights.read(light, path) for light, path in lights.relight.items()},
-        training_light=None if lights.training is None else lights.read(TRAINING_LIGHT, lights.training),
+        lights=lights,
+        training_light=training_light,
         checksum=checksum,
         repairs=said_of_files(files),
     )
@@ -148,56 +152,34 @@ def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
     return sources
 
 
-@dataclass(frozen=True)
-class LightFiles:
-    """Maps for relighting by the light's name, and the training light's, where there is one.
+def find_lights(folder: Path, relit: Set[str]) -> dict[str, tuple[Path, int]]:
+    """Map and columns of turning of each light of a scene whose test views have images under the lights ``relit``.
 
-    ``turned``: columns by which a map is turned to the right, by the light's name; 0 for those that it leaves out.
-    """
-
-    relight: Mapping[str, Path]
-    training: Path | None
-    turned: Mapping[str, int] = field(default_factory=dict)
-
-    def files(self) -> dict[str, Path]:
-        """Every map by the name it has in the scene, wherever it lies."""
-        training = {TRAINING_LIGHT: self.training} if self.training is not None else {}
-        return {f"envmaps/{light}.hdr": path for light, path in {**self.relight, **training}.items()}
-
-    def read(self, light: str, path: Path) -> EnvironmentMap:
-        """A light's map as it shines on the scene. Raises DataError if it is damaged, or no latitude-longitude map."""
-        return EnvironmentMap(read_light(path).radiance.roll(self.turned.get(light, 0), 1))
-
-
-def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
-    """The maps of a scene whose test views have images under the lights ``relit``.
-
-    Raises DataError if the scene names or has maps, but not for each of these lights. With no map anywhere the
-    scene is still good for everything but relighting.
+    The training light is called TRAINING_LIGHT. Raises DataError if the scene has or names maps, but not for each of
+    these lights. With no map anywhere the scene is still good for everything but relighting.
     """
     shared = _shared_lights(folder / SHARED_LIGHTS)
-    own = {path.stem: path for path in sorted((folder / "envmaps").glob("*.hdr"))}
-    own = own or {light: folder.parent / "lights" / f"{name}.hdr" for light, (name, _) in shared.items()}
+    own = {path.stem: (path, 0) for path in sorted((folder / "envmaps").glob("*.hdr"))} or shared
     if not own:  # TensoIR's archive has the finer maps first; its rotated lights (sunset_120) have images but no map
         for archive in (parent / name for parent in (folder.parent, folder.parent.parent) for name in ARCHIVE_FOLDERS):
-            found = {path.stem: path for path in sorted(archive.glob("*.hdr"))}
+            found = {path.stem: (path, 0) for path in sorted(archive.glob("*.hdr"))}
             if found:
-                wanted = {light: path for light, path in found.items() if light in relit}
-                return LightFiles(wanted, found.get(ARCHIVE_TRAINING_LIGHT))
-        return LightFiles({}, None)
+                training = found.get(ARCHIVE_TRAINING_LIGHT)
+                wanted = {light: each for light, each in found.items() if light in relit}
+                return wanted | ({TRAINING_LIGHT: training} if training else {})
+        return {}
     if relit - own.keys():
         raise DataError(
             f"scene '{folder.name}' has no environment map for: {', '.join(sorted(relit - own.keys()))}",
             "Its test views have images under these lights; without the maps they cannot be relit.",
             f"Add {folder / 'envmaps'}/<light>.hdr, or remove the images rgba_<light>.png.",
         )
-    require_files(folder.parent, list(own.values()))
-    training = own.pop(TRAINING_LIGHT, None)
-    return LightFiles(own, training, {light: columns for light, (_, columns) in shared.items()})
+    require_files(folder.parent, [path for path, _ in own.values()])
+    return own
 
 
-def _shared_lights(table: Path) -> dict[str, tuple[str, int]]:
-    """Names of the set's maps, and columns of turning, by light; empty without the file.
+def _shared_lights(table: Path) -> dict[str, tuple[Path, int]]:
+    """Maps of the set, and columns by which they are turned, by light; empty without the file.
 
     Raises DataError for an entry that is not as the head of this module shows it.
     """
@@ -212,7 +194,8 @@ def _shared_lights(table: Path) -> dict[str, tuple[str, int]]:
             "A map's name is the name of a .hdr file in the folder 'lights' beside the scene.",
             'Write, for example, {"training": {"map": "sunset", "turned": 37}}.',
         )
-    return shared
+    maps = table.parent.parent / "lights"
+    return {light: (maps / f"{name}.hdr", columns) for light, (name, columns) in shared.items()}
 
 
 def read_light(path: Path) -> EnvironmentMap:
