@@ -23,7 +23,7 @@ $(READY): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-ablations: $(INSTALLED) ## the paper's ablation table on eight scenes of the package, and a longer run beside it
+ablations: $(INSTALLED) ## the paper's ablation table on six scenes of the package, and a longer run beside it
 	$(BIN)/radiogs-bench run ablations --workers 2
 
 lint: $(READY) ## style, types, which room may import which, how large functions are, links to lines of code, plain words, values without a command
