@@ -27,7 +27,7 @@ class Pictures:
     """How many views of a scene are rendered, of how many pixels a side, and how long the paths of light are.
 
     ``depth`` counts the light as a vertex: 8 ends at the light after seven surfaces. Deep white basins keep on
-    scattering: in ``bowl`` a depth of 8 lacks about 5 % of the indirect light.
+    scattering: in ``bowl`` a depth of 8 lacks 6 % of the indirect light, so that it comes with a depth of 32.
     ``samples``: paths a pixel of a training view. Test views have ``TEST_RATIO`` times as many. ``train``: None for the
     number of the recipe.
     """

@@ -7,7 +7,7 @@ module searches for the light for which the albedo differs least between points 
 different chromaticity probably have different paints and count less. Distant points are compared too, because near
 points alone do not determine the low frequencies of the light.
 
-The problem is small (some thousand points, at most ``ROWS`` rows of light) and takes seconds.
+The problem is small (some thousand points, at most ``LightStart.rows`` rows of light) and takes seconds.
 """
 
 import math
@@ -35,9 +35,6 @@ from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, visibility_of
 from .model import LitSurfels
 from .start_values import LightStart, StartValues
-
-ROWS = 16
-"""Largest number of rows of the estimated light; a larger light map is interpolated from it."""
 
 POINTS = 2400
 """Number of points that are drawn from all training views together."""
@@ -167,7 +164,7 @@ def light_and_albedo(
     fire(lights_not_sought=int(too_few))
     if too_few:
         return None
-    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided, plan)
+    transport = transport_to(points, surfels, min(rows, start.search.rows), generator, two_sided, plan)
     light = least_variation_light(points, transport, start.search)
     radiance = mean_radiance(surfels, views)
     return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, start)

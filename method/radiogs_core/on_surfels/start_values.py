@@ -18,6 +18,8 @@ class LightStart:
     """Steps of Adam."""
     rate: float = 0.05
     """Adam's learning rate for log-radiance; it falls linearly to zero."""
+    rows: int = 16
+    """Largest number of rows of the estimated light; a larger light map is interpolated from it."""
     neighbours: int = 8
     """Number of nearest points that each point is compared with."""
     far: int = 8
@@ -54,7 +56,7 @@ class LightStart:
     """Smallest and largest initial albedo of surfels."""
 
     def __post_init__(self) -> None:
-        require(self, "one or above", "steps", "neighbours")
+        require(self, "one or above", "steps", "neighbours", "rows")
         require(self, "zero or above", "rate", "far", "smoothness", "chroma_smoothness", "colour", "white_paint")
         require(self, "zero or above", "turned")
         require(self, "between 0 and 1", "far_share", "brightest")

@@ -279,7 +279,7 @@ def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
 def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     assert metadata["scene"] == scene.name
-    assert metadata["samples"] == {"train": 256, "test": 1024}
+    assert (metadata["samples"], metadata["depth"]) == ({"train": 256, "test": 1024}, 32 if scene.name == "bowl" else 8)
     assert metadata["noise_floor_db"] > 43
     assert (metadata["indirect_share"] > 0) == (scene.name != "convex")
     assert set(metadata["lights"]) == {"training", *RECIPES[scene.name].relight}

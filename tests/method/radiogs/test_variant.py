@@ -71,6 +71,7 @@ OTHER = {
     "split_sum.geometry_gradient": True,
     "materials.start.light": "constant",
     "materials.start.search.steps": 5,
+    "materials.start.search.rows": 4,
     "materials.start.search.neighbours": 3,
     "materials.start.search.far": 3,
     "materials.start.search.far_share": 0.1,
@@ -131,7 +132,6 @@ OF_A_CONSTANT_START = (
 """Fields that matter only without a search for the light, or where the light is learnt."""
 
 ROOM = {points: room_scene(views=8, size=16, points=points) for points in (0, 100)}
-OF_NO_SPARSE_POINTS = "geometry.surroundings.nearest"
 
 BASES = {
     "geometry.start.sweep.": {"geometry.start.points": "swept"},
@@ -194,7 +194,7 @@ def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str,
             before = initialised(base)
     variant = turned(base, path, value)
     if path.startswith("geometry.surroundings."):
-        scene = ROOM[0 if path == OF_NO_SPARSE_POINTS else 100]
+        scene = ROOM[0 if path == "geometry.surroundings.nearest" else 100]
         before = initialised(BASE, scene)
     assert differ(before["optimiser"]["tensors"], initialised(variant, scene)["optimiser"]["tensors"])
     for read in (variant.of_initialisation(), variant.of_training()):
