@@ -121,3 +121,13 @@ def test_outputs_are_given_numbers_or_links() -> None:
     assert nodes["roughness"].inputs["Value"].default_value == 0.5
     assert tuple(nodes["albedo"].inputs["Color"].default_value) == (0.1, 0.2, 0.3, 1.0)
     assert tree.written()["metallic"] == 0.4
+
+
+def test_a_number_that_comes_as_a_colour_is_written_as_a_number() -> None:
+    """A mixture of colours may lead to an input for a number: Blender takes its mean there, and in an output alike."""
+    tree = Tree()
+    Arithmetic(tree).write("roughness", texture((0.25, 0.25, 0.25)))
+    Arithmetic(tree).write("albedo", texture(0.5))
+    roughness, albedo = ({each.name: each.is_linked for each in node.inputs} for node in tree.made)
+    assert roughness == {"Color": False, "Value": True}
+    assert albedo == {"Color": True, "Value": False}
