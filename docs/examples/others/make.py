@@ -100,7 +100,7 @@ PLANS: Mapping[str, Plan] = {
     ),
     "shoal": Plan(
         "three glazed fish that shade one another, under a sun of 0.7 degrees", SUNNY, TUNED,
-        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",), (160, 256),
+        {"city_sun": 200, "forest": 70, "studio": 10}, ("fish",), (160, 416),
     ),
     "boot": Plan(
         "a scanned boot whose leather has a clear coat, at sunset", SOFT, TUNED,
