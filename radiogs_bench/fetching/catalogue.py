@@ -49,8 +49,7 @@ CAPTURES = (
     ("mold-gold-cape", "moldGoldCape", "c7ef1f0f2a7c2ec5ea7fa3fb43a01ed56fc5216b"),
     ("ethiopian-head", "ethiopianHead", "a7061eb314f07ca6ab8415c3a01bb9bc5fd76b50"),
 )
-"""Photographs of NeRD (Boss et al. 2021): name, repository of vork, and commit. GitHub packs a commit when it is asked
-for, so neither size nor checksum is published."""
+"""NeRD's photographs (Boss et al. 2021): name, repository of vork, and commit, which GitHub packs when it is asked."""
 
 DATA_SETS: Mapping[str, DataSet] = {
     each.name: each

@@ -166,14 +166,8 @@ PTIR_GS = Code(
     ),
     relit=(Rule("relit", "*/ours_*/relight/{light}/pbr/{index:05d}.png", "display"),),
     marks=("*/ours_*/albedo", "*/ours_*/relight/*/pbr"),
-    remarks=(
-        "It multiplies what it shows by the true masks.",
-        "Relit images use the albedo times medians of true over recovered albedo.",
-    ),
-    unread=(
-        Unread("**/*gt/*", "the truth"),
-        Unread("*/ours_*/albedo_scaled/*", "albedo that was scaled to the truth"),
-    ),
+    remarks=("What it shows is multiplied by the true masks, and relit with an albedo that was scaled to the truth.",),
+    unread=(Unread("**/*gt/*", "the truth"), Unread("*/ours_*/albedo_scaled/*", "albedo that was scaled to the truth")),
     environment=("*/ckpt_last_environment.exr",),
 )
 
