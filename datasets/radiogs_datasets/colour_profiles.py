@@ -56,9 +56,8 @@ def profile_of_png(path: Path, chunks: Mapping[bytes, bytes]) -> bytes | None:
 def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     """Integer levels [height, width, 1, 3 or 4] (R, G, B, A) in sRGB, by LittleCMS, relative colorimetric.
 
-    A profile that is sRGB leaves every level as it is; programs write a colour profile into grey images too, whose
-    greys it describes. Raises DataError for a profile that cannot be applied: damaged, of other channels than the
-    image, or of a grey image or one of 16 bits.
+    A profile that is sRGB leaves every level as it is; a grey image may have one of colours. Raises DataError for a
+    profile that cannot be applied: damaged, of other channels than the image, or of an image with 16 bits or in grey.
     """
     if profile is None:
         return image

@@ -61,14 +61,11 @@ def png_levels(path: Path) -> NDArray:
     check_png_pixels(path, layout)
     with caught_output(ERROR) if layout.profile else nullcontext(Printed()) as printed:
         image = _decode(path, data)
-    printed.taken(PROFILE_WARNINGS)
+    printed.taken((b"libpng warning: iCCP",))  # ``in_srgb`` judges profiles
     printed.pass_on()
     levels = in_srgb(path, image[..., {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]], layout.profile)
     return _with_key(path, levels, layout) if layout.transparent and levels.shape[2] != 4 else levels
 
-
-PROFILE_WARNINGS = (b"libpng warning: iCCP",)
-"""How libpng's lines about profiles begin, one for each file; ``in_srgb`` looks at the profiles."""
 
 UNIT_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
 """The value in [0, 1] of each level of 8 bits."""
