@@ -149,6 +149,17 @@ def write_tensoir(folder: Path, predicted: dict[str, Maps]) -> None:
             png(place / f"{light}.png", on_white(image, alpha))
 
 
+def write_ptir_gs(folder: Path, predicted: dict[str, Maps]) -> None:
+    base = folder / "lego-0207_101500" / "ours_800"
+    for index, maps in enumerate(predicted.values()):
+        rough = maps["roughness"].expand(-1, -1, 3)
+        kinds = {"pbr": maps["image"], "albedo": maps["albedo"], "roughness": rough, "normals": maps["normal"]}
+        for kind, image in (kinds | {"indirect": maps["indirect"], "pbr_gt": maps["alpha"]}).items():
+            png(base / f"{kind}/{index:05d}.png", image)
+        for light, image in relit(maps).items():
+            png(base / f"relight/{light}/pbr/{index:05d}.png", image)
+
+
 def write_plain(folder: Path, predicted: dict[str, Maps]) -> None:
     for name, maps in predicted.items():
         png(folder / f"image/{name}.png", maps["image"])
@@ -171,5 +182,6 @@ WRITERS: dict[str, Callable[[Path, dict[str, Maps]], None]] = {
     "r3dg": write_r3dg,
     "svg-ir": write_svg_ir,
     "tensoir": write_tensoir,
+    "ptir-gs": write_ptir_gs,
     "plain": write_plain,
 }

@@ -65,7 +65,7 @@ def check_scene(
     (``deep_check``). ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such
     folder.
     """
-    folder = scene_folder(name_or_path)
+    folder = scene_folder(name_or_path).absolute()
     findings = list(_damaged_files(folder, advance))
     scene: Scene | None = None
     try:

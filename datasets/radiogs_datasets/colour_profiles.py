@@ -56,24 +56,25 @@ def profile_of_png(path: Path, chunks: Mapping[bytes, bytes]) -> bytes | None:
 def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     """Integer levels [height, width, 1, 3 or 4] (R, G, B, A) in sRGB, by LittleCMS, relative colorimetric.
 
-    A profile that is sRGB leaves every level as it is. Raises DataError for a profile that cannot be applied: damaged,
-    of other channels than the image, or of an image of 16 bits.
+    A profile that is sRGB leaves every level as it is; a grey image may have one of colours. Raises DataError for a
+    profile that cannot be applied: damaged, of other channels than the image, or of an image with 16 bits or in grey.
     """
     if profile is None:
         return image
-    mode = "L" if image.shape[2] == 1 else "RGB"
+    grey = image.shape[2] == 1
     try:
         source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        mode = "L" if grey and source.profile.xcolor_space.strip() == "GRAY" else "RGB"
         name = (ImageCms.getProfileDescription(source) or "without a name").strip()[:80]
         moved = ImageCms.buildTransform(
             source, ImageCms.createProfile("sRGB"), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
         )
         levels = np.linspace(0, 255, GRID).astype(np.uint8)
-        cube = np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
-        probe = levels[None, :, None] if mode == "L" else cube
+        greys = np.broadcast_to(levels[None, :, None], (1, GRID, 3))
+        probe = greys if grey else np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
         if np.abs(_through(moved, probe, mode).astype(int) - probe).max() <= SAME_LEVELS:
             return image
-        if image.dtype != np.uint8 or mode == "L":
+        if image.dtype != np.uint8 or grey:
             raise _refused(path, f"its ICC profile is '{name}', and it has 16 bits or is grey")
         return np.concatenate([_through(moved, image[..., :3], mode), image[..., 3:]], -1)
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:

@@ -11,7 +11,7 @@ JPEG is decoded by OpenCV's libjpeg, whose warnings are errors: it greys out wha
 import errno
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from .image_structure import (
     radiance_size,
     require_size,
 )
-from .native_output import ERROR, OUT, caught_output, unnamed_file
+from .native_output import ERROR, OUT, Printed, caught_output, unnamed_file
 
 HALF_MAX = 65504.0
 
@@ -59,7 +59,10 @@ def png_levels(path: Path) -> NDArray:
     data = read_bytes(path)
     layout = png_layout(path, data)
     check_png_pixels(path, layout)
-    image = _decode(path, data)
+    with caught_output(ERROR) if layout.profile else nullcontext(Printed()) as printed:
+        image = _decode(path, data)
+    printed.taken((b"libpng warning: iCCP",))  # ``in_srgb`` judges profiles
+    printed.pass_on()
     levels = in_srgb(path, image[..., {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]], layout.profile)
     return _with_key(path, levels, layout) if layout.transparent and levels.shape[2] != 4 else levels
 
@@ -219,11 +222,11 @@ def write_hdr(path: Path, image: NDArray[np.floating]) -> None:
     _encode(path, ".hdr", np.ascontiguousarray(finite(path, image)[..., ::-1], np.float32), [])
 
 
-def _decode(path: Path, data: bytes) -> NDArray:
+def _decode(path: Path, data: bytes, flags: int = cv2.IMREAD_UNCHANGED) -> NDArray:
     level = LOGGING.getLogLevel()
     LOGGING.setLogLevel(SILENT)  # OpenCV would log a damaged file on the terminal, beside the error raised here
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
         raise damaged(path, f"OpenCV says: {error.err}") from error
     finally:
@@ -261,15 +264,10 @@ def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
     decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.
     """
     with caught_output(ERROR) as printed:
-        try:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        except cv2.error as error:
-            raise damaged(path, f"OpenCV says: {error.err}") from error
+        image = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     warnings = printed.taken(JPEG_WARNINGS)
     if warnings:
         raise damaged(path, f"libjpeg says: {warnings[0].decode(errors='replace').strip()}")
-    if image is None:
-        raise damaged(path, "its pixels cannot be decoded")
     printed.pass_on()
     return np.asarray(image, np.uint8)
 

@@ -320,7 +320,7 @@ def fetch(*data_sets: DataSetName, root: Annotated[Path | None, Parameter(name="
         except NotFetched as error:
             lacking.append(error)
             continue
-        say(f"{place / each.name} is complete")
+        say(f"{place / each.name} is complete (terms: {each.licence})")
     if place != data_root():
         say(f"Use it:  --data {place}   or   export {DATA_VARIABLE}={place.resolve()}")
     for other in lacking[:-1]:

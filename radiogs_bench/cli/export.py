@@ -45,8 +45,8 @@ class Layout:
     """How test views are written."""
 
     layout_of: CodeName | None = None
-    """Write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir or
-    tensoir."""
+    """Write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir,
+    tensoir or ptir-gs."""
     bits: Literal[8, 16] = 8
     """Write images of this many bits; the codes write 8."""
     protocol: ProtocolName = "default"

@@ -68,7 +68,7 @@ def train(
 
     on.use()
     variant, budget = fields_of(asked.method, asked.preset, changes)
-    folder = asked.out or Path("out") / Path(scene).name
+    folder = asked.out or Path("out") / Path(scene).absolute().name
     model = api.train(
         asked.method, scene, asked.preset, variant, asked.seed, on.device, folder,
         budget=budget, recipe=changes.recipe, scene_options=opened, replace=asked.force, say=say,

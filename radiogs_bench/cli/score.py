@@ -41,8 +41,8 @@ class Compared:
     scene: SceneName | None = None
     """Compare with this scene, by name or folder."""
     code: Annotated[CodeName | None, Parameter(name="--from")] = None
-    """Read the folder as this code writes it: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb or plain
-    (default: recognised from its files)."""
+    """Read the folder as this code writes it: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, ptir-gs, stanford-orb
+    or plain (default: recognised from its files)."""
     ground: Literal["white", "black"] | None = None
     """Read colours without a fourth channel on this ground (default: as the code writes them)."""
     protocol: ProtocolName | None = None

@@ -31,7 +31,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class DataSet:
-    """A public data set; ``licence`` says where its terms are stated."""
+    """A public data set; ``licence``: its terms, or where they are stated."""
 
     name: str
     title: str
@@ -44,6 +44,12 @@ ZENODO = "https://zenodo.org/records/7880113"
 INVRENDER_MAPS = "https://raw.githubusercontent.com/zju3dv/InvRender/HEAD/code/envmaps"
 ORB = "https://downloads.cs.stanford.edu/viscam/StanfordORB"
 ENVIRONMENT_MAPS = "https://drive.google.com/file/d/10WLc4zk2idf4xGb6nPL43OXTTHvAXSR3/view"
+
+CAPTURES = (
+    ("mold-gold-cape", "moldGoldCape", "c7ef1f0f2a7c2ec5ea7fa3fb43a01ed56fc5216b"),
+    ("ethiopian-head", "ethiopianHead", "a7061eb314f07ca6ab8415c3a01bb9bc5fd76b50"),
+)
+"""NeRD's photographs (Boss et al. 2021): name, repository of vork, and commit, which GitHub packs when it is asked."""
 
 DATA_SETS: Mapping[str, DataSet] = {
     each.name: each
@@ -91,6 +97,13 @@ DATA_SETS: Mapping[str, DataSet] = {
             "mipnerf360", "Mip-NeRF 360", "https://jonbarron.info/mipnerf360",
             "stated by https://jonbarron.info/mipnerf360",
             (Piece("360_v2.zip", "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip"),),
+        ),
+        *(
+            DataSet(
+                name, f"{of} of NeRD", f"https://github.com/vork/{of}", "CC BY-NC-SA 4.0, not for commercial use",
+                (Piece(f"{of}-{commit}.zip", f"https://github.com/vork/{of}/archive/{commit}.zip"),),
+            )
+            for name, of, commit in CAPTURES
         ),
     )
 }  # fmt: skip

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from ..errors import StoreError
 from ..scoring.metrics.conventions import Net
 from ..scoring.metrics.weights import missing_weights, weights_folder
 from ..store.atomic import explained
+from .catalogue import Piece
 from .download import TIMEOUT, download, forget, require_published, sha256_of
 
 TORCHVISION = "https://download.pytorch.org/models"
@@ -30,22 +30,14 @@ MEGABYTES: Mapping[Net, int] = {"alex": 233, "vgg": 528, "squeeze": 5}
 """Size of the files of a network, rounded."""
 
 
-@dataclass(frozen=True)
-class Source:
-    """A file to download: its address, its local name, and the first digits of its SHA-256 (hexadecimal)."""
-
-    url: str
-    name: str
-    sha256: str
-
-
-def _files(features: str, net: Net, head: str) -> tuple[Source, Source]:
+def _files(features: str, net: Net, head: str) -> tuple[Piece, Piece]:
     """A network's features and its LPIPS head; torchvision's file names end in eight digits of their SHA-256."""
     digest = features.removesuffix(".pth").rsplit("-", 1)[1]
-    return Source(f"{TORCHVISION}/{features}", features, digest), Source(f"{HEADS}/{net}.pth", f"{net}.pth", head)
+    name = f"{net}.pth"
+    return Piece(features, f"{TORCHVISION}/{features}", sha256=digest), Piece(name, f"{HEADS}/{name}", sha256=head)
 
 
-SOURCES: Mapping[Net, tuple[Source, ...]] = {
+SOURCES: Mapping[Net, tuple[Piece, ...]] = {
     "alex": _files(
         "alexnet-owt-7be5be79.pth", "alex", "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0"
     ),
@@ -57,7 +49,7 @@ SOURCES: Mapping[Net, tuple[Source, ...]] = {
 """Torchvision's ImageNet weights (V1) and the LPIPS v0.1 heads (BSD-2-Clause)."""
 
 
-def sources(nets: Sequence[str] | None = None) -> list[Source]:
+def sources(nets: Sequence[str] | None = None) -> list[Piece]:
     """The files of the given networks, or of all. Raises UsageError for a network that LPIPS does not have."""
     for net in nets or ():
         if net not in SOURCES:
@@ -65,7 +57,7 @@ def sources(nets: Sequence[str] | None = None) -> list[Source]:
     return [source for net, files in SOURCES.items() if nets is None or net in nets for source in files]
 
 
-def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], timeout: float = TIMEOUT) -> bool:
+def fetch(source: Piece, folder: Path, advance: Callable[[int, int], None], timeout: float = TIMEOUT) -> bool:
     """Download the file into ``folder`` unless a correct one is there; returns whether it was downloaded.
 
     ``advance`` is called with (done, total) bytes. The file gets its name once it is complete and its digest correct;
@@ -107,5 +99,5 @@ def fetch_missing(nets: Iterable[Net], say: Callable[[str], None], advance: Call
             return
 
 
-def _by_hand(source: Source, folder: Path) -> str:
+def _by_hand(source: Piece, folder: Path) -> str:
     return f"Try again later, or put a good copy at {folder / source.name} by hand."

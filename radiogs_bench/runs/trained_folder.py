@@ -22,6 +22,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 from radiogs_datasets.options import options_of
+from radiogs_datasets.registry import scene_folder
 
 from ..initial_viewpoint import initial_viewpoint
 from ..method_calls import calling
@@ -30,6 +31,7 @@ from ..store.atomic import explained
 from ..store.folder import FOLDERS, Store, product_name
 from ..store.keys import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
+from ..suites.scenes import place_of
 from .cell import Cell
 from .stages import facts_of, restored
 from .sweep import preset_text
@@ -55,7 +57,9 @@ class About(TypedDict):
     method: str
     """The method's name, or the path of its TOML file."""
     scene: str
-    """As given to ``train``: a name, or a path relative to its working folder."""
+    """Name of a scene of the package, or the absolute path of the scene's folder."""
+    given: NotRequired[str]
+    """The name that ``train`` was given, for a folder that was moved: data roots and working folders are looked in."""
     options: NotRequired[dict[str, Any]]
     """The options that the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
     checksum: str
@@ -81,7 +85,7 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
     about = About(
         schema=TRAINED_SCHEMA,
         method=cell.found_as,
-        scene=origin.scene,
+        scene=place_of(origin.scene),
         checksum=cell.checksum,
         preset=origin.preset,
         seed=cell.seed,
@@ -90,8 +94,13 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
         facts=facts_of(cell.method, model),
         standpoint=initial_viewpoint(scene, scene.train[0].camera).plain(),
     )
+    given, masks = Path(origin.scene), Path(scene.options.get("mask_folder", ""))
+    if given.name and ".." not in given.parts:
+        about["given"] = origin.scene
     if scene.options:
         about["options"] = dict(scene.options)
+    if masks.is_relative_to(about["scene"]):  # the folder may be moved with its masks
+        about["options"]["mask_folder"] = str(masks.relative_to(about["scene"]))
     if origin.budget:
         about["budget"] = flat(origin.budget)
     written = _exported(cell.method, model, folder)
@@ -168,10 +177,14 @@ def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] 
     about = read_about(folder)
     used = method(about["method"])
     variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
-    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
+    named = about["scene"] if Path(about["scene"]).is_dir() else about.get("given", about["scene"])
+    options = dict(about.get("options", {}))
+    if "mask_folder" in options:
+        options["mask_folder"] = str(scene_folder(named) / str(options["mask_folder"]))
+    scene = load_scene(named, options=options_of(options))
     if scene.checksum != about["checksum"]:
         raise DataError(
-            f"scene '{about['scene']}' has changed since the model was trained",
+            f"scene '{named}' has changed since the model was trained",
             "Its files have another checksum.",
             "Put the old files back, or train again.",
         )

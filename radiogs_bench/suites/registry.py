@@ -92,19 +92,13 @@ def read_suite(path: Path) -> Suite:
             "suite.rows", f"{len(rows)} rows", f"A suite has at most {MOST_ROWS}.", "Make several suites of it."
         )
     content.setdefault("published", None)
-    for row in content.get("rows", ()) if isinstance(content.get("rows"), list) else ():
-        _complete(row)
+    for row in [each for each in rows if isinstance(each, dict)] if isinstance(rows, list) else ():
+        row.setdefault("latex", "")  # reports make it from the row's text
+        if isinstance(row.get("budget"), dict):
+            row["budget"] = flat(row["budget"])
     suite = _with_places(reader.build(Suite, content, "suite"), path.parent)
     _check(suite, reader)
     return suite
-
-
-def _complete(row: object) -> None:
-    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text; flatten its budget."""
-    if isinstance(row, dict):
-        row.setdefault("latex", "")
-        if isinstance(row.get("budget"), dict):
-            row["budget"] = flat(row["budget"])
 
 
 def _metric(reader: PlainReader, value: Any, where: str) -> Metric:

@@ -1,11 +1,12 @@
 """The scenes that a suite is run on."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
-from radiogs_datasets import load_scene, scene_names
+from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.data_root import data_root, in_data_sets
 from radiogs_datasets.layouts.inspection import shown
 from radiogs_datasets.options import AS_STORED, SceneOptions
@@ -78,6 +79,6 @@ def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dic
 
 def place_of(name_or_path: str) -> str:
     """A scene's name or absolute path, valid in another working folder."""
-    if name_or_path in scene_names():
+    if name_or_path in known_names():
         return name_or_path
-    return str((located(name_or_path) or Path(name_or_path)).resolve())
+    return os.path.abspath(located(name_or_path) or name_or_path)

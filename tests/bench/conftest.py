@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench import fake_method
+from bench.chain_method import Chain
 from radiogs_bench.cli import main
 from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.runs import preflight, train
@@ -26,6 +27,14 @@ def _without_figures(request: pytest.FixtureRequest) -> Iterator[None]:
         if not getattr(request.module, "WITH_FIGURES", False):
             patch.setattr(run_folder, "write_figures", lambda summary, out: [])
         yield
+
+
+@pytest.fixture
+def chain(monkeypatch: pytest.MonkeyPatch) -> Chain:
+    """A method without recipes."""
+    chain = Chain(("fit",))
+    monkeypatch.setitem(substitutes, "chain", chain)
+    return chain
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from torch import nn
 from metrics.images import example
 from radiogs_bench.cli import main
 from radiogs_bench.fetching import lpips_weights
-from radiogs_bench.fetching.lpips_weights import OFFLINE_VARIABLE, SOURCES, Source, fetch, fetch_missing
+from radiogs_bench.fetching.catalogue import Piece
+from radiogs_bench.fetching.lpips_weights import OFFLINE_VARIABLE, SOURCES, fetch, fetch_missing
 from radiogs_bench.scoring.metrics.conventions import Lpips, Net
 from radiogs_bench.scoring.metrics.lpips import BACKBONES, SMALLEST_SIDE, distance, lpips
 from radiogs_bench.scoring.metrics.protocols import protocol
@@ -243,7 +244,7 @@ def nothing(done: int, total: int) -> None:
 def test_a_good_file_is_kept_once_and_its_progress_told(tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     with serving() as server:
-        source = Source(f"{server}/good", "net.pth", DIGEST[:8])
+        source = Piece("net.pth", f"{server}/good", sha256=DIGEST[:8])
         assert fetch(source, tmp_path / "new", lambda done, total: told.append((done, total)))
         assert not fetch(source, tmp_path / "new", nothing)
     assert (tmp_path / "new" / "net.pth").read_bytes() == CONTENT
@@ -255,7 +256,7 @@ def test_a_good_file_is_kept_once_and_its_progress_told(tmp_path: Path) -> None:
 def test_a_damaged_file_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "net.pth").write_bytes(b"half")
     with serving() as server:
-        assert fetch(Source(f"{server}/good", "net.pth", DIGEST), tmp_path, nothing)
+        assert fetch(Piece("net.pth", f"{server}/good", sha256=DIGEST), tmp_path, nothing)
     assert (tmp_path / "net.pth").read_bytes() == CONTENT
 
 
@@ -270,7 +271,7 @@ def test_a_damaged_file_is_replaced(tmp_path: Path) -> None:
 )
 def test_anything_else_is_an_error_that_leaves_nothing_behind(tmp_path: Path, path: str, complaint: str) -> None:
     with serving() as server, pytest.raises(DataError, match=complaint) as raised:
-        fetch(Source(f"{server}{path}", "net.pth", DIGEST[:8]), tmp_path, nothing, timeout=0.2)
+        fetch(Piece("net.pth", f"{server}{path}", sha256=DIGEST[:8]), tmp_path, nothing, timeout=0.2)
     assert server in raised.value.what
     assert raised.value.remedy
     assert not list(tmp_path.iterdir())
@@ -279,7 +280,7 @@ def test_anything_else_is_an_error_that_leaves_nothing_behind(tmp_path: Path, pa
 def test_a_failed_download_keeps_the_file_that_was_there(tmp_path: Path) -> None:
     (tmp_path / "net.pth").write_bytes(b"old")
     with serving() as server, pytest.raises(DataError):
-        fetch(Source(f"{server}/gone", "net.pth", DIGEST), tmp_path, nothing)
+        fetch(Piece("net.pth", f"{server}/gone", sha256=DIGEST), tmp_path, nothing)
     assert (tmp_path / "net.pth").read_bytes() == b"old"
 
 
@@ -287,7 +288,7 @@ def test_a_server_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with serving() as server:
         pass
     with pytest.raises(DataError, match="refused"):
-        fetch(Source(f"{server}/good", "net.pth", DIGEST), tmp_path, nothing)
+        fetch(Piece("net.pth", f"{server}/good", sha256=DIGEST), tmp_path, nothing)
 
 
 def test_what_is_fetched_is_what_is_looked_for() -> None:
@@ -318,7 +319,9 @@ def test_a_run_fetches_what_its_networks_lack_until_a_failure_unless_told_not_to
         (tmp_path / name).write_bytes(CONTENT)
     lines: list[str] = []
     with serving() as server:
-        files = {net: tuple(Source(f"{server}{path}", each.name, DIGEST) for each in SOURCES[net]) for net in SOURCES}
+        files = {
+            net: tuple(Piece(each.name, f"{server}{path}", sha256=DIGEST) for each in of) for net, of in SOURCES.items()
+        }
         monkeypatch.setattr(lpips_weights, "SOURCES", files)
         fetch_missing(["squeeze", "alex", "vgg"], lines.append, lambda name, done, total: None)
     assert [line[: len(begin)] for line, begin in zip(lines, said, strict=True)] == said
@@ -331,15 +334,14 @@ def test_the_command_fetches_what_is_asked_for_and_says_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with serving() as server:
-        monkeypatch.setattr(
-            lpips_weights, "SOURCES", {"alex": (Source(f"{server}/good", "a.pth", DIGEST),), "vgg": (), "squeeze": ()}
-        )
+        alex = Piece("a.pth", f"{server}/good", sha256=DIGEST)
+        monkeypatch.setattr(lpips_weights, "SOURCES", {"alex": (alex,), "vgg": (), "squeeze": ()})
         monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path / "cache"))
         assert main(["datasets", "weights"]) == 0
         assert main(["datasets", "weights", "--nets", "alex"]) == 0
         assert main(["datasets", "weights", "--to", str(tmp_path / "other")]) == 0
         assert main(["datasets", "weights", "--nets", "alexnet"]) == 2
-        monkeypatch.setattr(lpips_weights, "SOURCES", {"alex": (Source(f"{server}/gone", "b.pth", DIGEST),)})
+        monkeypatch.setattr(lpips_weights, "SOURCES", {"alex": (Piece("b.pth", f"{server}/gone", sha256=DIGEST),)})
         assert main(["datasets", "weights"]) == 3
     assert (tmp_path / "cache" / "a.pth").read_bytes() == (tmp_path / "other" / "a.pth").read_bytes() == CONTENT
     shown = "".join(capsys.readouterr())

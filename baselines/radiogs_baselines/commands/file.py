@@ -130,7 +130,7 @@ class MethodFile:
     settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Lists of arguments by name; ``{name}`` in a command's arguments is replaced by the list."""
     scenes: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
-    """Other values of settings, by scene and name."""
+    """Other values of settings, by a scene's name or layout, and by the setting's name."""
     presets: Mapping[str, Iterations] = field(default_factory=dict)
     """Iterations by preset."""
     resumes: bool = False

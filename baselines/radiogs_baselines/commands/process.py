@@ -94,11 +94,13 @@ class Running:
         except OSError as error:
             raise _cannot_start(command, f"its log {command.log} cannot be written: {error.strerror}") from error
         self._begun = time.monotonic()
+        ours = {name: value for name, value in os.environ.items() if name not in FOREIGN}
         try:
             self._process = subprocess.Popen(
                 list(command.arguments),
                 cwd=command.folder,
-                env=_environment(command) | {MARK: mark},
+                # Python buffers its output: the log of a process that is killed would be empty.
+                env=ours | {"PYTHONUNBUFFERED": "1", **command.environment, MARK: mark},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
@@ -151,12 +153,6 @@ class Running:
         with self._process.stdout as pipe:  # type: ignore[union-attr]
             while data := os.read(pipe.fileno(), 1 << 16):
                 self.log.write(data)
-
-
-def _environment(command: Command) -> dict[str, str]:
-    ours = {name: value for name, value in os.environ.items() if name not in FOREIGN}
-    # Python buffers its output: without this the log of a process that is killed would be empty.
-    return {**ours, "PYTHONUNBUFFERED": "1", **command.environment}
 
 
 def _cannot_start(command: Command, why: str) -> CommandFailed:

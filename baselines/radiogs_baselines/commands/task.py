@@ -76,7 +76,8 @@ class Task:
         """Remove the files of an interrupted run, unless the code can continue it; returns whether it continues."""
         workspace = self.workspace
         workspace.done(self.name).unlink(missing_ok=True)
-        there = files_in(workspace.output)
+        # Symbolic links count as files and are not followed.
+        there = [Path(parent) / name for parent, _, names in os.walk(workspace.output) for name in names]
         before = read_json(workspace.begun(self.name))
         if not isinstance(before, list):
             write_json(
@@ -141,11 +142,6 @@ class Attempt:
             "\n".join(part for part in parts if part),
             f"Its log: {log.path}\n" + ("Free disk space and run" if full else "Run") + f" the same again: {again}.",
         )
-
-
-def files_in(folder: Path) -> list[Path]:
-    """All files below a folder; symbolic links count as files and are not followed."""
-    return [Path(parent) / name for parent, _, names in os.walk(folder) for name in names]
 
 
 def _how(ended: ExitStatus, limit: float | None) -> tuple[str, str]:

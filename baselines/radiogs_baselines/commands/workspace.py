@@ -120,8 +120,9 @@ class Workspace:
 
     @property
     def settings(self) -> Mapping[str, Sequence[str]]:
-        """The file's lists of arguments for this scene."""
-        return {**self.file.settings, **self.file.scenes.get(self.run.scene.name, {})}
+        """The file's lists of arguments for this scene: its own go before its layout's."""
+        scene, others = self.run.scene, self.file.scenes
+        return {**self.file.settings, **others.get(scene.layout, {}), **others.get(scene.name, {})}
 
     def working_folder(self, values: Mapping[str, str]) -> Path:
         """The folder in which commands run; it is created if it lies in the workspace."""

@@ -155,6 +155,22 @@ TENSOIR = Code(
     ),
 )
 
+PTIR_GS = Code(
+    title="PTIR-GS: the folder of an inversion, with its runs",
+    rules=(
+        Rule("image", "*/ours_*/pbr/{index:05d}.png", "display"),
+        Rule("albedo", "*/ours_*/albedo/{index:05d}.png", "linear"),
+        Rule("roughness", "*/ours_*/roughness/{index:05d}.png", "value"),
+        Rule("normal", "*/ours_*/normals/{index:05d}.png", "normal"),
+        Rule("indirect", "*/ours_*/indirect/{index:05d}.png", "radiance"),
+    ),
+    relit=(Rule("relit", "*/ours_*/relight/{light}/pbr/{index:05d}.png", "display"),),
+    marks=("*/ours_*/albedo", "*/ours_*/relight/*/pbr"),
+    remarks=("What it shows is multiplied by the true masks, and relit with an albedo that was scaled to the truth.",),
+    unread=(Unread("**/*gt/*", "the truth"), Unread("*/ours_*/albedo_scaled/*", "albedo that was scaled to the truth")),
+    environment=("*/ckpt_last_environment.exr",),
+)
+
 PLAIN_MAPS: Mapping[str, Encoding] = {
     "image": "display",
     "alpha": "value",
@@ -197,5 +213,6 @@ CODES: Mapping[str, Code] = {
     "r3dg": R3DG,
     "svg-ir": SVG_IR,
     "tensoir": TENSOIR,
+    "ptir-gs": PTIR_GS,
     "plain": PLAIN,
 }

@@ -49,7 +49,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None, *, num
         for light, views in relightable(scene).items()
     }
     relit = {light: views for light, views in lit.items() if views}
-    light = next((folder / file for file in layout.environment if (folder / file).is_file()), None)
+    light = next((path for file in layout.environment for path in sorted(folder.glob(file))), None)
     read = {found.path for views in (*maps.values(), *relit.values()) for found in views.values()}
     if light is not None:
         read.add(light)

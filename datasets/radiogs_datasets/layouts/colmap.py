@@ -87,7 +87,7 @@ def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], 
         paths, said = _in_folder(folder, place, chosen, names)
         if all(path.is_file() for path in paths):
             skipped = (f"{', '.join(lacking)} {'lacks' if len(lacking) == 1 else 'lack'} photos of the model",)
-            return paths, (f"images are those of {chosen}", *(skipped if lacking else ()), *said)
+            return paths, (f"photos are read from {chosen}/", *(skipped if lacking else ()), *said)
         lacking.append(chosen)
     return _in_folder(folder, place, folders[-1], names)
 

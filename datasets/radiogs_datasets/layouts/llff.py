@@ -64,7 +64,7 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     train, test, said = held_out(views, options.hold_out)
-    repairs = (f"images are those of {chosen}", said, *said_of_coverage)
+    repairs = (f"photos are read from {chosen}/", said, *said_of_coverage)
     return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
 
 

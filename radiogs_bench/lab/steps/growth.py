@@ -94,7 +94,8 @@ def bench_growth(
         for number in range(passes):
             for value, observe in zip(axis.values, watching, strict=True):
                 announce(f"steps: {value:,} {axis.grows}, pass {number + 1} of {passes}")
-                size = _size(axis, value)
+                grown = {"side": round(value**0.5)} if axis.grows == "pixels" else {axis.grows: value}
+                size = replace(USUAL, **grown)
                 one_pass(subject_of(method, scene, size if sized else replace(size, surfels=None), device), observe)
         found: defaultdict[str, list[Measured]] = defaultdict(list)
         for observe in watching:
@@ -119,11 +120,6 @@ def _kernels(cases: Sequence[Case], device: torch.device) -> list[Measured]:
     return [
         Measured([each[place] for each in taken], peak_bytes(case.forward, device)) for place, case in enumerate(cases)
     ]
-
-
-def _size(axis: Axis, value: int) -> Size:
-    changed = {"surfels": {"surfels": value}, "pixels": {"side": round(value**0.5)}, "views": {"views": value}}
-    return replace(USUAL, **changed[axis.grows])
 
 
 def _rows(axis: Axis, found: Mapping[str, Sequence[Measured]]) -> Iterator[Plain]:

@@ -113,10 +113,12 @@ def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -
     earlier = {row["title"]: row for row in theirs["rows"]}
     for now in ours["rows"]:
         if (before := earlier.get(now["title"])) is not None:
+            was = before["work"]
+            changed = {what: count / was[what] for what, count in now["work"].items() if was.get(what)}
             table.add_row(
                 now["title"], milliseconds(before["median"]), milliseconds(now["median"]), *times_as_fast(before, now),
                 *(f"{before[count]:,} → {now[count]:,}" for count in ("operations", "launches")),
-                ", ".join(f"{what} x {ratio:.2f}" for what, ratio in other_work(before["work"], now["work"]).items()),
+                ", ".join(f"{what} x {ratio:.2f}" for what, ratio in changed.items() if abs(ratio - 1) > OTHER_WORK),
             )  # fmt: skip
     return table
 
@@ -129,9 +131,3 @@ def times_as_fast(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[st
     if not (before["low"] and now["low"]):
         return ratio, ""
     return ratio, f"{before['low'] / now['high']:.2f} to {before['high'] / now['low']:.2f}"
-
-
-def other_work(before: Mapping[str, int], now: Mapping[str, int]) -> dict[str, float]:
-    """Work counters that changed, as ratios to what they were."""
-    found = {name: now[name] / before[name] for name in now if before.get(name)}
-    return {name: ratio for name, ratio in found.items() if abs(ratio - 1) > OTHER_WORK}

@@ -137,7 +137,9 @@ def run_by_pool(plan: RunPlan, bench: Bench, engine: Engine) -> Ended:
     left = sum(not bench.store.has_result(cell.key) for _, cell in cells)
     if not left:
         return Ended()
-    return Ended(killed(codes, left), worst_of(codes))
+    known = [code for _, code in EXIT_CODES]
+    worst = min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)
+    return Ended(killed(codes, left), worst)
 
 
 POLL_SECONDS = 0.2
@@ -242,12 +244,6 @@ def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
             " memory.",
         )
     ]
-
-
-def worst_of(codes: Sequence[int]) -> int:
-    """The exit code of a run with unfinished cells: the worst that its workers gave a reason for."""
-    known = [code for _, code in EXIT_CODES]
-    return min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)
 
 
 def _on_cluster(plan: RunPlan, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:

@@ -8,6 +8,7 @@ import pytest
 import torch
 from plyfile import PlyData
 
+from captured import write_capture
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.runs.trained_folder import read_about, read_trained
@@ -117,6 +118,31 @@ def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> 
     assert main([*arguments, "--reduce", "3", "--force"]) == 0, "another model is there"
     assert len(list(out.glob("stages/*"))) > stages
     assert read_trained(out, CPU)[0].scene.test[0].camera.width == 32
+
+
+def test_a_model_opens_from_every_folder_and_after_its_scene_has_moved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`cd capture; train .` left a model of the scene '.', which every command looked for where it was called."""
+    capture, out, root = write_capture(tmp_path / "here" / "capture", every=6), tmp_path / "model", tmp_path / "data"
+    write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    options = ["--preset", "smoke", "--long-side", "24", "--out", str(out), "--no-score", "--mask-folder"]
+    monkeypatch.chdir(capture)
+    assert main(["train", ".", *options, "masks"]) == 0
+    key, opened = read_about(out)["training_key"], ["--envmap", str(tmp_path / "dim.hdr")]
+    monkeypatch.chdir(tmp_path)
+    assert main(["render", str(out)]) == 0
+    assert main(["relight", str(out), *opened]) == 0
+    assert main(["view", str(out), "--frames", "1", "--size", "16"]) == 0
+    assert main(["export", str(out), "--layout-of", "gs-ir"]) == 0
+    assert main(["score", str(out)]) == 0
+    monkeypatch.chdir(capture.parent)
+    assert main(["train", "capture", *options, "capture/masks"]) == 0
+    assert read_about(out)["training_key"] == key, "the path is no part of the key"
+    root.mkdir()
+    capture.rename(root / "capture")
+    assert main(["render", str(out)]) == 3
+    assert main(["render", str(out), "--data", str(root)]) == 0
 
 
 def test_wrong_use_is_explained(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

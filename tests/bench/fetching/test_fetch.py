@@ -8,6 +8,7 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ import pytest
 from radiogs_bench.cli import main
 from radiogs_bench.errors import NotFetched, exit_code
 from radiogs_bench.fetching import catalogue
-from radiogs_bench.fetching.catalogue import DATA_SETS, DataSet, Piece
+from radiogs_bench.fetching.catalogue import CAPTURES, DATA_SETS, DataSet, Piece
 from radiogs_bench.fetching.download import DownloadFailed, MalformedAnswer, download, sha256_of
 from radiogs_bench.fetching.fetch import fetch_data_set
 from radiogs_bench.suites.registry import SUITES
@@ -337,6 +338,23 @@ def test_the_command_fetches_lists_and_has_an_exit_code_of_its_own(
     assert "checksum unknown: recorded at first download" in said.out
     assert "(exit code 5)" in said.err
     assert f"put it at  {tmp_path / 'some-set' / 'lego.zip'}" in said.err
+
+
+def test_a_capture_is_fetched_by_its_commit_and_its_licence_is_shown_before_and_after(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, of, commit in CAPTURES:
+        (piece,) = DATA_SETS[name].pieces
+        assert piece.url == f"https://github.com/vork/{of}/archive/{commit}.zip"
+        assert re.fullmatch("[0-9a-f]{40}", commit)
+        server.files["/zip"] = archive(**{f"{of}-{commit}__{file}": b"1" for file in ("images__a.jpg", "LICENSE.md")})
+        here = replace(DATA_SETS[name], pieces=(replace(piece, url=f"{server.url}/zip"),))
+        monkeypatch.setattr(catalogue, "DATA_SETS", {name: here})
+        assert main(["datasets", "fetch", name, "--data", str(tmp_path)]) == 0
+        assert (tmp_path / name / "images" / "a.jpg").is_file()
+        first, *_, last = [line for line in capsys.readouterr().out.splitlines() if "CC BY-NC-SA 4.0" in line]
+        assert first.startswith(of)
+        assert "is complete" in last
 
 
 def test_every_suite_on_public_data_names_a_data_set_that_can_be_fetched() -> None:

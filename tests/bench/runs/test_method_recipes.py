@@ -15,7 +15,6 @@ from radiogs.method import RADIOGS
 from radiogs.recipes import recipe_values
 from radiogs.settings import Variant
 from radiogs_bench.cli import main
-from radiogs_bench.installed_methods import substitutes
 from radiogs_bench.methods import nearest_recipe, variant_by_recipe
 from radiogs_bench.runs.rows import of_methods, with_recipe
 from radiogs_bench.runs.sweep import read_sweep
@@ -34,14 +33,6 @@ FakeRun = Callable[..., int]
 def by(recipe: str, layout: str = "", scene: str = "", **changed: Any) -> Variant:
     """RadioGS's variant by a recipe, with some fields changed."""
     return with_values(Variant(), {**recipe_values(recipe, layout, scene), **changed})
-
-
-@pytest.fixture
-def chain(monkeypatch: pytest.MonkeyPatch) -> Chain:
-    """A method without recipes."""
-    chain = Chain(("fit",))
-    monkeypatch.setitem(substitutes, "chain", chain)
-    return chain
 
 
 def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_methods_default() -> None:

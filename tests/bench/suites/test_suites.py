@@ -303,13 +303,6 @@ def test_a_preset_too_small_for_a_row_is_refused() -> None:
     assert least.incident_samples == 1
 
 
-@pytest.fixture
-def chain(monkeypatch: pytest.MonkeyPatch) -> Chain:
-    chain = Chain(("fit",))
-    monkeypatch.setitem(substitutes, "chain", chain)
-    return chain
-
-
 def test_a_suite_of_other_methods_has_their_rows_and_one_for_each_that_has_none(chain: Chain) -> None:
     both = of_methods(ABLATIONS, ["radiogs", "chain"])
     assert both.rows[:-1] == ABLATIONS.rows

@@ -126,7 +126,7 @@ def test_llffs_reduced_images_are_paired_in_the_order_of_names(capture: Path) ->
 def test_a_folder_that_lacks_photos_is_passed_over(capture: Path, name: Callable[[int], str]) -> None:
     reduced(capture, name, 9)
     scene = load_scene(str(capture))
-    assert "images are those of images" in scene.repairs
+    assert "photos are read from images/" in scene.repairs
     assert "images_4 lacks photos of the model" in scene.repairs
 
 

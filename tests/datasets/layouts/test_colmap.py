@@ -91,7 +91,7 @@ def test_reduced_images_bring_their_cameras_with_them(scene: Path) -> None:
     camera = loaded.train[0].camera
     assert (camera.width, camera.height) == (WIDTH // 2, HEIGHT // 2)
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (FX / 2, FY / 2, CX / 2, CY / 2)
-    assert "images are those of images_2" in loaded.repairs
+    assert "photos are read from images_2/" in loaded.repairs
 
 
 def halve(path: Path) -> None:

@@ -11,23 +11,16 @@ import OpenEXR
 import pytest
 import torch
 
+from bench.fuzz import small_scene
 from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_png
-from radiogs_datasets.registry import TINY
 
 
 @pytest.fixture
 def corner(tmp_path: Path) -> Path:
     """A copy with two views of each split, in a folder whose name has a space and an umlaut."""
-    folder = tmp_path / "a scene ü"
-    for part in ("envmaps", "train_000", "train_001", "test_000", "test_001"):
-        shutil.copytree(TINY / "corner" / part, folder / part)
-    for split in ("train", "test"):
-        table = json.loads((TINY / "corner" / f"transforms_{split}.json").read_text())
-        table["frames"] = table["frames"][:2]
-        (folder / f"transforms_{split}.json").write_text(json.dumps(table))
-    return folder
+    return small_scene(tmp_path / "a scene ü")
 
 
 def edit(folder: Path, change: Callable[[dict], None], split: str = "train") -> None:

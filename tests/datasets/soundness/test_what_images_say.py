@@ -279,6 +279,22 @@ def test_a_profile_that_is_not_srgb_is_applied(tmp_path: Path) -> None:
         read_png(tmp_path / "deep.png")
 
 
+def test_a_grey_image_with_a_colour_profile_is_read_where_its_greys_are_those_of_srgb(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Pillow keeps a photo's profile in the grey mask made of it: 66 masks of a public capture were refused for it."""
+    grey = Image.fromarray(LEVELS).convert("L")
+    srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    grey.save(tmp_path / "mask.png", icc_profile=srgb)
+    assert np.allclose(read_png(tmp_path / "mask.png")[..., 0] * 255, np.asarray(grey))
+    assert capfd.readouterr().err == "", "libpng warns of each such file"
+    curve = srgb.index(b"para", 128)
+    linear = srgb[:curve] + b"curv" + bytes(8) + srgb[curve + 12 :]
+    grey.save(tmp_path / "linear.png", icc_profile=linear)
+    with pytest.raises(DataError, match="or is grey"):
+        read_png(tmp_path / "linear.png")
+
+
 def large_png(path: Path, side: int) -> Path:
     rows = zlib.compress((b"\0" + bytes(side)) * side)
     header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
