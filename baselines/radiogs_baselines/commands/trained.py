@@ -149,7 +149,10 @@ class TrainedCommand:
         name, relighting = self._name_of(light), self.workspace.file.relight
         if relighting is None:
             raise NotOffered(f"{self.workspace.file.title} has no command that relights")
-        self._bring_about(self._relighting(relighting, name), after_step)
+        lights, one = (sorted(self._lit_views()), "") if relighting.all_lights else ([name], name)
+        files = partial(self._relit_files, lights)
+        task = self._task(relighting, f"relight-{one}".rstrip("-"), ["relight", one], files, one)
+        self._bring_about(task, after_step)
         return self._prepared_under(name)
 
     def _bring_about(self, task: Task, after_step: Callable[[], None]) -> None:
@@ -161,12 +164,6 @@ class TrainedCommand:
                 after_step()
         finally:
             attempt.end()
-
-    def _relighting(self, command: RelightCommand, light: str) -> Task:
-        lights = sorted(self._lit_views()) if command.all_lights else [light]
-        one = "" if command.all_lights else light
-        name = f"relight-{light}" if one else "relight"
-        return self._task(command, name, ["relight", one], partial(self._relit_files, lights), one)
 
     def _task(
         self,

@@ -5,6 +5,7 @@ remark says otherwise.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from .layout import Code, Encoding, Rule, Unread
 
@@ -118,9 +119,7 @@ SVG_IR = Code(
     rules=(
         *(rule for rule in R3DG.rules if rule.path.startswith("eval")),
         Rule("image", "test/ours_*/renders/{index:05d}.png", "display", other_size=QUARTER),
-        Rule("albedo", "test/ours_*/base_color/{index:05d}.png", "srgb", other_size=QUARTER),
-        Rule("roughness", "test/ours_*/roughness/{index:05d}.png", "value", other_size=QUARTER),
-        Rule("normal", "test/ours_*/normal/{index:05d}.png", "normal", other_size=QUARTER),
+        *(replace(rule, other_size=QUARTER) for rule in R3DG.rules if rule.path.startswith("test")),
     ),
     relit=R3DG.relit,
     marks=("test/ours_*/indirect", "test_rli/*/local_lights"),

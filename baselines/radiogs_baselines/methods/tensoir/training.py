@@ -144,18 +144,15 @@ class InverseRendering(_Learning):
         return super().step()
 
     def _follow_schedule(self) -> None:
-        schedule = self.variant.learning.schedule
+        """The grid becomes finer and its box smaller; its nodes along an edge grow by the same factor each time."""
+        schedule, first = self.variant.learning.schedule, self.budget.grid_start
+        growth = self.budget.grid_end / first
         for index, share in enumerate(schedule.finer_at):
             if round(share * self.iterations) == self.iteration:
-                finer = self.field.finer(self.grid_size(index + 1))
+                finer = self.field.finer(round(first * growth ** ((index + 1) / len(schedule.finer_at))))
                 self.optimiser.replace({**finer.parameters, LIGHT: self.optimiser.tensors[LIGHT]})
         if self.iteration in {round(share * self.iterations) for share in schedule.emptied_at}:
             self.box = self.field.emptied().box
-
-    def grid_size(self, times: int) -> int:
-        """Nodes of the grid along an edge after it has become finer ``times`` times."""
-        first, last, total = self.budget.grid_start, self.budget.grid_end, len(self.variant.learning.schedule.finer_at)
-        return round(first * (last / first) ** (times / total))
 
     def losses(self, batch: RayBatch) -> dict[str, Tensor]:
         """Weighted losses of the rays, by name; see ``inverse_losses``."""
