@@ -11,7 +11,7 @@ from radiogs_baselines.published import published as published_table
 from radiogs_core.contract import Method
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.analysis.settling import settling
-from radiogs_reports.statistics import Origin, Sample, mean_of
+from radiogs_reports.statistics import Sample, mean_of
 from radiogs_reports.summary import (
     SCHEMA,
     ColumnSummary,
@@ -23,6 +23,8 @@ from radiogs_reports.summary import (
     RunSummary,
     SheetSummary,
     Summary,
+    counted_scenes,
+    origin_in,
 )
 
 from ..methods import method
@@ -58,7 +60,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         seeds=sweep["seeds"],
         reference=sweep["reference"],
         columns=columns_of(sweep),
-        rows=[row_summary(cells, row, sweep.get("kinds", {})) for row in sweep["rows"]],
+        rows=[row_summary(cells, row, sweep) for row in sweep["rows"]],
         cells={row["key"]: {} for row in sweep["rows"]},
         published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
@@ -76,12 +78,15 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
+    if "kinds" in sweep:
+        made["kinds"] = sweep["kinds"]
+    if "stated" in sweep:
+        made["stated"] = sweep["stated"]
     for column in made["columns"]:
         _fill_column(made, column, cells, sweep)
     leave_out_without_weights(made)
-    if kinds := sweep.get("kinds"):
-        made["kinds"] = kinds
-    of_cost = [(ref, result) for ref, result in finished if result["cell"].get("experiment") == COST]
+    shared = [(ref, result) for ref, result in finished if ref["scene"] in counted_scenes(sweep)]
+    of_cost = [(ref, result) for ref, result in shared if result["cell"].get("experiment") == COST]
     where_known = {
         "relighting": relighting_modes(sweep, [result for _, result in finished]),
         "recipe": recipe_of_rows(sweep["rows"]),
@@ -183,10 +188,10 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> RowSummary:
+def row_summary(cells: Finished, line: TableRow, sweep: Sweep) -> RowSummary:
     """A row's labels, its mean seconds, and which parts of the truth it was given."""
     row = RowSummary(
-        key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], kinds)
+        key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], sweep)
     )
     if "given" in line:
         row["given"], row["method"] = line["given"], line["method"]
@@ -195,7 +200,7 @@ def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> Ro
 
 def _fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sweep) -> None:
     """The values of a column, and why some are missing."""
-    found = {line["key"]: sample(cells, line["key"], column["key"], sweep.get("kinds", {})) for line in sweep["rows"]}
+    found = {line["key"]: sample(cells, line["key"], column["key"], sweep) for line in sweep["rows"]}
     filled = fill_column(column, {row: values for row, (values, _) in found.items()}, sweep["reference"])
     for line in sweep["rows"]:
         row, reason = line["key"], found[line["key"]][1]
@@ -216,15 +221,15 @@ def leave_out_without_weights(made: Summary) -> None:
             made["doubts"].append(Doubt(column="", rows=[], text=text))
 
 
-def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> tuple[Sample, str | None]:
-    """A row's values of a metric, and the reason if some are missing. ``kinds``: of the scenes, where known."""
+def sample(cells: Finished, row: str, column: str, sweep: Sweep) -> tuple[Sample, str | None]:
+    """A row's values of a metric, and the reason if some are missing."""
     values, reason = {}, None
     for ref, result in cells:
         if ref["row"] != row:
             continue
         metric = None if result is None else shown_values(result).get(column)
         if metric is not None and metric["value"] is not None:
-            values[origin_of(ref, kinds)] = metric["value"]
+            values[origin_in(sweep, ref["scene"], ref["seed"])] = metric["value"]
         elif result is None:
             reason = f"{ref['scene']} seed {ref['seed']} is not finished"
         else:
@@ -238,11 +243,6 @@ def shown_values(result: Result) -> dict[str, MetricValue]:
     if scale is None or min(scale) <= 0:
         return values
     return {**values, "scale/factor": MetricValue(value=geometric_mean(scale), reason=None, views=[])}
-
-
-def origin_of(ref: CellRef, kinds: Mapping[str, str]) -> Origin:
-    """A cell's scene, seed and kind for the statistics. ``kinds``: the scenes' kinds, where known."""
-    return Origin(ref["scene"], ref["seed"], kinds.get(ref["scene"], ""))
 
 
 def lacking(cells: Finished, sweep: Sweep, line: TableRow) -> str | None:
@@ -290,10 +290,10 @@ FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "in
 """Display names of maps that score folders may lack."""
 
 
-def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | None:
+def row_seconds(cells: Finished, row: str, sweep: Sweep) -> float | None:
     """Mean training seconds over the row's finished cells; None where nothing was trained."""
     spent = {
-        origin_of(ref, kinds): training_seconds(result)
+        origin_in(sweep, ref["scene"], ref["seed"]): training_seconds(result)
         for ref, result in cells
         if ref["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
     }
