@@ -17,7 +17,12 @@ DEEPEST = 3
 
 def scene_names() -> tuple[str, ...]:
     """Names of the miniatures that come with the package."""
-    return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
+    return tuple(scene_folders())
+
+
+def scene_folders() -> dict[str, Path]:
+    """The folders of the miniatures by name, in the order of names."""
+    return {path.name: path for path in sorted(TINY.iterdir()) if (path / "transforms_train.json").is_file()}
 
 
 def data_root() -> Path | None:

@@ -69,16 +69,12 @@ def comes_with_package(folder: Path) -> bool:
 
 
 def scene_kind(name_or_path: str) -> str | None:
-    """The kind that a scene states, over which tables take means; None for a scene that states none, or for no scene.
-
-    The scenes of one kind differ in what they show, those of different kinds in shapes, cameras and lights too.
-    """
+    """The kind that a scene states, over which tables take means; None for a scene that states none, or for no scene."""
     return scene_facts(name_or_path).get("kind")
 
 
 def scene_choices(name_or_path: str) -> str | None:
-    """ "tuned on" for a scene by whose results settings may be chosen, "reported only" for one by which none may; None
-    where nothing is stated."""
+    """Whether settings may be chosen by a scene's results, "tuned on" or "reported only"; None where it states neither."""
     return scene_facts(name_or_path).get("choices")
 
 

@@ -35,7 +35,9 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
     for part in parts_of(table, title_of(summary), console(width).width):
         show(part, width)
     say(*below(table))
-    say_remarks(table)
+    if table.remarks:
+        said = f"The page has {count_of(len(table.remarks), 'remark')} more"
+        say(f"{said}, on what differs from the published and what is not known.")
     say(f"Mean over {mean_over(summary)}.")
     say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
     show_records(summary, width)
@@ -71,13 +73,6 @@ def show_records(summary: Summary, width: int | None) -> None:
         say(*found, *report.table.legend_in_words, *report.rows_in_words)
     if others:
         say(f"\nThe page also shows {count_of(others, 'longer run')} by other recipes, committed with the project.")
-
-
-def say_remarks(table: Table) -> None:
-    """Print the number of remarks; the remarks themselves would fill a screen, and the page has them."""
-    count = len(table.remarks)
-    if count:
-        say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
 
 def explanation(table: Table) -> str:

@@ -1,6 +1,6 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from statistics import fmean, geometric_mean
 from typing import Any, cast
@@ -8,8 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from radiogs_baselines.published import published as published_table
-from radiogs_core.contract import Method
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_reports.analysis.settling import settling
 from radiogs_reports.statistics import Sample, mean_of
 from radiogs_reports.summary import (
@@ -17,7 +16,6 @@ from radiogs_reports.summary import (
     ColumnSummary,
     Doubt,
     ErrorParts,
-    ModesSummary,
     PlanSummary,
     RowSummary,
     RunSummary,
@@ -27,8 +25,6 @@ from radiogs_reports.summary import (
     origin_in,
 )
 
-from ..methods import method
-from ..runs.plan import relighting_of
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, shown_preset, state_of
 from ..scoring.metrics.protocol import alike
@@ -50,6 +46,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
     finished = [(ref, result) for ref, result in cells if result is not None]
     require_one_version(store, [result for _, result in finished])
+    runs = [run_summary(store, sweep, ref, result) for ref, result in cells]
     made = Summary(
         schema=SCHEMA,
         suite=sweep["suite"],
@@ -65,30 +62,21 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
         machine=machines([result for _, result in finished]),
-        sheet=[
-            sheet_row(store, ref, result, result["shown_view"])
-            for ref, result in finished
-            if ref["seed"] == sweep["seeds"][0]
-            and result["shown_view"] is not None
-            and store.arrays_path(result["key"]).exists()
-        ],
+        sheet=[sheet_row(run) for run in runs if run["seed"] == sweep["seeds"][0] and run["view"] and run["arrays"]],
         keys=[result["key"] for _, result in finished],
-        runs=[run_summary(store, sweep, ref, result) for ref, result in cells],
+        runs=runs,
         paper=paper_tables(store, sweep),
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
-    if "kinds" in sweep:
-        made["kinds"] = sweep["kinds"]
-    if "stated" in sweep:
-        made["stated"] = sweep["stated"]
+    made.update({name: sweep[name] for name in ("kinds", "stated") if name in sweep})  # type: ignore
     for column in made["columns"]:
         _fill_column(made, column, cells, sweep)
     leave_out_without_weights(made)
     shared = [(ref, result) for ref, result in finished if ref["scene"] in counted_scenes(sweep)]
     of_cost = [(ref, result) for ref, result in shared if result["cell"].get("experiment") == COST]
     where_known = {
-        "relighting": relighting_modes(sweep, [result for _, result in finished]),
+        "relighting": sweep.get("relighting"),
         "recipe": recipe_of_rows(sweep["rows"]),
         "settling": settling(made),
         "error_parts": error_parts(store, of_cost),
@@ -146,22 +134,6 @@ def require_one_version(store: Store, finished: Iterable[Result]) -> None:
             "Values by two versions of a protocol cannot stand in one table (docs/protocols.md, Versions).",
             "Run the suite again: what is of the earlier version is scored anew.",
         )
-
-
-def relighting_modes(sweep: Sweep, finished: Sequence[Result]) -> dict[str, ModesSummary]:
-    """The relighting modes of the methods: as the run recorded them, else as installed methods offer them now."""
-    recorded = sweep.get("relighting")
-    if recorded is None:
-        recorded = relighting_of(_installed({result["cell"]["method"] for result in finished}))
-    return {name: cast(ModesSummary, modes) for name, modes in recorded.items()}
-
-
-def _installed(names: Iterable[str]) -> Iterator[Method]:
-    for name in sorted(names):
-        try:
-            yield method(name)
-        except UsageError:  # files that were scored, and methods that are installed elsewhere
-            continue
 
 
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:
@@ -313,13 +285,10 @@ def machines(results: Sequence[Result]) -> str:
     return "; ".join(sorted(cards))
 
 
-def sheet_row(store: Store, ref: CellRef, result: Result, view: str) -> SheetSummary:
+def sheet_row(run: RunSummary) -> SheetSummary:
     """One row of the contact sheet."""
-    arrays = store.arrays_path(result["key"]).relative_to(store.folder).as_posix()
-    row = SheetSummary(row=ref["row"], scene=ref["scene"], view=view, arrays=arrays)
-    if result["shown_light"] is not None:
-        row["light"] = result["shown_light"]
-    return row
+    shown = {name: run[name] for name in ("row", "scene", "view", "arrays", "light")}  # type: ignore[literal-required]
+    return cast(SheetSummary, {name: value for name, value in shown.items() if value is not None})
 
 
 def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None) -> RunSummary:

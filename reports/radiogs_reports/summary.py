@@ -442,8 +442,8 @@ def counted_scenes(run: Mapping[str, Any]) -> list[str]:
 
 
 def origin_in(run: Mapping[str, Any], scene: str, seed: int) -> Origin:
-    """The origin of a cell's values in the means of a run (``counted_scenes``)."""
-    return Origin(scene, seed, run.get("kinds", {}).get(scene, ""), scene in counted_scenes(run))
+    """The origin of a cell's values in the means of a run."""
+    return Origin(scene, seed, run.get("kinds", {}).get(scene, ""), LIMIT not in run.get("stated", {}).get(scene, {}))
 
 
 def protocol_title(summary: Summary) -> str:
