@@ -69,12 +69,12 @@ def comes_with_package(folder: Path) -> bool:
 
 
 def scene_kind(name_or_path: str) -> str | None:
-    """The kind that a scene states, over which tables take means; None for a scene that states none, or for no scene."""
+    """The kind that a scene states, over which tables take means; None where it states none, and for no scene."""
     return scene_facts(name_or_path).get("kind")
 
 
 def scene_choices(name_or_path: str) -> str | None:
-    """Whether settings may be chosen by a scene's results, "tuned on" or "reported only"; None where it states neither."""
+    """Whether settings may be chosen by a scene's results: "tuned on" or "reported only"; None where not stated."""
     return scene_facts(name_or_path).get("choices")
 
 

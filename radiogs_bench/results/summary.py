@@ -287,7 +287,7 @@ def machines(results: Sequence[Result]) -> str:
 
 def sheet_row(run: RunSummary) -> SheetSummary:
     """One row of the contact sheet."""
-    shown = {name: run[name] for name in ("row", "scene", "view", "arrays", "light")}  # type: ignore[literal-required]
+    shown = {name: run[name] for name in ("row", "scene", "view", "arrays", "light")}
     return cast(SheetSummary, {name: value for name, value in shown.items() if value is not None})
 
 
