@@ -83,7 +83,7 @@ site: $(READY) ## the documentation as a site, in out/site
 
 croissant: ## the description of the committed scenes, validated in an environment of its own: mlcroissant brings stubs to mypy
 	@$(PYTHON) -m venv .venv-croissant && .venv-croissant/bin/pip install --quiet --constraint constraints.txt mlcroissant==1.1.1
-	@for each in datasets/radiogs_datasets/*/croissant.json; do .venv-croissant/bin/mlcroissant validate --jsonld $$each || exit 1; done
+	@for each in datasets/radiogs_datasets/*.croissant.json; do .venv-croissant/bin/mlcroissant validate --jsonld $$each || exit 1; done
 
 mutants: $(READY) ## break copies of the sources in known ways, and say which of them no test notices
 	$(BIN)/python .ci/mutants.py

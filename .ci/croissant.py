@@ -2,7 +2,7 @@
 
     python .ci/croissant.py
 
-Writes ``croissant.json`` into each set's folder. ``make croissant`` validates the files, and a test compares them with
+Writes ``SET.croissant.json`` beside each set's folder. ``make croissant`` validates the files, and a test compares them with
 the folders.
 """
 
@@ -60,14 +60,21 @@ def described(folder: Path) -> dict[str, Any]:
         "url": "https://arxiv.org/abs/2603.01491",
         "version": "0.1.0",
         "distribution": [
-            files("images", "image/png", "*/t*/rgba.png", "Views, display sRGB with straight alpha."),
-            files("cameras", "application/json", "*/transforms_*.json", "Cameras of the views of a split."),
-            files("albedo", "image/png", "*/test_*/albedo.png", "Linear albedo of the test views."),
-            files("normals", "image/png", "*/test_*/normal.png", "World normals of the test views."),
-            files("roughness", "image/png", "*/test_*/roughness.png", "Roughness of the test views."),
-            files("relit", "image/png", "*/test_*/rgba_*.png", "The test views under the other lights."),
-            files("radiance", "image/x-exr", "*/test_*/*.exr", "Linear light, and depth, of the test views."),
-            files("lights", "image/vnd.radiance", "*.hdr", "Lights, latitude-longitude, Z up."),
+            files("images", "image/png", f"{folder.name}/*/t*/rgba.png", "Views, display sRGB with straight alpha."),
+            files(
+                "cameras", "application/json", f"{folder.name}/*/transforms_*.json", "Cameras of the views of a split."
+            ),
+            files("albedo", "image/png", f"{folder.name}/*/test_*/albedo.png", "Linear albedo of the test views."),
+            files("normals", "image/png", f"{folder.name}/*/test_*/normal.png", "World normals of the test views."),
+            files("roughness", "image/png", f"{folder.name}/*/test_*/roughness.png", "Roughness of the test views."),
+            files("relit", "image/png", f"{folder.name}/*/test_*/rgba_*.png", "The test views under the other lights."),
+            files(
+                "radiance",
+                "image/x-exr",
+                f"{folder.name}/*/test_*/*.exr",
+                "Linear light, and depth, of the test views.",
+            ),
+            files("lights", "image/vnd.radiance", f"{folder.name}/**/*.hdr", "Lights, latitude-longitude, Z up."),
         ],
         "recordSet": [
             {
@@ -156,8 +163,9 @@ def sets() -> list[Path]:
 def main() -> int:
     """Write every file."""
     for folder in sets():
-        (folder / "croissant.json").write_text(text_of(folder), encoding="utf-8")
-        sys.stdout.write(f"{folder / 'croissant.json'}\n")
+        path = folder.with_suffix(".croissant.json")
+        path.write_text(text_of(folder), encoding="utf-8")
+        sys.stdout.write(f"{path}\n")
     return 0
 
 
