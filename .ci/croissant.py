@@ -2,8 +2,8 @@
 
     python .ci/croissant.py
 
-Writes ``SET.croissant.json`` beside each set's folder. ``make croissant`` validates the files, and a test compares them with
-the folders.
+Writes ``SET.croissant.json`` beside each set's folder. ``make croissant`` validates the files, and a test
+compares them with the folders.
 """
 
 import json
