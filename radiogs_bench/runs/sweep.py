@@ -79,7 +79,7 @@ class Sweep(TypedDict):
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     stated: NotRequired[dict[str, dict[str, str]]]
-    """What the metadata of each scene states of ``STATED``; absent like ``kinds``."""
+    """The facts of ``STATED`` in the metadata of each scene; absent like ``kinds``."""
     cells: list[CellRef]
     command: NotRequired[list[str]]
     """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""
