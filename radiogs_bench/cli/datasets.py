@@ -61,7 +61,7 @@ def list_scenes(*, as_json: Json = False) -> None:
 
 
 def listed(folder: Path) -> dict[str, str | float]:
-    """What the list tells of a scene of the package: texts of its metadata, and its size."""
+    """The facts that the list shows of a scene: texts of its metadata, and its size."""
     from PIL import Image
 
     about, train, test = (

@@ -81,7 +81,7 @@ class RunPlan:
 
     @cached_property
     def stated(self) -> dict[str, dict[str, str]]:
-        """What the metadata of each scene states."""
+        """The texts in the metadata of each scene."""
         return {name: scene_facts(str(scene.folder)) if scene.folder else {} for name, scene in self.scenes.items()}
 
     @property
