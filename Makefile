@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants mutants-drawn lint site gpu packages offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants mutants-drawn lint site croissant gpu packages offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -81,6 +81,10 @@ measured: $(READY) ## records by age, and which of them this checkout would comp
 site: $(READY) ## the documentation as a site, in out/site
 	$(BIN)/python -m mkdocs build --strict --quiet
 
+croissant: ## the description of the committed scenes, validated in an environment of its own: mlcroissant brings stubs to mypy
+	@$(PYTHON) -m venv .venv-croissant && .venv-croissant/bin/pip install --quiet --constraint constraints.txt mlcroissant==1.1.1
+	@for each in datasets/radiogs_datasets/*.croissant.json; do .venv-croissant/bin/mlcroissant validate --jsonld $$each || exit 1; done
+
 mutants: $(READY) ## break copies of the sources in known ways, and say which of them no test notices
 	$(BIN)/python .ci/mutants.py
 
@@ -97,5 +101,5 @@ offline-bundle: $(READY) ## wheels for a machine with Python and PyTorch and no 
 	$(BIN)/python .ci/offline_bundle.py
 
 clean: ## remove the virtual environment and caches; results in out/ stay
-	rm -rf $(VENV) dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) .venv-croissant dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +

@@ -18,8 +18,14 @@ DEEPEST = 3
 
 def scene_names(*sets: Path) -> tuple[str, ...]:
     """Names of the scenes in some sets that come with the package; in TINY and OTHERS, if none is given."""
+    return tuple(scene_folders(*sets))
+
+
+def scene_folders(*sets: Path) -> dict[str, Path]:
+    """The folders of these scenes by name, in the order of names."""
     folders = [path for each in sets or (TINY, OTHERS) for path in each.iterdir()]
-    return tuple(sorted(path.name for path in folders if (path / "transforms_train.json").is_file()))
+    scenes = [path for path in folders if (path / "transforms_train.json").is_file()]
+    return {path.name: path for path in sorted(scenes, key=lambda path: path.name)}
 
 
 def data_root() -> Path | None:

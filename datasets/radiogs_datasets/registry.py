@@ -69,25 +69,22 @@ def comes_with_package(folder: Path) -> bool:
 
 
 def scene_kind(name_or_path: str) -> str | None:
-    """The kind that a generated scene states, over which tables take means; None for any other scene, or for none.
-
-    The scenes of one kind differ in what they show, those of different kinds in shapes, cameras and lights too.
-    """
-    return _stated(name_or_path, "kind")
+    """The kind that a scene states, over which tables take means; None where it states none, and for no scene."""
+    return scene_facts(name_or_path).get("kind")
 
 
 def scene_choices(name_or_path: str) -> str | None:
-    """ "tuned on" for a generated scene by whose results settings may be chosen, "reported only" for one by which none
-    may; None for any other scene, or for none."""
-    return _stated(name_or_path, "choices")
+    """Whether settings may be chosen by a scene's results: "tuned on" or "reported only"; None where not stated."""
+    return scene_facts(name_or_path).get("choices")
 
 
-def _stated(name_or_path: str, key: str) -> str | None:
+def scene_facts(name_or_path: str) -> dict[str, str]:
+    """The texts of a scene's ``metadata.json`` by their names, such as kind, choices and maker; empty for no scene."""
     try:
-        value = metadata_of(scene_folder(name_or_path)).get(key)
+        about = metadata_of(scene_folder(name_or_path))
     except (DataError, OSError):
-        return None
-    return value if isinstance(value, str) and value.isprintable() else None
+        return {}
+    return {name: text for name, text in about.items() if isinstance(text, str) and text.isprintable()}
 
 
 def scene_folder(name_or_path: str) -> Path:

@@ -44,7 +44,10 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     sizes, left = _sizes(left, read)
     splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
     lost, left = _without_camera(left, read)
-    return (*masks, *moving, *sizes, *splits, *lost, *_other_images(left))
+    counts = Counter(path.parent.as_posix() for path in left)
+    places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
+    others = [f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"] if left else []
+    return (*masks, *moving, *sizes, *splits, *lost, *others)
 
 
 Said = tuple[list[str], list[Path]]
@@ -130,13 +133,6 @@ def _without_camera(left: list[Path], read: list[Path]) -> Said:
 
 def _kind(path: Path) -> str:
     return re.sub(r"\d+", "#", path.as_posix())
-
-
-def _other_images(left: list[Path]) -> Iterator[str]:
-    if left:
-        counts = Counter(path.parent.as_posix() for path in left)
-        places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
-        yield f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"
 
 
 def _count(things: list[Path], word: str) -> str:

@@ -1,6 +1,8 @@
 """``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS."""
 
+import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +15,7 @@ from radiogs_datasets.options import AS_STORED
 
 from ..runs.progress import progress_for_stderr
 from .options import OPTIONS, Count, Data, DataSetName, Device, Json, Names, Opened, SceneName
-from .reporter import complain, say, say_whole
+from .reporter import complain, say, say_whole, show
 
 if TYPE_CHECKING:
     from ..fetching.catalogue import DataSet
@@ -37,14 +39,47 @@ Layout = Annotated[
 
 
 @datasets.command(name="list")
-def list_scenes() -> None:
-    """List the scenes that come with the package.
+def list_scenes(*, as_json: Json = False) -> None:
+    """List the scenes that come with the package: kind, size, maker, licence, and whether settings were tuned on them.
 
     Example:  radiogs-bench datasets list
-    """
-    from radiogs_datasets import scene_names
 
-    say(*scene_names())
+    :param as_json: Print a JSON object by the scenes' names.
+    """
+    from rich.table import Table
+
+    from radiogs_datasets.data_root import scene_folders
+
+    scenes = {name: listed(folder) for name, folder in scene_folders().items()}
+    if as_json:
+        say_whole(json.dumps(scenes, indent=1))
+        return
+    table = Table("name", "kind", "views", "pixels", "MB", "maker", "licence", "settings", "the BRDF cannot represent")
+    for name, about in scenes.items():
+        table.add_row(name, *(str(value) for value in about.values()))
+    show(table)
+
+
+def listed(folder: Path) -> dict[str, str | float]:
+    """The facts that the list shows of a scene: texts of its metadata, and its size."""
+    from PIL import Image
+
+    about, train, test = (
+        json.loads((folder / f"{name}.json").read_text())
+        for name in ("metadata", "transforms_train", "transforms_test")
+    )
+    with Image.open(folder / "test_000" / "rgba.png") as image:
+        width, height = image.size
+    return {
+        "kind": about["kind"],
+        "views": f"{len(train['frames'])} + {len(test['frames'])}",
+        "pixels": f"{width} x {height}",
+        "megabytes": round(sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6, 1),
+        "maker": about.get("maker", "this project"),
+        "licence": about.get("licence", "Apache-2.0"),
+        "choices": about["choices"],
+        "not_represented": about.get("not_represented", ""),
+    }
 
 
 @datasets.command
@@ -65,8 +100,6 @@ def check(
     :param deep: Also hold cameras, images, maps and lights against one another (up to a minute or two).
     :param as_json: Print the findings as JSON.
     """
-    import json
-
     from radiogs_datasets import scene_choices, scene_kind
     from radiogs_datasets.check import check_scene
 
@@ -159,23 +192,19 @@ def generate(
     if not recipes:
         raise UsageError("no scene was named", "", "Name a recipe:  radiogs-bench datasets generate corner")
     for name in recipes:
-        made = _before_conversion(out / name, layout)
-        with progress_for_stderr() as progress:
+        with _in_layout(out / name, layout) as made, progress_for_stderr() as progress:
             generate_scene(name, made, seed, progress.advance, Pictures(**vars(pictured)))
-        _converted(made, out / name, layout)
         say(f"{name}: {out / name}")
 
 
-def _before_conversion(folder: Path, layout: str) -> Path:
-    """The folder in which a scene is made in layout ``tensoir``."""
-    return folder if layout == "tensoir" else folder.with_name(f"{folder.name}.tensoir")
-
-
-def _converted(made: Path, folder: Path, layout: str) -> None:
-    """Write the scene that was made in the wanted layout, and print what that layout cannot hold."""
+@contextmanager
+def _in_layout(folder: Path, layout: str) -> Iterator[Path]:
+    """The folder to make a scene in; then write it in the wanted layout, and print what that layout cannot hold."""
     from radiogs_datasets import load_scene
     from radiogs_datasets.writing import convert as write
 
+    made = folder if layout == "tensoir" else folder.with_name(f"{folder.name}.tensoir")
+    yield made
     if made != folder:
         say(*write(load_scene(str(made)), folder, layout))
 
@@ -255,13 +284,12 @@ def blend(
 
     from ..device import usable_cores
 
-    made = _before_conversion(out, layout)
     request = Request(file, **{**vars(rendered), "lights": rendered.lights or OWN_LIGHTS})
     threads = max(1, usable_cores() // workers)
-    with progress_for_stderr() as progress:
-        metadata = write_scene(request, made, workers, threads, partial(progress.advance, "rendering"))
-    say(*remarks(metadata))
-    _converted(made, out, layout)
+    with _in_layout(out, layout) as made:
+        with progress_for_stderr() as progress:
+            metadata = write_scene(request, made, workers, threads, partial(progress.advance, "rendering"))
+        say(*remarks(metadata))
     say(f"{out}: {layout}, rendered by Blender {metadata['versions']['blender']}")
 
 

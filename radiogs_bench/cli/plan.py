@@ -10,7 +10,7 @@ from rich.table import Table as RichTable
 from radiogs_core.errors import UsageError
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.statistics import Level
-from radiogs_reports.summary import read_summary
+from radiogs_reports.summary import counted_scenes, read_summary
 from radiogs_reports.wording import count_of
 
 from ..durations import duration
@@ -141,7 +141,8 @@ def power_of(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[P
         return []
     if summary["suite"] != plan.suite.name:
         return []
-    scenes = Counter(plan.kinds.get(name, "") for name in plan.scenes)
+    manifest = plan.manifest()
+    scenes = Counter(manifest.get("kinds", {}).get(name, "") for name in counted_scenes(manifest))
     return planned(summary, Plan(len(scenes), min(scenes.values()), plan.spec.seeds), wanted)
 
 

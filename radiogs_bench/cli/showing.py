@@ -13,7 +13,7 @@ from radiogs_reports.tables.caption import preset_and_recipe, published_note
 from radiogs_reports.tables.model import Column, PrintedCell, Table
 from radiogs_reports.tables.record import HEADING, record_reports
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.wording import count_of, mean_over
+from radiogs_reports.wording import count_of, marked, mean_over
 
 from ..results.reports import EVERYTHING, Shown, write
 from ..runs.sweep import Sweep
@@ -130,7 +130,8 @@ def lines_of(column: Texts) -> int:
 def title_of(summary: Summary) -> str:
     """The suite's title, with the scenes, seeds and preset of the run."""
     seeds = ", ".join(map(str, summary["seeds"]))
-    return f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
+    scenes = ", ".join(marked(summary, scene) for scene in summary["scenes"])
+    return f"{summary['title']}: {scenes}, seeds {seeds}, preset {summary['preset']}"
 
 
 def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:

@@ -16,8 +16,8 @@ from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference, smallest_of
-from radiogs_reports.statistics import Origin, Sample, differences, mean_of
-from radiogs_reports.summary import CellSummary, ColumnSummary, Interval, PaperColumn, PaperTable
+from radiogs_reports.statistics import Sample, differences, mean_of
+from radiogs_reports.summary import CellSummary, ColumnSummary, Interval, PaperColumn, PaperTable, origin_in
 
 from ..methods import budget_of, mark, method, nearest_recipe, variant_by_recipe
 from ..runs.rows_from_files import measured
@@ -69,7 +69,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
             theirs = rows_of(suite)
             shared = rows_by_content(made_alike, theirs.values(), sweep["preset"])
             rows = {row: of for row, of in shared.items() if all_as_published(of, published(key), theirs[row])}
-        table = filled(key, published(key), MeasuredRows(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
+        table = filled(key, published(key), MeasuredRows(rows, suite, sweep))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
     return tables
@@ -125,12 +125,11 @@ def rows_of(suite: Suite | None) -> dict[str, Row]:
 
 
 class MeasuredRows(NamedTuple):
-    """Results by row of a table, the suite that reproduces it, their protocol, and the kinds of their scenes."""
+    """Results by row of a table, the suite that reproduces it, and the manifest of their run."""
 
     rows: Rows
     suite: Suite | None
-    rules: str
-    kinds: Mapping[str, str]
+    sweep: Sweep
 
 
 def filled(key: str, table: PublishedTable, found: MeasuredRows) -> PaperTable:
@@ -143,7 +142,7 @@ def filled(key: str, table: PublishedTable, found: MeasuredRows) -> PaperTable:
         label=table.label,
         data=table.data,
         reference=reference if rows.get(reference) else None,
-        columns=[paper_column(name, table, found.rules) for name in table.columns],
+        columns=[paper_column(name, table, found.sweep["protocol"]) for name in table.columns],
         rows=[
             {
                 "key": row,
@@ -205,7 +204,7 @@ def sample(found: MeasuredRows, row: str, column: str) -> Sample:
     for result in found.rows.get(row, []):
         value, scene = value_of(result, task, measure), result["scene"]
         if value is not None and (not scenes or scene in scenes):
-            values[Origin(scene, result["cell"]["seed"], found.kinds.get(scene, ""))] = value
+            values[origin_in(found.sweep, scene, result["cell"]["seed"])] = value
     return values
 
 

@@ -1,6 +1,6 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from statistics import fmean, geometric_mean
 from typing import Any, cast
@@ -8,25 +8,23 @@ from typing import Any, cast
 import numpy as np
 
 from radiogs_baselines.published import published as published_table
-from radiogs_core.contract import Method
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_reports.analysis.settling import settling
-from radiogs_reports.statistics import Origin, Sample, mean_of
+from radiogs_reports.statistics import Sample, mean_of
 from radiogs_reports.summary import (
     SCHEMA,
     ColumnSummary,
     Doubt,
     ErrorParts,
-    ModesSummary,
     PlanSummary,
     RowSummary,
     RunSummary,
     SheetSummary,
     Summary,
+    counted_scenes,
+    origin_in,
 )
 
-from ..methods import method
-from ..runs.plan import relighting_of
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import CellRef, Sweep, TableRow, recipe_of_rows, shown_preset, state_of
 from ..scoring.metrics.protocol import alike
@@ -48,6 +46,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
     finished = [(ref, result) for ref, result in cells if result is not None]
     require_one_version(store, [result for _, result in finished])
+    runs = [run_summary(store, sweep, ref, result) for ref, result in cells]
     made = Summary(
         schema=SCHEMA,
         suite=sweep["suite"],
@@ -58,32 +57,26 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         seeds=sweep["seeds"],
         reference=sweep["reference"],
         columns=columns_of(sweep),
-        rows=[row_summary(cells, row, sweep.get("kinds", {})) for row in sweep["rows"]],
+        rows=[row_summary(cells, row, sweep) for row in sweep["rows"]],
         cells={row["key"]: {} for row in sweep["rows"]},
         published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
         machine=machines([result for _, result in finished]),
-        sheet=[
-            sheet_row(store, ref, result, result["shown_view"])
-            for ref, result in finished
-            if ref["seed"] == sweep["seeds"][0]
-            and result["shown_view"] is not None
-            and store.arrays_path(result["key"]).exists()
-        ],
+        sheet=[sheet_row(run) for run in runs if run["seed"] == sweep["seeds"][0] and run["view"] and run["arrays"]],
         keys=[result["key"] for _, result in finished],
-        runs=[run_summary(store, sweep, ref, result) for ref, result in cells],
+        runs=runs,
         paper=paper_tables(store, sweep),
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
+    made.update({name: sweep[name] for name in ("kinds", "stated") if name in sweep})  # type: ignore
     for column in made["columns"]:
         _fill_column(made, column, cells, sweep)
     leave_out_without_weights(made)
-    if kinds := sweep.get("kinds"):
-        made["kinds"] = kinds
-    of_cost = [(ref, result) for ref, result in finished if result["cell"].get("experiment") == COST]
+    shared = [(ref, result) for ref, result in finished if ref["scene"] in counted_scenes(sweep)]
+    of_cost = [(ref, result) for ref, result in shared if result["cell"].get("experiment") == COST]
     where_known = {
-        "relighting": relighting_modes(sweep, [result for _, result in finished]),
+        "relighting": sweep.get("relighting"),
         "recipe": recipe_of_rows(sweep["rows"]),
         "settling": settling(made),
         "error_parts": error_parts(store, of_cost),
@@ -143,22 +136,6 @@ def require_one_version(store: Store, finished: Iterable[Result]) -> None:
         )
 
 
-def relighting_modes(sweep: Sweep, finished: Sequence[Result]) -> dict[str, ModesSummary]:
-    """The relighting modes of the methods: as the run recorded them, else as installed methods offer them now."""
-    recorded = sweep.get("relighting")
-    if recorded is None:
-        recorded = relighting_of(_installed({result["cell"]["method"] for result in finished}))
-    return {name: cast(ModesSummary, modes) for name, modes in recorded.items()}
-
-
-def _installed(names: Iterable[str]) -> Iterator[Method]:
-    for name in sorted(names):
-        try:
-            yield method(name)
-        except UsageError:  # files that were scored, and methods that are installed elsewhere
-            continue
-
-
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:
     """The columns' headings, and by which protocol published values are, where its conventions are others."""
     columns = [column_summary(Metric.of(key)) for key in sweep["columns"]]
@@ -183,10 +160,10 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> RowSummary:
+def row_summary(cells: Finished, line: TableRow, sweep: Sweep) -> RowSummary:
     """A row's labels, its mean seconds, and which parts of the truth it was given."""
     row = RowSummary(
-        key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], kinds)
+        key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], sweep)
     )
     if "given" in line:
         row["given"], row["method"] = line["given"], line["method"]
@@ -195,7 +172,7 @@ def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> Ro
 
 def _fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sweep) -> None:
     """The values of a column, and why some are missing."""
-    found = {line["key"]: sample(cells, line["key"], column["key"], sweep.get("kinds", {})) for line in sweep["rows"]}
+    found = {line["key"]: sample(cells, line["key"], column["key"], sweep) for line in sweep["rows"]}
     filled = fill_column(column, {row: values for row, (values, _) in found.items()}, sweep["reference"])
     for line in sweep["rows"]:
         row, reason = line["key"], found[line["key"]][1]
@@ -216,15 +193,15 @@ def leave_out_without_weights(made: Summary) -> None:
             made["doubts"].append(Doubt(column="", rows=[], text=text))
 
 
-def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> tuple[Sample, str | None]:
-    """A row's values of a metric, and the reason if some are missing. ``kinds``: of the scenes, where known."""
+def sample(cells: Finished, row: str, column: str, sweep: Sweep) -> tuple[Sample, str | None]:
+    """A row's values of a metric, and the reason if some are missing."""
     values, reason = {}, None
     for ref, result in cells:
         if ref["row"] != row:
             continue
         metric = None if result is None else shown_values(result).get(column)
         if metric is not None and metric["value"] is not None:
-            values[origin_of(ref, kinds)] = metric["value"]
+            values[origin_in(sweep, ref["scene"], ref["seed"])] = metric["value"]
         elif result is None:
             reason = f"{ref['scene']} seed {ref['seed']} is not finished"
         else:
@@ -238,11 +215,6 @@ def shown_values(result: Result) -> dict[str, MetricValue]:
     if scale is None or min(scale) <= 0:
         return values
     return {**values, "scale/factor": MetricValue(value=geometric_mean(scale), reason=None, views=[])}
-
-
-def origin_of(ref: CellRef, kinds: Mapping[str, str]) -> Origin:
-    """A cell's scene, seed and kind for the statistics. ``kinds``: the scenes' kinds, where known."""
-    return Origin(ref["scene"], ref["seed"], kinds.get(ref["scene"], ""))
 
 
 def lacking(cells: Finished, sweep: Sweep, line: TableRow) -> str | None:
@@ -290,10 +262,10 @@ FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "in
 """Display names of maps that score folders may lack."""
 
 
-def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | None:
+def row_seconds(cells: Finished, row: str, sweep: Sweep) -> float | None:
     """Mean training seconds over the row's finished cells; None where nothing was trained."""
     spent = {
-        origin_of(ref, kinds): training_seconds(result)
+        origin_in(sweep, ref["scene"], ref["seed"]): training_seconds(result)
         for ref, result in cells
         if ref["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
     }
@@ -313,13 +285,10 @@ def machines(results: Sequence[Result]) -> str:
     return "; ".join(sorted(cards))
 
 
-def sheet_row(store: Store, ref: CellRef, result: Result, view: str) -> SheetSummary:
+def sheet_row(run: RunSummary) -> SheetSummary:
     """One row of the contact sheet."""
-    arrays = store.arrays_path(result["key"]).relative_to(store.folder).as_posix()
-    row = SheetSummary(row=ref["row"], scene=ref["scene"], view=view, arrays=arrays)
-    if result["shown_light"] is not None:
-        row["light"] = result["shown_light"]
-    return row
+    shown = {name: run[name] for name in ("row", "scene", "view", "arrays", "light")}
+    return cast(SheetSummary, {name: value for name, value in shown.items() if value is not None})
 
 
 def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None) -> RunSummary:

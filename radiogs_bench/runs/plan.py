@@ -9,7 +9,7 @@ from radiogs_core.capabilities import RelitInModes, require_truth
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene
-from radiogs_datasets import scene_kind
+from radiogs_datasets.registry import scene_facts
 
 from ..methods import (
     FoundMethods,
@@ -32,7 +32,7 @@ from ..suites.suite import Row, Suite, with_numbers
 from .cell import Cell, Work, cell_of
 from .rows import asked_of, recipe_of_row
 from .spec import RunSpec
-from .sweep import SWEEP_SCHEMA, CellRef, Sweep, TableRow
+from .sweep import STATED, SWEEP_SCHEMA, CellRef, Sweep, TableRow
 
 Cells = Sequence[tuple[CellRef, Cell]]
 """Cells, each with its row, scene and seed."""
@@ -79,13 +79,10 @@ class RunPlan:
             return []
         return [rules.net for rules in protocol(self.protocol).lpips]
 
-    @property
-    def kinds(self) -> dict[str, str]:
-        """The kind of each scene, as generated scenes state it; the others are of one kind, the empty one."""
-        found = {
-            name: None if scene.folder is None else scene_kind(str(scene.folder)) for name, scene in self.scenes.items()
-        }
-        return {name: kind or "" for name, kind in found.items()} if any(found.values()) else {}
+    @cached_property
+    def stated(self) -> dict[str, dict[str, str]]:
+        """The texts in the metadata of each scene."""
+        return {name: scene_facts(str(scene.folder)) if scene.folder else {} for name, scene in self.scenes.items()}
 
     @property
     def marks(self) -> str:
@@ -115,8 +112,11 @@ class RunPlan:
             made["marks"] = marks
         if relighting := relighting_of(self.method(row.method) for row in suite.rows):
             made["relighting"] = relighting
-        if kinds := self.kinds:
-            made["kinds"] = kinds
+        if any("kind" in about for about in self.stated.values()):
+            made["kinds"] = {name: about.get("kind", "") for name, about in self.stated.items()}
+        told = {name: {key: about[key] for key in STATED if key in about} for name, about in self.stated.items()}
+        if any(told.values()):
+            made["stated"] = told
         if command:
             made["command"] = list(command)
         return made

@@ -20,6 +20,10 @@ FINISHED = "finished"
 
 WITH = " with "
 
+STATED = ("choices", "maker", "not_represented")
+"""Names in a scene's ``metadata.json``: whether settings were tuned on it, who made it, and its material that the BRDF
+cannot represent."""
+
 
 class CellRef(TypedDict):
     """A cell's row, scene and seed, its key, and the keys of its stages (see ``cell``)."""
@@ -74,6 +78,8 @@ class Sweep(TypedDict):
     of earlier versions."""
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
+    stated: NotRequired[dict[str, dict[str, str]]]
+    """The facts of ``STATED`` in the metadata of each scene; absent like ``kinds``."""
     cells: list[CellRef]
     command: NotRequired[list[str]]
     """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""

@@ -26,6 +26,8 @@ class Origin(NamedTuple):
     scene: str
     seed: int
     kind: str = ""
+    counted: bool = True
+    """Whether the scene enters means: the BRDF can represent its materials."""
 
 
 Sample = Mapping[Origin, float]
@@ -83,14 +85,20 @@ def _p_value(mean: float, error: float, count: int) -> float:
 def mean_of(sample: Sample) -> Estimate | None:
     """Mean over kinds of scenes of means over scenes of means over seeds, and its interval; None without any value.
 
-    The units of the interval are the uppermost of these of which there are several.
+    The units of the interval are the uppermost of these of which there are several. Values are the ``counted`` ones.
     """
     if not sample:
         return None
-    over, units = units_of(sample)
+    held = counted(sample)
+    over, units = units_of(held)
     found = estimate(units)
     assert found is not None
-    return replace(found, over=over, values=len(sample))
+    return replace(found, over=over, values=len(held))
+
+
+def counted(sample: Sample) -> Sample:
+    """The values of scenes that enter means; all values where there are no such scenes."""
+    return {origin: value for origin, value in sample.items() if origin.counted} or sample
 
 
 def units_of(sample: Sample) -> tuple[Level, list[float]]:
@@ -111,8 +119,8 @@ def spread(sample: Sample) -> dict[Level, float]:
     By the method of moments, from the lowest level upwards: of the variance of means, the part that the levels below
     explain is taken off (Searle, Casella and McCulloch, Variance Components, 1992); a rest below zero is zero.
     """
-    scenes = _grouped(sample, lambda origin: origin.scene)
-    kinds = _grouped(sample, lambda origin: origin.kind)
+    scenes = _grouped(counted(sample), lambda origin: origin.scene)
+    kinds = _grouped(counted(sample), lambda origin: origin.kind)
     found: dict[Level, float] = {}
     within = _pooled_variance([[*part.values()] for part in scenes.values()])
     from_seeds = (within or 0.0) / _harmonic_mean([len(part) for part in scenes.values()])

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict, cast
 
 from .files import opened
-from .statistics import Level
+from .statistics import Level, Origin
 
 SCHEMA = "radiogs-bench/summary/6"
 
@@ -21,6 +21,9 @@ PLAIN = re.compile(r"(?!\.)[\w.-]{1,120}")
 ARRAYS = re.compile(r"cells/(?!\.)[\w.-]{1,120}\.npz")
 
 Verdict = Literal["better", "worse"]
+
+LIMIT = "not_represented"
+"""The name in a scene's ``metadata.json`` of a material that the BRDF cannot represent, such as "a clear coat"."""
 
 EVALUATION = "evaluate"
 """The stage that scores a trained model; all other stages train it."""
@@ -292,6 +295,8 @@ class RunTable(TypedDict):
     machine: str
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where none is known, and in earlier records."""
+    stated: NotRequired[dict[str, dict[str, str]]]
+    """The facts "choices", "maker" and ``LIMIT`` in the metadata of each scene; absent like ``kinds``."""
 
 
 class RecordedGrid(TypedDict):
@@ -363,8 +368,7 @@ class Summary(RunTable):
     paper: list[PaperTable]
     """Tables of the paper with at least one measured value, those of other suites included."""
     doubts: NotRequired[list[Doubt]]
-    """Why values are uncertain: quantities that the images do not determine, and values no better than a constant's;
-    absent in earlier summaries."""
+    """Why values are uncertain; absent in earlier summaries."""
     error_parts: NotRequired[dict[str, dict[str, ErrorParts]]]
     """By row, then kind of image, for runs that measure cost with several seeds."""
     settling: NotRequired[dict[str, dict[str, Settled]]]
@@ -426,6 +430,20 @@ def seal_of(stored: Mapping[str, Any]) -> str:
     content = {name: value for name, value in stored.items() if name != "seal"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def counted_scenes(run: Mapping[str, Any]) -> list[str]:
+    """The scenes that enter means: those whose materials the BRDF can represent, or all where there is no such one.
+
+    ``run``: a summary, a record, or the manifest of a run.
+    """
+    stated = run.get("stated", {})
+    return [scene for scene in run["scenes"] if LIMIT not in stated.get(scene, {})] or run["scenes"]
+
+
+def origin_in(run: Mapping[str, Any], scene: str, seed: int) -> Origin:
+    """The origin of a cell's values in the means of a run."""
+    return Origin(scene, seed, run.get("kinds", {}).get(scene, ""), LIMIT not in run.get("stated", {}).get(scene, {}))
 
 
 def protocol_title(summary: Summary) -> str:

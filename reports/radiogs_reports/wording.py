@@ -3,7 +3,7 @@
 import re
 
 from .statistics import Level
-from .summary import ColumnSummary, RecordedRun, Summary
+from .summary import LIMIT, ColumnSummary, RecordedRun, Summary, counted_scenes
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 """Arrows towards the better values of a column, by its direction."""
@@ -64,34 +64,38 @@ def population(over: Level, units: int, scene: str = "one scene") -> str:
 
 def population_of(summary: Summary) -> str:
     """The units of the intervals of a complete run, in words."""
-    scenes, kinds = summary["scenes"], kinds_of(summary)
+    scenes, kinds = counted_scenes(summary), kinds_of(summary)
     if kinds > 1:
         return population("kinds", kinds)
     return population("scenes", len(scenes)) if len(scenes) > 1 else population("seeds", len(summary["seeds"]), *scenes)
 
 
-def recipe_in_short(run: RecordedRun) -> str:
-    """The recipe of all rows of a recorded run, or that each has its own."""
-    return "recipes by row" if " by " in run["recipe"] else run["recipe"] or "default"
-
-
 def mean_over(run: Summary | RecordedRun, named: bool = True) -> str:
     """The units that the means of a complete run are over, in words: ``2 scenes (corner, bowl) and 1 seed``.
 
-    ``named``: with the names of the scenes.
+    ``named``: with the names of the scenes and their marks. Scenes that means leave out are named behind.
     """
-    scenes, kinds = count_of(len(run["scenes"]), "scene"), kinds_of(run)
-    scenes += f" ({', '.join(run['scenes'])})" if named else ""
-    seeds = count_of(len(run["seeds"]), "seed")
-    if 1 < kinds < len(run["scenes"]):
-        return f"{kinds} kinds of {scenes}, each kind with the mean over its scenes, and {seeds}"
-    return f"{scenes} and {seeds}"
+    held, kinds = counted_scenes(run), kinds_of(run)
+    scenes = count_of(len(held), "scene")
+    scenes += f" ({', '.join(marked(run, each) for each in held)})" if named else ""
+    if 1 < kinds < len(held):
+        scenes = f"{kinds} kinds of {scenes}, each kind with the mean over its scenes,"
+    left = "".join(f", without {marked(run, each)}" for each in run["scenes"] if each not in held)
+    return f"{scenes} and {count_of(len(run['seeds']), 'seed')}{left}"
+
+
+def marked(run: Summary | RecordedRun, scene: str) -> str:
+    """A scene's name with its marks: "tuned on", "other hands", and a material that the BRDF cannot represent."""
+    about = run.get("stated", {}).get(scene, {})
+    marks = [text for text in (about.get("choices"), about.get("maker")) if text not in (None, "reported only")]
+    marks += [f"the BRDF cannot represent {about[LIMIT]}"] if LIMIT in about else []
+    return f"{scene} [{', '.join(marks)}]" if marks else scene
 
 
 def kinds_of(run: Summary | RecordedRun) -> int:
     """The number of kinds of a run's scenes, 1 where none is known; records without the kinds count in intervals."""
     if "kinds" in run:
-        return len({run["kinds"].get(scene, "") for scene in run["scenes"]})
+        return len({run["kinds"].get(scene, "") for scene in counted_scenes(run)})
     differences = [cell["difference"] for cells in run["cells"].values() for cell in cells.values()]
     return max((each["units"] for each in differences if each and each["over"] == "kinds"), default=1)
 

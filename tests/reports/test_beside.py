@@ -44,7 +44,7 @@ def beside(now: Summary, before: Summary) -> Report:
 
 
 def by_row(now: Summary, before: Summary) -> dict[str, Beside]:
-    return {each.row: each for each in compared_values(now, other_run(before, "before", {}))}
+    return {each.row: each for each in compared_values(now, other_run(before, "before", {}), now["columns"][-1])}
 
 
 def values(made: Summary, row: str) -> list[Any]:

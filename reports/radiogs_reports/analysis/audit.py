@@ -3,13 +3,9 @@
 from collections import Counter
 
 from ..summary import Summary, last_stage_title, reference_of, row_texts
-from ..wording import count_of, signed
-from .audit_lines import LOSSES, AuditLine, Judgement, audit_lines
+from ..wording import count_of, marked, signed
+from .audit_lines import LOSSES, AuditLine, audit_lines
 from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, factor_item, name_item, share_item
-
-JUDGEMENT_TEXTS: dict[Judgement, str] = {
-    "yes": "yes", "within noise": "within noise", "no": "no", "above": "above; one seed has no interval",
-}  # fmt: skip
 
 DECIMALS = 3
 """Printed decimals of dB: bounds are a few hundredths."""
@@ -72,7 +68,7 @@ def _grid(summary: Summary, lines: list[AuditLine], texts: dict[str, str]) -> Gr
              f"probes, share of {last}", "probes, share of training", "left out at the end"]  # fmt: skip
     rows = [
         [
-            name_item(line.scene),
+            name_item(marked(summary, line.scene)),
             name_item(texts[line.row]),
             *(estimate_item(line.losses[name], DECIMALS, "the results have no such value") for name in LOSSES),
             *_prediction(line),
@@ -95,7 +91,7 @@ def _prediction(line: AuditLine) -> tuple[Item, Item]:
         return Item("none", None, BY_HAND), name_item("by hand")
     if line.bound is None:
         return Item("n/a", None, "the results hold no bound"), name_item("n/a")
-    text = "n/a" if line.judgement is None else JUDGEMENT_TEXTS[line.judgement]
+    text = "above; one seed has no interval" if line.judgement == "above" else line.judgement or "n/a"
     return Item(f"{line.bound:.{DECIMALS}f}", line.bound), name_item(text)
 
 

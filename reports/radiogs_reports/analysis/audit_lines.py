@@ -1,12 +1,12 @@
 """Lines of the audit: a scene under a row that leaves effects out, paired over seeds with the reference row."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
 from ..statistics import Estimate, Origin, mean_of, paired_difference, paired_ratio, shared_origins
 from ..summary import RunSummary, Summary, last_stage, reference_of
-from .samples import cost_of, runs_of
+from .samples import cost_of, known, runs_of
 
 EXPERIMENT = "audit"
 
@@ -75,14 +75,14 @@ def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping
     probed = any(chosen_effects(run) == "auto" for run in mine.values())
     bound = max(bounds, default=None) if probed else None
     losses = {
-        name: paired_difference(*(_known(runs, partial(_metric, key=key)) for runs in (full, mine)))
+        name: paired_difference(*(known(runs, partial(_metric, key=key)) for runs in (full, mine)))
         for name, key in LOSSES.items()
     }
-    rays, full_rays = (_known(runs, lambda run: cost_of(run, "rays") or 0.0) for runs in (mine, full))
-    stage, full_stage = (_known(runs, last_stage_seconds) for runs in (mine, full))
-    training, full_training = (_known(runs, partial(cost_of, cost="seconds")) for runs in (mine, full))
+    rays, full_rays = (known(runs, lambda run: cost_of(run, "rays") or 0.0) for runs in (mine, full))
+    stage, full_stage = (known(runs, last_stage_seconds) for runs in (mine, full))
+    training, full_training = (known(runs, partial(cost_of, cost="seconds")) for runs in (mine, full))
     probe_seconds, probe_rays = (
-        _known(mine, partial(_probing, cost=cost)) if probed else {} for cost in ("seconds", "rays")
+        known(mine, partial(_probing, cost=cost)) if probed else {} for cost in ("seconds", "rays")
     )
     return AuditLine(
         scene=scene,
@@ -101,7 +101,7 @@ def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping
             "probes_of_training": mean_of(shares_of(probe_seconds, training)),
             "probe_rays_share": mean_of(shares_of(probe_rays, full_rays)),
         },
-        left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed, _), plan in plans.items()}),
+        left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed, *_), plan in plans.items()}),
     )
 
 
@@ -125,10 +125,6 @@ def last_stage_seconds(run: RunSummary) -> float | None:
     """Seconds of the last training stage."""
     stage = last_stage(run)
     return None if stage is None else run["seconds"].get(stage["name"])
-
-
-def _known(runs: Mapping[Origin, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Origin, float]:
-    return {origin: value for origin, run in runs.items() if (value := read(run)) is not None}
 
 
 def _probing(run: RunSummary, cost: str) -> float | None:

@@ -66,7 +66,7 @@ def beside_report(summary: Summary) -> Report | None:
         return None
     known = ", ".join(f"{name.lower()} {text}" for name, text in other["origin"].items())
     about = f"Other run: {other['name']} ({known})."
-    values = compared_values(summary, other)
+    values = [each for column in summary["columns"] for each in compared_values(summary, other, column)]
     sentences = [about, *_paired(summary, other), *_in_words(summary, values), *_changes(summary, other)]
     records = [
         {"row": each.row, "metric": each.column["key"]}
@@ -77,13 +77,8 @@ def beside_report(summary: Summary) -> Report | None:
     return Report(sentences, [_grid(summary, other, values)], records)
 
 
-def compared_values(summary: Summary, other: OtherRun) -> list[Beside]:
-    """The values of all rows that share a scene and seed with the other run, column by column."""
-    return [each for column in summary["columns"] for each in _column(summary, other, column)]
-
-
-def _column(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
-    """The rows of a column that share a scene and seed with the other run."""
+def compared_values(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
+    """The values of a column in the rows that share a scene and seed with the other run."""
     found = {}
     for row in row_texts(summary):
         here, there = _shared(summary, other, row, column["key"])

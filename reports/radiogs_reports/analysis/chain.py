@@ -67,15 +67,15 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
     ]
     if all(column["key"] != SECONDS["key"] for column, _ in found):
         found.append((SECONDS, {row: costs_of(summary, row, "seconds") for row in rows}))
-    return [_worth(summary, rows, column, values) for column, values in found if any(values.values())]
-
-
-def _worth(summary: Summary, rows: list[str], column: ColumnSummary, values: Mapping[str, Sample]) -> Worth:
-    steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
-    doubted = doubted_rows(summary, column["key"])
-    trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}
-    told = frozenset(resolved(steps) & trusted)
-    return Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, told)
+    worth = []
+    for column, values in found:
+        if any(values.values()):
+            steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
+            doubted = doubted_rows(summary, column["key"])
+            trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}
+            told = frozenset(resolved(steps) & trusted)
+            worth.append(Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, told))
+    return worth
 
 
 def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:

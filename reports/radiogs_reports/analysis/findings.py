@@ -20,6 +20,7 @@ from ..summary import (
     RecordedRun,
     RowSummary,
     Summary,
+    counted_scenes,
     is_doubted,
 )
 from ..wording import count_of, number, signed_number
@@ -29,12 +30,10 @@ Outcome = Literal["holds", "does not hold", "not resolved"]
 
 
 class MeasuredDifference(NamedTuple):
-    """A row's difference to the reference row in a column, and the paper's beside it."""
+    """A row's difference to the reference row in a column, by their keys, and the paper's beside it."""
 
     row: str
-    """Key of the row."""
     column: str
-    """Key of the column."""
     difference: Interval
     """The measured difference, row minus reference row, in the unit of the column."""
     resolved: bool
@@ -110,7 +109,7 @@ def compared_run(run: Summary | RecordedRun) -> ComparedTable:
         doubted = {(row, key) for row, cells in run["cells"].items() for key, cell in cells.items() if cell["doubted"]}
     return ComparedTable(
         run["reference"], run["rows"], run["columns"], run["cells"], run["published"], run["published_data"],
-        run["scenes"], doubted,
+        counted_scenes(run), doubted,
     )  # fmt: skip
 
 
@@ -127,7 +126,7 @@ def compared_paper(table: PaperTable, summary: Summary) -> ComparedTable:
         for row, cells in table["cells"].items()
     }
     return ComparedTable(
-        table["reference"], rows, columns, table["cells"], published, table["data"], summary["scenes"],
+        table["reference"], rows, columns, table["cells"], published, table["data"], counted_scenes(summary),
         _doubted(summary, rows, columns),
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..statistics import Estimate, Origin, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns
-from ..wording import heading, label_with_unit, signed
+from ..wording import heading, label_with_unit, marked, signed
 from .report import Grid, Record, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import values_of
 
@@ -59,7 +59,7 @@ def ladder_report(summary: Summary) -> Report | None:
     shown = [rung for rung in rungs if rung.scene == ALL_SCENES or len(summary["scenes"]) == 1]
     sentences = [sentence for rung in shown if (sentence := _sentence(rung, several))]
     records = [record for rung in rungs for record in _records(rung)]
-    return Report([WHAT_THEY_MEAN, *sentences], [_grid(rungs, several)], records)
+    return Report([WHAT_THEY_MEAN, *sentences], [_grid(summary, rungs, several)], records)
 
 
 def _records(rung: Rung) -> list[Record]:
@@ -155,12 +155,13 @@ def _sentence(rung: Rung, several: bool) -> str | None:
     return f"{_place(rung, several)}, {label_with_unit(rung.column)}: {'; '.join([values, *most])}."
 
 
-def _grid(rungs: Sequence[Rung], several: bool) -> Grid:
+def _grid(summary: Summary, rungs: Sequence[Rung], several: bool) -> Grid:
     parts = list(dict.fromkeys(part for rung in rungs for part in rung.parts))
     heads = ["scene", "metric", "nothing given", *(f"{part}, {end}" for part in parts for end in ENDS)]
     rows = []
     for rung in rungs:
-        decimals, line = rung.column["decimals"], [name_item(_place(rung, several)), name_item(heading(rung.column))]
+        decimals, place = rung.column["decimals"], _place(rung._replace(scene=marked(summary, rung.scene)), several)
+        line = [name_item(place), name_item(heading(rung.column))]
         line.append(plain_item(rung.nothing, decimals))
         for part in parts:
             for end in rung.parts.get(part, Share(None, None)):

@@ -58,14 +58,12 @@ def shift(units: int, comparisons: int) -> float:
 
 
 class Plan(NamedTuple):
-    """The size of a run."""
+    """The size of a run: numbers of kinds of scenes, of scenes of each kind, and of seeds of each scene."""
 
     kinds: int
-    """Number of kinds of scenes."""
     scenes: int
-    """Number of scenes of each kind; the smallest, where kinds differ."""
+    """The smallest number, where kinds differ."""
     seeds: int
-    """Number of seeds of each scene."""
 
     def units(self) -> tuple[Level, int]:
         """The units of an interval, and their number."""

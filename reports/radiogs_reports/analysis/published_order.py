@@ -42,7 +42,6 @@ class Order(NamedTuple):
 
     column: ColumnSummary
     methods: int
-    """Number of methods."""
     tau: float
     """Kendall's tau-b between the measured and the published values."""
     low: float

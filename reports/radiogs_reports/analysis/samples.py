@@ -1,10 +1,10 @@
 """A row's metric values and training costs by scene and seed."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..statistics import Origin
-from ..summary import EVALUATION, RunSummary, Summary
+from ..summary import EVALUATION, RunSummary, Summary, origin_in
 
 COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays traced in training"}
 """Kinds of training cost, by key. Seconds differ between machines, ray counts do not."""
@@ -12,9 +12,8 @@ COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays trac
 
 def runs_of(summary: Summary, row: str) -> dict[Origin, RunSummary]:
     """The finished runs of a row."""
-    kinds = summary.get("kinds", {})
     return {
-        Origin(run["scene"], run["seed"], kinds.get(run["scene"], "")): run
+        origin_in(summary, run["scene"], run["seed"]): run
         for run in summary["runs"]
         if run["row"] == row and run["metrics"]
     }
@@ -22,14 +21,17 @@ def runs_of(summary: Summary, row: str) -> dict[Origin, RunSummary]:
 
 def values_of(summary: Summary, row: str, column: str) -> dict[Origin, float]:
     """A row's values in a column, where it has any."""
-    found = {origin: run["metrics"].get(column) for origin, run in runs_of(summary, row).items()}
-    return {origin: value for origin, value in found.items() if value is not None}
+    return known(runs_of(summary, row), lambda run: run["metrics"].get(column))
 
 
 def costs_of(summary: Summary, row: str, cost: str) -> dict[Origin, float]:
     """A row's training costs of one kind, where they are known and not zero."""
-    found = {origin: cost_of(run, cost) for origin, run in runs_of(summary, row).items()}
-    return {origin: value for origin, value in found.items() if value is not None}
+    return known(runs_of(summary, row), lambda run: cost_of(run, cost))
+
+
+def known(runs: Mapping[Origin, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Origin, float]:
+    """A value of each run that has one."""
+    return {origin: value for origin, run in runs.items() if (value := read(run)) is not None}
 
 
 def cost_of(run: RunSummary, cost: str) -> float | None:

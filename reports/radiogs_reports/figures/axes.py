@@ -40,9 +40,9 @@ def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def add_grid(axes: Axes) -> None:
+def add_grid(axes: Axes, axis: Literal["both", "x"] = "both") -> None:
     """A light grid behind the data."""
-    axes.grid(color=GRID, linewidth=0.5)
+    axes.grid(color=GRID, linewidth=0.5, axis=axis)
     axes.set_axisbelow(True)
 
 

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from ..analysis.chain import Worth, chain_of, worth_of
 from ..summary import Summary, row_texts
 from ..wording import population_of, signed
-from .axes import GRID, metric_title
+from .axes import add_grid, metric_title
 from .canvas import Sketch, panels, plain
 
 ACROSS = 4
@@ -63,5 +63,4 @@ def _panel(axes: Axes, worth: Worth) -> None:
         axes.barh(place, value - (low - room), 0.7, left=low - room, color=WHOLE)
         axes.text(value, place, f" {value:.{decimals}f}", fontsize=5.5, va="center")
     axes.set_title(metric_title(worth.column))
-    axes.grid(axis="x", color=GRID, linewidth=0.5)
-    axes.set_axisbelow(True)
+    add_grid(axes, "x")

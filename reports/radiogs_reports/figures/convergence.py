@@ -59,15 +59,6 @@ def mean_curve(trails: Mapping[Origin, Sequence[TrailPoint]], read: Read) -> Cur
     return [(step, mean.mean) for step, mean in means if mean is not None]
 
 
-def stage_titles(summary: Summary) -> dict[str, str]:
-    """Titles of all training stages of all runs, by name, in the order of training."""
-    titles: dict[str, str] = {}
-    for run in summary["runs"]:
-        for stage in run["stages"]:
-            titles.setdefault(stage["name"], stage["title"])
-    return titles
-
-
 def _curves(summary: Summary, trail_of: Callable[[RunSummary], Sequence[TrailPoint]], read: Read) -> dict[str, Curve]:
     """The mean curve of each row over its finished runs."""
     rows = {row["key"]: runs_of(summary, row["key"]) for row in summary["rows"]}
@@ -87,7 +78,8 @@ def _losses(summary: Summary) -> tuple[str, str, list[Panel]]:
         return math.fsum(losses.values()) if losses else None
 
     drawn = []
-    for stage, title in stage_titles(summary).items():
+    titles = {stage["name"]: stage["title"] for run in summary["runs"] for stage in run["stages"]}
+    for stage, title in titles.items():
         every = _curves(summary, lambda run, stage=stage: run["trail"].get(stage, []), read)  # type: ignore[misc]
         # L_rad is zero before it sets in and where its weight is zero, which a logarithmic axis cannot show.
         curves = {row: [(x, y) for x, y in curve if y > 0] for row, curve in every.items()}

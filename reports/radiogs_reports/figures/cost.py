@@ -26,13 +26,11 @@ LOGARITHMIC_FROM = 8.0
 
 
 def cost_figures(summary: Summary) -> list[Sketch]:
-    """The figures of the knobs that were turned; of a run without knobs, the figures of its rows."""
-    return knob_figures(summary) or row_figures(summary)
-
-
-def row_figures(summary: Summary) -> list[Sketch]:
-    """A figure for each kind of cost that differs between rows by more than ``ALIKE``."""
-    made = []
+    """The figures of the knobs that were turned; of a run without knobs, one for each kind of cost that differs between
+    rows by more than ``ALIKE``."""
+    made = knob_figures(summary)
+    if made:
+        return made
     for cost in COSTS:
         drawn = [(column, found) for column in summary["columns"] if (found := points(summary, column, cost))]
         spent = [point.cost for _, found in drawn for point in found]

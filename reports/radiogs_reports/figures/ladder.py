@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from ..analysis.ladder import ALL_SCENES, ENDS, Rung, is_own, ladder_rungs
 from ..summary import Summary
 from ..wording import label_with_unit, signed
-from .axes import GRID
+from .axes import add_grid
 from .canvas import COLOURS, Sketch, file_name, panels, plain
 
 ACROSS = 4
@@ -85,5 +85,4 @@ def _panel(axes: Axes, rung: Rung) -> None:
     axes.set_yticks(range(len(parts)), parts)
     axes.set_ylim(len(parts) - 0.5, -0.5)
     axes.set_title(plain(label_with_unit(rung.column)))
-    axes.grid(axis="x", color=GRID, linewidth=0.5)
-    axes.set_axisbelow(True)
+    add_grid(axes, "x")

@@ -48,15 +48,11 @@ def tone_mapped(radiance: maps.Image, truth: maps.Image) -> maps.Image:
     Reinhard et al. 2002, equations 1 to 3, with texels weighted by solid angle. A sun a hundred times brighter than its
     sky and the sky itself are both told apart from white, in the truth and in a map that is too bright by a factor.
     """
-    scaled = KEY * radiance / _log_mean(truth)
-    return scaled / (1 + (scaled @ LUMINANCE)[..., None])
-
-
-def _log_mean(light: maps.Image) -> float:
-    """Log-mean of the luminance of the texels that are not black, weighted by solid angle; 1 for a black map."""
-    luminance, weight = light @ LUMINANCE, np.broadcast_to(_solid_angles(light), light.shape[:2])
+    luminance, weight = truth @ LUMINANCE, np.broadcast_to(_solid_angles(truth), truth.shape[:2])
     lit = luminance > 0
-    return float(np.exp(np.average(np.log(luminance[lit]), weights=weight[lit]))) if lit.any() else 1.0
+    log_mean = float(np.exp(np.average(np.log(luminance[lit]), weights=weight[lit]))) if lit.any() else 1.0
+    scaled = KEY * radiance / log_mean
+    return scaled / (1 + (scaled @ LUMINANCE)[..., None])
 
 
 def _solid_angles(light: maps.Image) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .. import maps
 from ..summary import RunSummary, Summary
 from .axes import add_grid
-from .canvas import COLOURS, MARKERS, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, Sketch, blank, hide_empty, plain
 
 EXPERIMENT = "stability"
 ACROSS = 4
@@ -61,8 +61,7 @@ def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
     for band in range(bands):
         for line, task in enumerate(TASKS):
             grid[2 * band + line, 0].set_ylabel(f"error, {task}")
-    for axes in grid.ravel():
-        axes.set_visible(axes.has_data())
+    hide_empty(grid)
     figure.legend(handles=legend(), loc="outside lower center", ncols=7, frameon=False)
     caption = (
         "Float32 error of values and of gradients, against float64 on the same rounded inputs, relative to their"

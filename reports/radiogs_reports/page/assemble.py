@@ -13,11 +13,12 @@ from ..analyses import reports_of
 from ..analysis.pareto import points
 from ..analysis.samples import COSTS, cost_of
 from ..figures.canvas import Drawn
-from ..summary import Summary, protocol_title
+from ..summary import Summary, counted_scenes, protocol_title
 from ..tables.caption import origin, run_note
 from ..tables.model import Table
 from ..tables.record import HEADING, record_reports
 from ..tables.suite import suite_table
+from ..wording import marked
 from .assets import json_for_script, part, rendered, scripts, styles
 from .pictures import BUDGET, FOLDER, KIND, Album, album, filter_tables, scale_bar
 from .sheets import encoded
@@ -76,6 +77,7 @@ def page(
         style,
         files=bool(pictures.files),
         summary=summary,
+        scenes=[marked(summary, scene) for scene in summary["scenes"]],
         protocol=protocol_title(summary),
         origin=origin(summary),
         downloads=downloads(summary),
@@ -122,6 +124,7 @@ def data(summary: Summary, means: Table, pictures: Album) -> dict[str, Any]:
             for column in columns
         },
         "kinds": summary.get("kinds", {}),
+        "counted": counted_scenes(summary),
         "runs": [{**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}} for run in summary["runs"]],
         "maps": {name: _look(name) for name in pictures.maps},
         "files": {"folder": FOLDER, "kind": KIND},
@@ -138,7 +141,7 @@ def _look(name: str) -> dict[str, Any]:
 def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Groups by which cells can be selected: name, heading, and values with their texts; those with several values."""
     groups = [
-        ("scene", "Scenes", [(scene, scene) for scene in summary["scenes"]]),
+        ("scene", "Scenes", [(scene, marked(summary, scene)) for scene in summary["scenes"]]),
         ("seed", "Seeds", [(str(seed), str(seed)) for seed in summary["seeds"]]),
         ("row", "Rows", [(row["key"], row["text"]) for row in summary["rows"]]),
     ]

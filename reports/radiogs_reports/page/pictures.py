@@ -107,19 +107,14 @@ class Shelf:
             content = base64.b64encode(encoded(sheet)).decode("ascii")
             self.size += len(content)
             self.inside[name] = content
-            if self.size > self.budget and self.folder is None:
-                raise Full
             if self.size > self.budget:
-                self._write()
+                if self.folder is None:
+                    raise Full
+                for each, kept in self.inside.items():
+                    self.files[each] = fresh(self.folder / f"{each}{KIND}", self.folder.parent)
+                    self.files[each].write_bytes(base64.b64decode(kept))
+                self.inside = {}
         return name
-
-    def _write(self) -> None:
-        """Move all sheets from memory to the folder."""
-        assert self.folder is not None
-        for name, content in self.inside.items():
-            self.files[name] = fresh(self.folder / f"{name}{KIND}", self.folder.parent)
-            self.files[name].write_bytes(base64.b64decode(content))
-        self.inside = {}
 
 
 RENDER, TRUTH = "render", "truth"

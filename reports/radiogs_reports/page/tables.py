@@ -8,6 +8,7 @@ from ..summary import PaperTable, Summary, row_texts
 from ..tables.model import Column, PrintedCell, PrintedRow, Table, missing_cell
 from ..tables.paper import apart_table, paper_table
 from ..tables.suite import TRAINING, training_cell, value_cell
+from ..wording import marked
 
 
 def paper_tables(stored: PaperTable, summary: Summary) -> list[Table]:
@@ -56,7 +57,7 @@ def cells_table(summary: Summary) -> Table:
         absent = "the cell has no such value" if run["metrics"] else state
         uncounted = missing_cell("the result holds no number of surfels" if finished else state)
         cells = [
-            PrintedCell(run["scene"], run["scene"]),
+            PrintedCell(marked(summary, run["scene"]), run["scene"]),
             PrintedCell(str(run["seed"]), run["seed"]),
             *(value_cell(run["metrics"].get(column["key"]), column, absent) for column in summary["columns"]),
             training_cell(cost_of(run, "seconds"), "nothing was trained" if finished else state),

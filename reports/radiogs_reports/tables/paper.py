@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ..analysis.findings import compared_paper, sentences_of
-from ..summary import PaperColumn, PaperTable, Summary, protocol_title
+from ..summary import PaperColumn, PaperTable, Summary, counted_scenes, protocol_title
 from ..wording import mean_over, number
 from .doubts import shown_verdict
 from .legend import with_legend
@@ -38,7 +38,7 @@ def paper_table(stored: PaperTable, summary: Summary) -> Table:
         apart_title=_apart_title(stored, summary),
         findings=sentences_of(compared_paper(stored, summary)),
     )
-    made = with_legend(made, summary["scenes"])
+    made = with_legend(made, counted_scenes(summary))
     printed = _side_by_side(made) if stored["key"] in SIDE_BY_SIDE else made
     return replace(printed, notes=list(dict.fromkeys(each.rstrip(".") for each in _reasons(printed))))
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ..analysis.findings import MeasuredDifference, compared_run, differences_of, measured
 from ..analysis.report import Grid, Item, name_item
 from ..summary import ColumnSummary, RecordedRun, Summary
-from ..wording import heading, mean_over, number, signed
+from ..wording import heading, marked, mean_over, number, signed
 from .caption import ORIGIN
 from .model import Difference, PrintedCell, Table, difference_of, rank_in_words, stored_ranks
 from .suite import run_table, suite_table, value_cell
@@ -25,12 +25,11 @@ OUTCOMES = SAME, OPPOSITE, OPEN, HERE_ALONE, NEITHER = (
 
 
 class Agreement(NamedTuple):
-    """Whether the difference of a row in a column to the reference row agrees with the recorded one."""
+    """Whether the difference of a row in a column, by their labels, to the reference row agrees with the recorded
+    one."""
 
     row: str
-    """Its label."""
     column: str
-    """Its label."""
     outcome: str
     """One of OUTCOMES."""
     sentence: str
@@ -75,7 +74,7 @@ def record_report(run: RecordedRun, name: str, here: Table | None = None) -> Rec
         "Recipe": run["recipe"],
         "Preset": run["preset"],
         "Metric protocol": run["protocol"],
-        "Scenes": ", ".join(run["scenes"]),
+        "Scenes": ", ".join(marked(run, each) for each in run["scenes"]),
         "Seeds": ", ".join(map(str, run["seeds"])),
         "Mean over": mean_over(run, named=False),
     }
@@ -155,7 +154,8 @@ def by_scene(run: RecordedRun, name: str) -> Grid:
             if items:
                 rows.append([name_item(row["text"]), name_item(heading(column)), *items])
     note = "Difference to the reference row on each scene, the mean over its seeds."
-    return Grid(name, "Differences scene by scene", note, ["row", "metric", *run["scenes"]], rows)
+    heads = ["row", "metric", *(marked(run, each) for each in run["scenes"])]
+    return Grid(name, "Differences scene by scene", note, heads, rows)
 
 
 def agreements(here: Table, recorded: Table) -> Iterator[Agreement]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from ..analysis.findings import compared_run, sentences_of
-from ..summary import CellSummary, ColumnSummary, RecordedRun, Summary, protocol_title
+from ..summary import CellSummary, ColumnSummary, RecordedRun, Summary, counted_scenes, protocol_title
 from ..wording import mean_over, number
 from .caption import preset_and_recipe, unfinished
 from .doubts import footnotes, marks, remarks, shown_verdict
@@ -53,7 +53,7 @@ def run_table(
         reference=next((row for row in rows if row.key == run["reference"]), None),
         findings=sentences_of(compared_run(run)),
     )
-    return with_legend(replace(made, notes=made.reasons), run["scenes"])
+    return with_legend(replace(made, notes=made.reasons), counted_scenes(run))
 
 
 def _cell(summary: Summary, row: str, column: ColumnSummary) -> PrintedCell:

@@ -6,7 +6,7 @@ from ..analysis.report import Grid, name_item
 from ..summary import RecordedRun, Summary
 from ..tables.model import PrintedCell
 from ..tables.record import HEADING, RecordReport, claims, record_report, record_reports, recorded_table
-from ..wording import mean_over, recipe_in_short
+from ..wording import mean_over
 from .analyses import grid_markdown
 from .markdown import listed, table_head, table_line, without_markup
 from .suite import means_markdown
@@ -58,8 +58,9 @@ def record_page(runs: Sequence[RecordedRun]) -> str:
     tables = [recorded_table(run, "record") for run in runs]
     for number, run in enumerate(runs, start=1):
         origin = ", ".join(run["origin"].get(name, "") for name in ("Date", "Commit"))
+        recipe = "recipes by row" if " by " in run["recipe"] else run["recipe"] or "default"
         lines.append(
-            f"{number}. {origin}, {run['machine']}, {recipe_in_short(run)}; mean over {mean_over(run, named=False)}:"
+            f"{number}. {origin}, {run['machine']}, {recipe}; mean over {mean_over(run, named=False)}:"
             f" `{run['origin']['Command']}`"
         )
     rows = table_head(["run", "", *(column.heading for column in tables[0].columns)])

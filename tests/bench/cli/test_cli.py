@@ -501,7 +501,11 @@ def test_two_scenes_of_one_name_are_refused(run: Callable[..., int], capsys: pyt
 
 def test_scenes_are_listed_and_checked(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["datasets", "list"]) == 0
-    assert "corner" in capsys.readouterr().out.split()
+    line = next(line for line in capsys.readouterr().out.splitlines() if "corner" in line)
+    for told in ("single effects", "48 + 8", "96 x 96", "this project", "Apache-2.0", "tuned on"):
+        assert told in line
+    assert main(["datasets", "list", "--json"]) == 0
+    assert {*json.loads(capsys.readouterr().out)} == {*radiogs_datasets.scene_names()}
     assert main(["datasets", "check", "corner"]) == 0
     assert "48 training and 8 test views" in capsys.readouterr().out
     assert main(["datasets", "check", "nowhere"]) == 3

@@ -63,16 +63,3 @@ def test_a_run_records_the_modes_and_its_summary_has_them(
     assert fake_run("ablations") == 0
     assert read_sweep(tmp_path)["relighting"] == {"radiogs": RELIGHTING.plain()}
     assert read_summary(tmp_path)["relighting"] == {"radiogs": RELIGHTING.plain()}
-
-
-def test_the_summary_of_an_older_run_has_the_modes_of_the_installed_method(
-    fake_run: FakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from radiogs_bench.cli.main import main
-
-    assert fake_run("ablations") == 0
-    assert "relighting" not in read_sweep(tmp_path), "the stand-in offers none"
-    assert "relighting" not in read_summary(tmp_path)
-    monkeypatch.setitem(substitutes, "radiogs", RADIOGS)
-    assert main(["report", str(tmp_path)]) == 0
-    assert read_summary(tmp_path)["relighting"] == {"radiogs": RELIGHTING.plain()}

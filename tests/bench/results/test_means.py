@@ -3,7 +3,9 @@
 import csv
 import json
 import re
+import shutil
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.results.records import recorded
 from radiogs_bench.results.summary import summarise
-from radiogs_bench.runs.sweep import CellRef, read_sweep
+from radiogs_bench.runs.sweep import CellRef, Sweep, of_scenes, read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
 from radiogs_reports.summary import Summary
@@ -116,3 +118,42 @@ def test_words_are_simple_where_each_scene_counts_alike(
 ) -> None:
     made = summary_of(folder)
     assert mean_over({**made, "scenes": scenes, "kinds": kinds}) == words
+
+
+STATED = {
+    "ball": {"choices": "tuned on"},
+    "bowl": {"choices": "reported only", "maker": "other hands"},
+    "niche": {"choices": "tuned on", "maker": "other hands", "not_represented": "a clear coat"},
+}
+
+MARKED = (
+    "2 scenes (ball [tuned on], bowl [other hands]) and 1 seed, without niche [tuned on, other hands, the BRDF cannot"
+    " represent a clear coat]"
+)
+
+
+def test_every_form_marks_scenes_and_leaves_out_of_means_what_the_brdf_cannot_represent(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    write_sweep(Store(tmp_path), {**read_sweep(folder), "stated": STATED})
+    assert main(["report", str(tmp_path), "--no-pictures"]) == 0
+    told = capsys.readouterr().out
+    assert main(["report", str(tmp_path), "--style", "paper", "--no-pictures"]) == 0
+    names = ("report.html", "ablations.md", "ablations.csv", "ablations_table.tex", "paper.tex")
+    for text in (told, *((tmp_path / name).read_text() for name in names)):
+        assert MARKED in plain(text)
+        assert "31.0" in text
+        assert MEAN not in text
+    made = summary_of(tmp_path)
+    assert {cells["nvs/psnr"]["count"] for cells in made["cells"].values()} == {2}
+    assert recorded(made)["stated"] == STATED
+    (stored,) = made["paper"]
+    assert stored["cells"]["ours"]["nvs/psnr"]["mean"] == 31.0
+
+
+def test_a_run_on_a_scene_that_the_brdf_cannot_represent_has_its_means(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    alone = {**of_scenes(read_sweep(folder), ["niche"]), "stated": STATED}
+    made = summarise(Store(tmp_path), cast(Sweep, alone), {}, "one scene")
+    assert made["cells"]["ours"]["nvs/psnr"]["mean"] == VALUES["niche"]

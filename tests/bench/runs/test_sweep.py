@@ -40,7 +40,9 @@ def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
 
 def test_the_manifest_holds_the_kinds_that_scenes_state() -> None:
     stated = {name: load_scene(name) for name in ("corner", "bowl", "front_plain")}
-    kinds = replace(request(), scenes={**stated, "fake": SCENE}).manifest()["kinds"]
+    manifest = replace(request(), scenes={**stated, "fake": SCENE}).manifest()
+    kinds, other = manifest["kinds"], manifest["stated"]
+    assert other == {name: {"choices": "tuned on"} for name in stated} | {"fake": {}}
     assert kinds["corner"] == kinds["bowl"]
     assert len({kinds["corner"], kinds["front_plain"], kinds["fake"]}) == 3
     assert "kinds" not in request().manifest()

@@ -16,11 +16,7 @@ const shared = (() => {
   function fill(select, entries) { // keeps the choice where it is still offered
     const before = select.value;
     select.replaceChildren(
-      ...entries.map(([value, text]) => {
-        const option = element("option", text);
-        option.value = value;
-        return option;
-      }),
+      ...entries.map(([value, text]) => Object.assign(element("option", text), { value })),
     );
     if (entries.some(([value]) => value === before)) select.value = before;
   }
@@ -61,7 +57,9 @@ const shared = (() => {
     return [...groups.values()];
   }
   function meanOf(runs, value) { // over kinds of scenes, of means over their scenes, of means over those' seeds
-    const known = runs.filter((run) => typeof value(run) === "number");
+    const every = runs.filter((run) => typeof value(run) === "number");
+    const counted = every.filter((run) => data.counted.includes(run.scene)); // others only where they are alone
+    const known = counted.length ? counted : every;
     const overScenes = (held) => mean(grouped(held, (run) => run.scene).map((own) => mean(own.map(value))));
     return mean(grouped(known, (run) => data.kinds[run.scene] ?? "").map(overScenes));
   }
