@@ -23,9 +23,8 @@ def scene_names(*sets: Path) -> tuple[str, ...]:
 
 def scene_folders(*sets: Path) -> dict[str, Path]:
     """The folders of these scenes by name, in the order of names."""
-    folders = [path for each in sets or (TINY, OTHERS) for path in each.iterdir()]
-    scenes = [path for path in folders if (path / "transforms_train.json").is_file()]
-    return {path.name: path for path in sorted(scenes, key=lambda path: path.name)}
+    found = [path.parent for each in sets or (TINY, OTHERS) for path in each.glob("*/transforms_train.json")]
+    return {path.name: path for path in sorted(found, key=lambda path: path.name)}
 
 
 def data_root() -> Path | None:

@@ -100,7 +100,7 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
         name: partial(_read, view, name, (height, width)) for name in view.sources
     }
     if camera.height * camera.width >= LARGE:
-        sources = {name: partial(_read_once, source) for name, source in sources.items()}
+        sources = {name: partial(_kept.read, source) for name, source in sources.items()}
     return View(view.name, camera_at(camera, height, width), sources)
 
 
@@ -143,11 +143,7 @@ class KeptMaps:
 
 
 _kept = KeptMaps()
-
-
-def _read_once(source: Callable[[], Tensor]) -> Tensor:
-    """The map of a large view, kept while this process lasts."""
-    return _kept.read(source)
+"""Maps of large views, kept while this process lasts."""
 
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:

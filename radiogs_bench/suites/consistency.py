@@ -192,6 +192,5 @@ CLOSED = Suite(
     scenes=("bowl", "front_patterned", "front_plain", "niche", "knot", "lamps", "corner", "crowd"),
     recipe=PRINTED,
 )
-"""With and without L_rad, on the eight scenes of this project with the largest shares of indirect light. At the
-paper's length (``--set inverse_iterations=20000``) the length rule's factor is 1. With
-``--set materials.rates.length_power=0`` it is 1 at every length: then length and rates are told apart."""
+"""With and without L_rad. The length rule's factor is 1 at the paper's length (``--set inverse_iterations=20000``), and
+at every length with ``--set materials.rates.length_power=0``: then length and rates are told apart."""

@@ -21,8 +21,7 @@ ABLATIONS = Suite(
     ),
     scenes=("front_patterned", "grotto", "still_life", "lamps", "crowd", "orators"),
 )
-"""Its scenes are of six kinds, and no setting was chosen on them: three of this project, and of those by other hands
-the three with the largest shares of indirect light, which radiometric consistency is about; largest first."""
+"""Scenes of six kinds on which no setting was chosen, with most indirect light first; three are by other hands."""
 
 VIEWS = Suite(
     name="views",

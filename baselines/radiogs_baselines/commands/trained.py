@@ -150,9 +150,8 @@ class TrainedCommand:
         if relighting is None:
             raise NotOffered(f"{self.workspace.file.title} has no command that relights")
         lights, one = (sorted(self._lit_views()), "") if relighting.all_lights else ([name], name)
-        files = partial(self._relit_files, lights)
-        task = self._task(relighting, f"relight-{one}".rstrip("-"), ["relight", one], files, one)
-        self._bring_about(task, after_step)
+        task, files = f"relight-{one}".rstrip("-"), partial(self._relit_files, lights)
+        self._bring_about(self._task(relighting, task, ["relight", one], files, one), after_step)
         return self._prepared_under(name)
 
     def _bring_about(self, task: Task, after_step: Callable[[], None]) -> None:

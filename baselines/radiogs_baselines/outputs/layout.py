@@ -74,8 +74,7 @@ class Code:
     unread: tuple[Unread, ...] = ()
     """Files that look like predictions but are not read."""
     environment: tuple[str, ...] = ()
-    """Glob patterns of the recovered light: linear radiance, lat-long, Z up, centre column towards +X. Most codes write
-    a clipped picture alone, which is not read."""
+    """Glob patterns of the recovered light: linear radiance, lat-long, Z up, centre column towards +X."""
     over: tuple[str, ...] = ()
     """Names of the codes whose ``marks`` also occur in folders of this code; such a folder is not taken for theirs."""
 

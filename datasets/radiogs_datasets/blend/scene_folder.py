@@ -187,11 +187,10 @@ def describe(
     first, second = studio.take(scored), studio.take(scored, other_seed=True)
     shown = [srgb_encode(torch.from_numpy(each.image)).clamp(0, 1).numpy() for each in (first, second)]
     deeper = studio.take(scored, bounces=2 * request.bounces)
-    identity = request.identity()
     return {
         "scene": request.file.stem,
         "purpose": "rendered from a .blend file by Blender Cycles",
-        **{name: identity[name] for name in MADE_BY},
+        **request.identity(),
         "noise_floor_db": _psnr(*shown),
         "noise_floors_db": {name: _psnr(getattr(first, name), getattr(second, name)) for name in NOISY},
         "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
@@ -206,14 +205,10 @@ def describe(
         "materials": opened["materials"],
         "materials_not_understood": opened["not_understood"],
         "opened": {name: opened[name] for name in OPENED},
-        "lights": identity["lights"],
         "training_light": next(iter(request.light_files)),
         "versions": {"blender": opened["blender"], "numpy": np.__version__, "torch": torch.__version__},
     }
 
-
-MADE_BY = ("seed", "samples", "test_samples", "bounces", "device", "file", "cameras")
-"""Parts of a request that its metadata repeats."""
 
 OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_system", "scripts", "lamps", "cameras",
           "volumes", "other_scenes")  # fmt: skip

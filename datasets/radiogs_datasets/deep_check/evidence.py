@@ -129,11 +129,8 @@ class Evidence:
         """The evidence but for the views of some names."""
         if not names:
             return self
-        return Evidence(
-            self.scene,
-            tuple(look for look in self.looks if look.name not in names),
-            tuple(truth for truth in self.truths if truth.name not in names),
-        )
+        looks = tuple(look for look in self.looks if look.name not in names)
+        return Evidence(self.scene, looks, tuple(truth for truth in self.truths if truth.name not in names))
 
     def without_map(self, name: str) -> "Evidence":
         """The evidence but for one map of the test views."""

@@ -100,7 +100,4 @@ def register() -> None:
             callback.put("albedo", self.albedo, mi.ParamFlags.Differentiable)
             callback.put("roughness", self.roughness, mi.ParamFlags.Differentiable)
 
-        def to_string(self) -> str:
-            return f"SimplifiedDisney[albedo = {self.albedo}, roughness = {self.roughness}]"
-
     mi.register_bsdf(PLUGIN, SimplifiedDisney)

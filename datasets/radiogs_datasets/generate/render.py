@@ -198,7 +198,4 @@ def texture(finish: Patterned) -> mi.Texture:
         def is_spatially_varying(self) -> bool:
             return True
 
-        def to_string(self) -> str:
-            return f"{type(self).__name__}[{finish}]"
-
     return Solid()

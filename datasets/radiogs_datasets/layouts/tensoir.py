@@ -16,6 +16,7 @@ columns by which it is turned to the right: ``{"training": {"map": "sunset", "tu
 import re
 from collections.abc import Callable, Mapping, Set
 from functools import partial
+from operator import index
 from pathlib import Path
 
 import torch
@@ -74,9 +75,8 @@ def load_tensoir(folder: Path) -> Scene:
     found = find_lights(folder, {relit[1] for name in maps_of_test if (relit := RELIT_IMAGE.fullmatch(name))})
     every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
-    tables = {path.name: path for path in [folder / SHARED_LIGHTS] if path.is_file()}
     named |= {f"envmaps/{light}.hdr": path for light, (path, _) in found.items()}
-    sizes, checksum = inspect(named | tables)
+    sizes, checksum = inspect(named, [path for path in [folder / SHARED_LIGHTS] if path.is_file()])
     lights = {
         light: EnvironmentMap(read_light(path).radiance.roll(columns, 1)) for light, (path, columns) in found.items()
     }
@@ -183,19 +183,16 @@ def _shared_lights(table: Path) -> dict[str, tuple[Path, int]]:
 
     Raises DataError for an entry that is not as the head of this module shows it.
     """
-    entries = read_json(table) if table.is_file() else {}
+    entries, maps = read_json(table) if table.is_file() else {}, table.parent.parent / "lights"
     try:
-        shared = {light: (each["map"], each["turned"]) for light, each in entries.items()}
-    except (AttributeError, KeyError, TypeError):
-        shared = {"": ("", 0)}
-    if not all(re.fullmatch(r"\w+", str(name)) and type(columns) is int for name, columns in shared.values()):
+        named = {light: (f"{each['map']}.hdr", index(each["turned"])) for light, each in entries.items()}
+    except (AttributeError, KeyError, TypeError) as error:
         raise DataError(
             f"{table} names no map and columns of turning for each light",
             "A map's name is the name of a .hdr file in the folder 'lights' beside the scene.",
             'Write, for example, {"training": {"map": "sunset", "turned": 37}}.',
-        )
-    maps = table.parent.parent / "lights"
-    return {light: (maps / f"{name}.hdr", columns) for light, (name, columns) in shared.items()}
+        ) from error
+    return {light: (inside(maps, table, name), columns) for light, (name, columns) in named.items()}
 
 
 def read_light(path: Path) -> EnvironmentMap:

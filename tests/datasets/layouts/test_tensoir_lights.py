@@ -86,7 +86,7 @@ def test_scenes_share_the_maps_of_their_set_each_turned_by_columns(tmp_path: Pat
     ("lights", "told"),
     [
         ([1], "names no map"),
-        ({"training": {"map": "../corner/train_000/rgba", "turned": 0}}, "names no map"),
+        ({"training": {"map": "../corner/train_000/rgba", "turned": 0}}, "nothing outside that is read"),
         ({"training": {"map": "training", "turned": 1.5}}, "names no map"),
         ({"training": {"map": "training"}}, "names no map"),
         ({"training": {"map": "training", "turned": 0}}, "no environment map for: overcast, sunset"),

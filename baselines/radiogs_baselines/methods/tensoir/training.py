@@ -144,7 +144,6 @@ class InverseRendering(_Learning):
         return super().step()
 
     def _follow_schedule(self) -> None:
-        """The grid becomes finer and its box smaller; its nodes along an edge grow by the same factor each time."""
         schedule, first = self.variant.learning.schedule, self.budget.grid_start
         growth = self.budget.grid_end / first
         for index, share in enumerate(schedule.finer_at):

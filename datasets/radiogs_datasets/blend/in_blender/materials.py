@@ -10,9 +10,10 @@ import bpy
 
 from .features import FEATURES
 from .shaders import NotUnderstood, surface
-from .values import COLOURS, Arithmetic
+from .values import Arithmetic
 
 VALUES = ("roughness", "depth", "known", *FEATURES)
+COLOURS = ("albedo",)
 
 UNCOLOURED = 0.8
 """Albedo of a surface without a material, as Blender draws it."""

@@ -8,9 +8,6 @@ Scalar = Any
 Colour = Any
 """Three numbers, or the output socket of a colour or vector."""
 
-COLOURS = ("albedo",)
-"""Outputs of the renderer that are colours; the others are numbers."""
-
 
 class Arithmetic:
     """Expressions in one node tree."""
@@ -61,10 +58,10 @@ class Arithmetic:
         return self._node("ShaderNodeVectorMath", {"operation": "ADD"}, {0: first, 1: second}).outputs["Vector"]
 
     def write(self, name: str, value: Scalar | Colour) -> None:
-        """Make a value an output of the renderer (an AOV), which ``declare`` has declared."""
+        """Make a value an output of the renderer (an AOV), which ``declare`` has declared: albedo is a colour."""
         node = self.tree.nodes.new("ShaderNodeOutputAOV")
         node.aov_name = name
-        self._give(node.inputs["Color" if name in COLOURS else "Value"], value)
+        self._give(node.inputs["Color" if name == "albedo" else "Value"], value)
 
     def _is_colour(self, value: Scalar | Colour) -> bool:
         return isinstance(value, tuple) or (not isinstance(value, float) and value.type in ("RGBA", "VECTOR"))
