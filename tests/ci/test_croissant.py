@@ -7,7 +7,7 @@ import pytest
 from ci_scripts import script
 
 
-@pytest.mark.parametrize("name", ["tiny", "forward"])
+@pytest.mark.parametrize("name", ["tiny", "forward", "others"])
 def test_a_set_has_its_description_and_every_pattern_has_files(name: str) -> None:
     croissant = script("croissant")
     folder = croissant.SETS / name

@@ -10,7 +10,10 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene, scene_choices, scene_names
 from radiogs_datasets.data_root import OTHERS
 
-NOTICE = (Path(__file__).parents[2] / "NOTICE").read_text()
+ROOT = Path(__file__).parents[2]
+NOTICE, DOCUMENT, BLENDER = (
+    (ROOT / name).read_text(encoding="utf-8") for name in ("NOTICE", "docs/datasets.md", "docs/blender.md")
+)
 
 
 @pytest.fixture(scope="module", params=scene_names(OTHERS))
@@ -76,6 +79,26 @@ def test_makers_are_named_and_what_the_method_cannot_represent_is_marked(scene: 
     assert metadata.get("not_represented", "") == {"boot": "a clear coat", "hammer": "a metallic part"}.get(
         scene.name, ""
     )
+
+
+def test_the_document_has_what_the_metadata_has(scene: Scene) -> None:
+    metadata = told(scene)
+    [row] = [line for line in DOCUMENT.splitlines() if line.startswith(f"| `{scene.name}` | {metadata['kind']}")]
+    floors = (metadata["noise_floor_db"], metadata["noise_floors_db"]["indirect"])
+    suns = [float(sun.split()[3]) for light, sun in metadata["suns"].items() if light == metadata["training_light"]]
+    shown = [f"{100 * metadata['indirect_share']:.1f} %", *(f"{floor:.1f} dB" for floor in floors)]
+    shown += [metadata["choices"], metadata["training_light"]]
+    shown += [f"({across:g} degrees" for across in suns]
+    assert all(value in row for value in shown)
+    assert all(credit["author"] in row for credit in metadata["credits"] if credit["licence"] != "CC0")
+
+
+def test_the_difference_of_principled_is_the_measured_one() -> None:
+    table = [line for line in BLENDER.splitlines() if line.startswith("| dielectric |")]
+    for less, more in (("1.60", "4.81"), ("2.34", "7.45")):
+        assert any(f"-{less} %" in line and f"+{more} %" in line for line in table)
+        assert less in DOCUMENT
+        assert more in DOCUMENT
 
 
 def test_four_training_lights_have_a_sun() -> None:
