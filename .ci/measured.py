@@ -18,7 +18,6 @@ from pathlib import Path
 
 from radiogs_bench.results.records import RECORDS, read_record
 from radiogs_reports.summary import RecordedRun
-from radiogs_reports.wording import recipe_in_short
 
 ROOT = Path(__file__).parents[1]
 HARNESS = (sys.executable, "-m", "radiogs_bench")
@@ -58,7 +57,8 @@ def listed() -> int:
             except subprocess.CalledProcessError as failed:
                 why = f"its command fails: {failed.stderr.strip().partition(chr(10))[0]}"
             stale += bool(why)
-            made = f"{date}  {run['origin']['Commit']}  {name}, {recipe_in_short(run)}"
+            recipe = "recipes by row" if " by " in run["recipe"] else run["recipe"] or "default"
+            made = f"{date}  {run['origin']['Commit']}  {name}, {recipe}"
             sys.stdout.write(f"{made}: {why or 'current'}\n")
     return int(stale > 0)
 

@@ -263,11 +263,12 @@ def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
     OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
     decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.
     """
-    with caught_output(ERROR) as printed:
-        image = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    warnings = printed.taken(JPEG_WARNINGS)
-    if warnings:
-        raise damaged(path, f"libjpeg says: {warnings[0].decode(errors='replace').strip()}")
+    try:
+        with caught_output(ERROR) as printed:
+            image = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    finally:
+        if warnings := printed.taken(JPEG_WARNINGS):
+            raise damaged(path, f"libjpeg says: {warnings[0].decode(errors='replace').strip()}")
     printed.pass_on()
     return np.asarray(image, np.uint8)
 

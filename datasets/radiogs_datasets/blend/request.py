@@ -20,11 +20,10 @@ class Request:
 
     ``cameras``: "published", "fit" (``cameras``), or a folder with transforms files; ``train`` and ``test`` count the
     views of the first two. ``size``: pixels a side; ``samples`` a pixel, ``test_samples`` in test views (0: as many);
-    ``bounces`` after the first surface.
-    ``lights``: a folder of .hdr and .exr maps (lat-long, Z up, linear), of which ``training_light`` (a file's name
-    without its ending; None: "training", or else the first in order) lights the training views, and the others the
-    relit ones.
-    ``device``: "cpu" or "cuda". ``keep_passes``: whether test views keep what Cycles wrote, every pass of it.
+    ``bounces`` after the first surface. ``lights``: a folder of .hdr and .exr maps (lat-long, Z up, linear), of which
+    ``training_light`` (a file's name without its ending; None: "training", or else the first in order) lights the
+    training views, and the others the relit ones. ``device``: "cpu" or "cuda". ``keep_passes``: whether test views keep
+    what Cycles wrote, every pass of it.
     """
 
     file: Path

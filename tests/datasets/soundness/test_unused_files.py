@@ -18,9 +18,7 @@ def said(folder: Path) -> list[str]:
     repairs = load_scene(str(folder)).repairs
     assert {finding.what for finding in check_scene(str(folder)).findings} >= {*repairs}
     return [
-        line
-        for line in repairs
-        if not line.startswith(("images are those", "every 8th", "no alpha", "1 view to score"))
+        line for line in repairs if not line.startswith(("photos are read", "every 8th", "no alpha", "1 view to score"))
     ]
 
 
