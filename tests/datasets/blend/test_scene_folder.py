@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -72,6 +73,16 @@ def asked(tmp_path: Path, lights: Path, monkeypatch: pytest.MonkeyPatch) -> Requ
 
 def ignore(done: int, total: int) -> None:
     pass
+
+
+@pytest.mark.parametrize(("test_samples", "counts"), [(0, {4: 10}), (9, {4: 3, 9: 7})])
+def test_test_views_have_samples_of_their_own(
+    asked: Request, tmp_path: Path, test_samples: int, counts: dict[int, int]
+) -> None:
+    """Three training views, two test views under two lights each, and three pictures for noise and deeper light."""
+    made = write_scene(replace(asked, test_samples=test_samples), tmp_path / "made", 1, 1, ignore)
+    assert Counter(each["samples"] for each in Pictures.taken) == counts
+    assert (made["samples"], made["test_samples"]) == (4, test_samples)
 
 
 def test_what_is_written_is_a_sound_scene_with_every_map(asked: Request, tmp_path: Path) -> None:

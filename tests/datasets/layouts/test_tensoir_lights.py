@@ -61,7 +61,7 @@ def sharing(tmp_path: Path, lights: object) -> Path:
 
 
 def test_scenes_share_the_maps_of_their_set_each_turned_by_columns(tmp_path: Path) -> None:
-    """Turned by a quarter of its columns to the right, a map shines on +X from where +Y was lit before."""
+    """By a quarter of the columns to the right: the sun stands a quarter of the circle nearer to where columns end."""
     entries = {name: {"map": name, "turned": 0} for name in ("training", "sunset", "overcast")}
     folder = sharing(tmp_path, entries | {"sunset": {"map": "training", "turned": 16}})
     scene = load_scene(str(folder))
@@ -70,13 +70,13 @@ def test_scenes_share_the_maps_of_their_set_each_turned_by_columns(tmp_path: Pat
     assert scene.training_light is not None
     assert torch.equal(scene.training_light.radiance, own.training_light.radiance)
     assert set(scene.lights) == {"sunset", "overcast"}
-    columns = own.training_light.radiance.shape[1]
-    turn = torch.tensor(2 * math.pi * 16 / columns)
-    ahead = torch.tensor([1.0, 0.0, 0.3])
-    before = torch.stack([turn.cos(), turn.sin(), torch.tensor(0.3)])
-    torch.testing.assert_close(
-        scene.lights["sunset"].lookup(ahead), own.training_light.lookup(before), rtol=1e-4, atol=1e-4
-    )
+    assert torch.equal(scene.lights["sunset"].radiance[:, 16:], own.training_light.radiance[:, :-16])
+    row, column = divmod(int(own.training_light.radiance.sum(-1).argmax()), 64)
+    azimuth, elevation = math.pi * (1 - (column + 16.5) / 32), math.pi * (0.5 - (row + 0.5) / 32)
+    flat = math.cos(elevation)
+    sun = torch.tensor([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
+    shown = scene.lights["sunset"].lookup(sun)
+    torch.testing.assert_close(shown, own.training_light.radiance[row, column], rtol=1e-4, atol=1e-4)
     text = (folder / "lights.json").read_text().replace("16", "17")
     (folder / "lights.json").write_text(text)
     assert load_scene(str(folder)).checksum != scene.checksum
