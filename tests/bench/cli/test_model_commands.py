@@ -126,9 +126,11 @@ def test_a_model_opens_from_every_folder_and_after_its_scene_has_moved(
     """`cd capture; train .` left a model of the scene '.', which every command looked for where it was called."""
     capture, out, root = write_capture(tmp_path / "here" / "capture", every=6), tmp_path / "model", tmp_path / "data"
     write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
-    options = ["--preset", "smoke", "--long-side", "24", "--out", str(out), "--no-score", "--mask-folder"]
+    options = ["--preset", "smoke", "--long-side", "24", "--no-score", "--mask-folder"]
     monkeypatch.chdir(capture)
     assert main(["train", ".", *options, "masks"]) == 0
+    (capture / "out" / "capture").rename(out)
+    (capture / "out").rmdir()
     key, opened = read_about(out)["training_key"], ["--envmap", str(tmp_path / "dim.hdr")]
     monkeypatch.chdir(tmp_path)
     assert main(["render", str(out)]) == 0
@@ -137,7 +139,7 @@ def test_a_model_opens_from_every_folder_and_after_its_scene_has_moved(
     assert main(["export", str(out), "--layout-of", "gs-ir"]) == 0
     assert main(["score", str(out)]) == 0
     monkeypatch.chdir(capture.parent)
-    assert main(["train", "capture", *options, "capture/masks"]) == 0
+    assert main(["train", "capture", *options, "capture/masks", "--out", str(out)]) == 0
     assert read_about(out)["training_key"] == key, "the path is no part of the key"
     root.mkdir()
     capture.rename(root / "capture")
