@@ -59,65 +59,73 @@ def described(folder: Path) -> dict[str, Any]:
         "isBasedOn": [based_on(each) for each in credits.values()],
         "url": "https://arxiv.org/abs/2603.01491",
         "version": "0.1.0",
-        "distribution": [
-            files("images", "image/png", f"{folder.name}/*/t*/rgba.png", "Views, display sRGB with straight alpha."),
-            files(
-                "cameras", "application/json", f"{folder.name}/*/transforms_*.json", "Cameras of the views of a split."
-            ),
-            files("albedo", "image/png", f"{folder.name}/*/test_*/albedo.png", "Linear albedo of the test views."),
-            files("normals", "image/png", f"{folder.name}/*/test_*/normal.png", "World normals of the test views."),
-            files("roughness", "image/png", f"{folder.name}/*/test_*/roughness.png", "Roughness of the test views."),
-            files("relit", "image/png", f"{folder.name}/*/test_*/rgba_*.png", "The test views under the other lights."),
-            files(
-                "radiance",
-                "image/x-exr",
-                f"{folder.name}/*/test_*/*.exr",
-                "Linear light, and depth, of the test views.",
-            ),
-            files("lights", "image/vnd.radiance", f"{folder.name}/**/*.hdr", "Lights, latitude-longitude, Z up."),
-        ],
-        "recordSet": [
-            {
-                "@type": "cr:RecordSet",
-                "@id": "views",
-                "name": "views",
-                "description": "The views of all scenes.",
-                "field": [
-                    view_field(
-                        "image",
-                        "sc:ImageObject",
-                        {"fileProperty": "content"},
-                        "Colour; alpha, where there is any, is coverage.",
-                    ),
-                    view_field(
-                        "scene",
-                        "sc:Text",
-                        {"fileProperty": "fullpath"},
-                        "The scene's folder.",
-                        r"(?:.*/)?([^/]+)/[^/]+/rgba\.png$",
-                    ),
-                    view_field(
-                        "split",
-                        "sc:Text",
-                        {"fileProperty": "fullpath"},
-                        "train or test.",
-                        r".*/(train|test)_\d+/rgba\.png$",
-                    ),
-                ],
-            },
-            {
-                "@type": "cr:RecordSet",
-                "@id": "poses",
-                "name": "poses",
-                "description": "Camera-to-world matrices in OpenGL's frame, by the views' file names.",
-                "field": [
-                    pose_field("file", "sc:Text", "$.frames[*].file_path", "File of the view, without its ending."),
-                    pose_field("to_world", "cr:Float64", "$.frames[*].transform_matrix", "The matrix.")
-                    | {"isArray": True, "arrayShape": "4,4"},
-                ],
-            },
-        ],
+        "distribution": file_sets(folder.name),
+        "recordSet": record_sets(),
     }
+
+
+def file_sets(name: str) -> list[dict[str, Any]]:
+    """The files of a set, each kind by a pattern."""
+    return [
+        files("images", "image/png", f"{name}/*/t*/rgba.png", "Views, display sRGB with straight alpha."),
+        files("cameras", "application/json", f"{name}/*/transforms_*.json", "Cameras of the views of a split."),
+        files("albedo", "image/png", f"{name}/*/test_*/albedo.png", "Linear albedo of the test views."),
+        files("normals", "image/png", f"{name}/*/test_*/normal.png", "World normals of the test views."),
+        files("roughness", "image/png", f"{name}/*/test_*/roughness.png", "Roughness of the test views."),
+        files("relit", "image/png", f"{name}/*/test_*/rgba_*.png", "The test views under the other lights."),
+        files(
+            "radiance",
+            "image/x-exr",
+            f"{name}/*/test_*/*.exr",
+            "Linear light, and depth, of the test views.",
+        ),
+        files("lights", "image/vnd.radiance", f"{name}/**/*.hdr", "Lights, latitude-longitude, Z up."),
+    ]
+
+
+def record_sets() -> list[dict[str, Any]]:
+    """The views of a set with scene and split, and their poses."""
+    return [
+        {
+            "@type": "cr:RecordSet",
+            "@id": "views",
+            "name": "views",
+            "description": "The views of all scenes.",
+            "field": [
+                view_field(
+                    "image",
+                    "sc:ImageObject",
+                    {"fileProperty": "content"},
+                    "Colour; alpha, where there is any, is coverage.",
+                ),
+                view_field(
+                    "scene",
+                    "sc:Text",
+                    {"fileProperty": "fullpath"},
+                    "The scene's folder.",
+                    r"(?:.*/)?([^/]+)/[^/]+/rgba\.png$",
+                ),
+                view_field(
+                    "split",
+                    "sc:Text",
+                    {"fileProperty": "fullpath"},
+                    "train or test.",
+                    r".*/(train|test)_\d+/rgba\.png$",
+                ),
+            ],
+        },
+        {
+            "@type": "cr:RecordSet",
+            "@id": "poses",
+            "name": "poses",
+            "description": "Camera-to-world matrices in OpenGL's frame, by the views' file names.",
+            "field": [
+                pose_field("file", "sc:Text", "$.frames[*].file_path", "File of the view, without its ending."),
+                pose_field("to_world", "cr:Float64", "$.frames[*].transform_matrix", "The matrix.")
+                | {"isArray": True, "arrayShape": "4,4"},
+            ],
+        },
+    ]
 
 
 def based_on(credit: Mapping[str, str]) -> dict[str, Any]:
