@@ -1,5 +1,6 @@
 """The scenes by other hands: complete, clean of noise, credited, and by another renderer, materials and lights."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import torch
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene, scene_choices, scene_names
 from radiogs_datasets.data_root import OTHERS
+from radiogs_datasets.image_files import write_hdr
 
 ROOT = Path(__file__).parents[2]
 NOTICE, DOCUMENT, BLENDER = (
@@ -66,6 +68,14 @@ def test_direct_and_indirect_light_add_up_to_the_image(scene: Scene) -> None:
     shown = torch.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-8) ** (1 / 2.4) - 0.055)
     error = (shown.clamp(0, 1) - view.read("image") * view.read("alpha")).abs()[view.read("alpha")[..., 0] == 1]
     assert float(error.mean()) < 0.004
+
+
+def test_lights_are_the_maps_that_the_scene_was_rendered_under(scene: Scene, tmp_path: Path) -> None:
+    """By their digests: each is a map of the set, turned by the columns that ``lights.json`` names."""
+    assert scene.training_light is not None
+    for name, light in {**scene.lights, "training": scene.training_light}.items():
+        write_hdr(tmp_path / "light.hdr", light.radiance.numpy())
+        assert hashlib.sha256((tmp_path / "light.hdr").read_bytes()).hexdigest() == told(scene)["lights"][name]
 
 
 def test_makers_are_named_and_what_the_method_cannot_represent_is_marked(scene: Scene) -> None:
