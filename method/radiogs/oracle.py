@@ -37,7 +37,8 @@ SPACING = 0.0125
 """Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""
 
 DARKEST = 1e-4
-"""Share of the light's maximum to which darker texels are raised, because the logarithm of the light is stored."""
+"""Share of the light's mean to which darker texels are raised, because the logarithm of the light is stored. A share of
+its maximum would be more light than that of a whole sky beside a sun."""
 
 FROZEN: Mapping[str, tuple[str, ...]] = {
     "geometry": ("centre", "rotation"),
@@ -93,9 +94,9 @@ def with_given_parts(start: Start, parts: tuple[str, ...], scene: Scene, seed: i
 
 
 def log_radiance(light: EnvironmentMap) -> Float[Tensor, "height width 3"]:
-    """Logarithm of a light's radiance; texels darker than ``DARKEST`` times its maximum are raised to it."""
+    """Logarithm of a light's radiance; texels darker than ``DARKEST`` times its mean are raised to it."""
     radiance = light.radiance.float()
-    floor = DARKEST * float(radiance.max())
+    floor = DARKEST * float(radiance.clamp(min=0).mean())
     return radiance.clamp(min=floor if floor > 0 else torch.finfo(radiance.dtype).tiny).log()
 
 

@@ -24,6 +24,10 @@ from .rays import RaySettings
 from .settings import START_RADIANCE, Budget, Variant
 
 
+SUN_ROWS = 256
+"""Rows of the light map if suns are found: a texel of .7 degrees."""
+
+
 @dataclass(frozen=True)
 class StartSettings:
     """Everything that the start reads from variant and budget."""
@@ -84,7 +88,7 @@ def make_start(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> dic
         model = StartingModel(chosen.with_material(values.albedo, values.roughness), light, searched=False)
     else:
         plan = EffectPlan(visibility=settings.visibility, indirect=settings.indirect)
-        model = starting_model(chosen, views, rows, values, generator, settings.two_sided, plan)
+        model = starting_model(chosen, views, rows, values, generator, settings.two_sided, plan, SUN_ROWS)
     made = {**model.tensors(), "searched": model.searched, "generator": generator.get_state()}
     if settings.probed:
         light = initialised["optimiser"]["tensors"]["log_environment"].to(device)

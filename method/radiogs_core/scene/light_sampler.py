@@ -30,10 +30,19 @@ def require_finite_light(light: EnvironmentMap) -> None:
         )
 
 
-class LightSampler:
-    """Draws directions from an environment map in proportion to the brightest channel of its texels.
+def mean_of_lookup(texels: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
+    """Mean over each texel of a map's bilinear lookup: 3/4 of its own value and 1/8 of each neighbour's, both ways."""
+    rows = torch.cat([texels[:1], texels, texels[-1:]])
+    rows = 0.75 * texels + (rows[:-2] + rows[2:]) / 8
+    return 0.75 * rows + (rows.roll(1, 1) + rows.roll(-1, 1)) / 8
 
-    Inside a texel the direction is uniform in solid angle, so the density is piecewise constant, and ``pdf`` is exact.
+
+class LightSampler:
+    """Draws directions from an environment map in proportion to the mean, over each texel, of its brightest channel.
+
+    The mean is that of the bilinear lookup: around a sun of a single texel, the eight texels beside it have 44 % of its
+    light. Inside a texel the direction is uniform in solid angle, so the density is piecewise constant, and ``pdf`` is
+    exact.
     Raises DataError for a map with a texel that is not finite.
     """
 
@@ -42,7 +51,7 @@ class LightSampler:
         require_finite_light(light)
         # Float64: the running sum over the millions of texels of a sky would lose the dark ones in float32.
         area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
-        power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area
+        power = mean_of_lookup(light.radiance.detach().double().max(-1).values.clamp(min=0)) * area
         # All directions of a black light are equal: they are drawn uniformly.
         black = not bool(power.any())
         fire(black_lights=int(black))

@@ -1,0 +1,154 @@
+"""Suns and small lamps: a few discs of light at infinity, found by the shadows that they cast and by their shading.
+
+A sky of some rows cannot hold a sun: its shadows would have no edges, and edges that images show would become paint.
+Under the sky that is found first, a disc in one of many directions is tried; the disc is kept under which log-albedo
+varies least, and sky and discs are fitted together. This goes on while a disc lowers the variation by ``WORTH``.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..scene.light import bilinear_texels, texel_solid_angles
+from ..transport.sampling import GOLDEN_ANGLE, tangent_frame
+from .least_variation import Fit, Variation, least_variation_light
+from .lit_points import Light, SeenPoints, SharedRays, Transport, sphere
+
+MOST = 4
+"""Largest number of discs."""
+
+WORTH = 0.01
+"""Share of the variation by which a further disc has to lower it."""
+
+TRIAL = 1 / 3
+"""Share of a search's steps after which it is judged whether a further disc is worth it."""
+
+RADII = (0.25, 1.0, 2.5, 5.0, 10.0)
+"""Radii of discs that are tried, degrees: the first is that of the sun."""
+
+REFINED = (6.0, 2.0)
+"""Radii, in degrees, of the neighbourhoods of the best direction that are searched in turn, in ``TRIED`` directions."""
+
+TRIED = 32
+
+SAMPLES = 16
+"""Directions over a disc."""
+
+RATIOS = (0.1, 0.25, 0.5, 1.0, 2.0)
+"""Brightness of white surfaces under the disc that is tried, on average, as shares of their brightness under the rest
+of the light."""
+
+COLUMNS_AT_ONCE = 128
+"""Discs that are tried together."""
+
+DRAWN = 1024
+"""Directions over a disc that is drawn into a map."""
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc of constant radiance at infinity."""
+
+    direction: Float[Tensor, "3"]
+    """Unit direction towards its centre, in the world."""
+    radius: float
+    """Angular radius, degrees."""
+
+    def directions(self, count: int) -> Float[Tensor, "count 3"]:
+        """Unit directions over the disc, evenly spread, from its centre outwards."""
+        order = torch.arange(count, dtype=torch.float64, device=self.direction.device)
+        polar = ((order + 0.5) / count).sqrt() * math.radians(self.radius)
+        azimuth = order * GOLDEN_ANGLE
+        about = torch.stack([polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()], -1)
+        return about.to(self.direction) @ tangent_frame(self.direction).T
+
+    def arriving(
+        self, rays: SharedRays, centre: Float[Tensor, "points 3"], normal: Float[Tensor, "points 3"]
+    ) -> Float[Tensor, " points"]:
+        """Radiance of white surfaces to which the disc gives unit irradiance where they face it and nothing hides it."""
+        return rays.arriving(centre, normal, self.directions(SAMPLES))[0].mean(1)
+
+
+def with_suns(
+    found: Fit,
+    variation: Variation,
+    transport: Transport,
+    points: SeenPoints,
+    rays: SharedRays,
+    received: Float[Tensor, "points directions"],
+) -> tuple[Fit, Transport, tuple[Disc, ...]]:
+    """The light with the suns that lower the variation, the transport from them, and their discs.
+
+    ``found``: the sky alone. ``received``: V cos / pi along the directions of ``sphere``.
+    """
+    discs: tuple[Disc, ...] = ()
+    while len(discs) < MOST:
+        disc, arriving, energy = likeliest(variation, transport.white(found.light), points, rays, received)
+        further = transport.with_sun(arriving)
+        begin = Light(found.light.sky, torch.cat([found.light.suns, energy[None]]))
+        fitted = least_variation_light(variation, further, begin, TRIAL)
+        if fitted.variation > (1 - WORTH) * found.variation:
+            break
+        found, transport, discs = fitted, further, (*discs, disc)
+    if discs:
+        found = least_variation_light(variation, transport, found.light)
+    return found, transport, discs
+
+
+def likeliest(
+    variation: Variation,
+    white: Float[Tensor, "points 3"],
+    points: SeenPoints,
+    rays: SharedRays,
+    received: Float[Tensor, "points directions"],
+) -> tuple[Disc, Float[Tensor, " points"], Float[Tensor, "3"]]:
+    """The disc that lowers the variation most beside a light that gives white surfaces the radiance ``white``.
+
+    Also returns V cos / pi of each point and the disc, and the irradiance by the disc. ``received``: see ``with_suns``.
+    """
+    direction = sphere(points.centre)[_best(variation, white, received)[0]]
+    for radius in REFINED:
+        tried = torch.cat([direction[None], Disc(direction, radius).directions(TRIED)])
+        arriving, _ = rays.arriving(points.centre, points.normal, tried)
+        direction = tried[_best(variation, white, arriving)[0]]
+    discs = [Disc(direction, radius) for radius in RADII]
+    columns = torch.stack([disc.arriving(rays, points.centre, points.normal) for disc in discs], 1)
+    index, energy = _best(variation, white, columns)
+    return discs[index], columns[:, index], energy
+
+
+@torch.no_grad()
+def _best(
+    variation: Variation, white: Float[Tensor, "points 3"], columns: Float[Tensor, "points discs"]
+) -> tuple[int, Float[Tensor, "3"]]:
+    """Index of the disc that lowers the variation most, and its irradiance, in the colour of the rest of the light.
+
+    ``columns``: V cos / pi of each point and disc. Brightness alone is compared, with each of ``RATIOS``.
+    """
+    shown, level, least = variation.radiance.mean(-1, keepdim=True).log(), white.mean(-1, keepdim=True), math.inf
+    best, ratio = 0, RATIOS[0]
+    share = columns / columns.mean(0).clamp(min=torch.finfo(columns.dtype).tiny)
+    for each in RATIOS:
+        for first in range(0, share.shape[1], COLUMNS_AT_ONCE):
+            under = level + each * level.mean() * share[:, first : first + COLUMNS_AT_ONCE]
+            varied, index = variation.of(shown - under.log()).min(0)
+            if float(varied) < least:
+                least, best, ratio = float(varied), first + int(index), each
+    return best, ratio * white.mean(0) / columns[:, best].mean().clamp(min=torch.finfo(columns.dtype).tiny)
+
+
+def drawn(
+    sky: Float[Tensor, "rows columns 3"], discs: Sequence[Disc], irradiance: Float[Tensor, "suns 3"]
+) -> Float[Tensor, "rows columns 3"]:
+    """A sky with discs of some irradiance, linear radiance; a disc keeps its energy at any number of rows."""
+    rows, columns = sky.shape[:2]
+    drawn, solid = sky.flatten(0, 1).clone(), texel_solid_angles(rows, columns).to(sky).expand(-1, columns).flatten()
+    for disc, energy in zip(discs, irradiance, strict=True):
+        texel, part = bilinear_texels(disc.directions(DRAWN), rows, columns)
+        share = torch.zeros_like(solid).index_add_(0, texel.flatten(), part.flatten() / DRAWN)
+        drawn += (share / solid)[:, None] * energy
+    return drawn.view_as(sky)
