@@ -13,7 +13,7 @@ import torch
 from radiogs_core.contract import Run
 from radiogs_core.learning.views import chosen_views, load
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import StartingModel, starting_model
+from radiogs_core.on_surfels.light_start import SharedRays, StartingModel, starting_model
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.transport.plan import EffectPlan, plan_of
@@ -22,7 +22,6 @@ from .model import constant_light
 from .oracle import given_geometry
 from .rays import RaySettings
 from .settings import START_RADIANCE, Budget, Variant
-
 
 SUN_ROWS = 256
 """Rows of the light map if suns are found: a texel of .7 degrees."""
@@ -88,7 +87,8 @@ def make_start(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> dic
         model = StartingModel(chosen.with_material(values.albedo, values.roughness), light, searched=False)
     else:
         plan = EffectPlan(visibility=settings.visibility, indirect=settings.indirect)
-        model = starting_model(chosen, views, rows, values, generator, settings.two_sided, plan, SUN_ROWS)
+        rays = SharedRays(chosen, settings.two_sided, plan)
+        model = starting_model(rays, views, rows, values, generator, SUN_ROWS)
     made = {**model.tensors(), "searched": model.searched, "generator": generator.get_state()}
     if settings.probed:
         light = initialised["optimiser"]["tensors"]["log_environment"].to(device)

@@ -10,7 +10,7 @@ from torch.nn.functional import normalize
 from hard_cases.constructions import cast, facing, looking_along_z, seeded, two_balls, unit, with_radiance
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.trace.trace import Hits
-from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
@@ -48,6 +48,22 @@ def test_each_strategy_alone_and_both_together_shade_alike(roughness: float) -> 
     for first, second in ((0, 1), (0, 2), (1, 2)):
         z = (means[first] - means[second]) / (errors[first] ** 2 + errors[second] ** 2).sqrt()
         assert float(z.abs().max()) < 4
+
+
+@pytest.mark.case(31)
+def test_a_sun_of_one_texel_lights_every_surface_alike() -> None:
+    """Irradiance by 64 + 64 directions: .07 of it is noise. Drawn by the texel's own value, 3.8 of it would be."""
+    radiance = torch.zeros(128, 256, 3, dtype=F64)
+    radiance[40, 100] = 1000.0
+    light, sun = EnvironmentMap(radiance), texel_directions(128, 256)[40, 100]
+    normal = normalize(sun + torch.tensor([0.3, -0.4, 0.2], dtype=F64), dim=-1).expand(400, 3)
+    direction, weight = relighting_directions(normal, LightSampler(light), 64, 64, seeded(0))
+    cosine = (direction * normal[:, None]).sum(-1).clamp(min=0)
+    irradiance = (light.lookup(direction)[..., 0] * weight * cosine).sum(1)
+    fine, area = texel_directions(1024, 2048), texel_solid_angles(1024, 2048)
+    exact = float((light.lookup(fine)[..., 0] * (fine @ normal[0]).clamp(min=0) * area).sum())
+    assert float(irradiance.mean()) == pytest.approx(exact, rel=0.02)
+    assert float(irradiance.std()) < 0.15 * exact
 
 
 def _kept(level: int) -> float:

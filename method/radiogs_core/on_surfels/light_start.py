@@ -26,14 +26,13 @@ from ..order_statistics import quantile
 from ..scene.colour import LINEAR_KNEE, srgb_decode
 from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
-from ..transport.plan import EffectPlan
 from ..transport.shading import lobe_albedo
 from ..transport.splatting import towards
-from ..transport.tracer import EVERYTHING
-from .least_variation import Variation, least_variation_light
-from .lit_points import Light, SeenPoints, SharedRays, Transport, seen_points, transport_to
+from .least_variation import Variation
+from .lit_points import Light, SeenPoints, Transport, seen_points, transport_to
+from .lit_points import SharedRays as SharedRays
 from .model import LitSurfels
-from .start_values import StartValues
+from .start_values import LightStart, StartValues
 from .suns import Disc, drawn, with_suns
 
 FEWEST_POINTS = 64
@@ -52,48 +51,43 @@ class StartingModel(LitSurfels):
 
 
 def starting_model(
-    learnt: Surfels,
+    rays: SharedRays,
     views: tuple[TrainingView, ...],
     rows: int,
     start: StartValues,
     generator: torch.Generator,
-    two_sided: bool = True,
-    plan: EffectPlan = EVERYTHING,
     finest: int = 0,
 ) -> StartingModel:
     """The initial model of stage 2: the surfels of stage 1 with initial materials, and an initial light.
 
     See ``starting_light_and_albedo`` for the arguments.
     """
-    light, albedo, searched = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided, plan, finest)
-    surfels = replace(learnt.with_material(start.albedo, start.roughness), albedo_logit=torch.logit(albedo))
+    light, albedo, searched = starting_light_and_albedo(rays, views, rows, start, generator, finest)
+    surfels = replace(rays.surfels.with_material(start.albedo, start.roughness), albedo_logit=torch.logit(albedo))
     return StartingModel(surfels, light.log(), searched)
 
 
 def starting_light_and_albedo(
-    learnt: Surfels,
+    rays: SharedRays,
     views: tuple[TrainingView, ...],
     rows: int,
     start: StartValues,
     generator: torch.Generator,
-    two_sided: bool = True,
-    plan: EffectPlan = EVERYTHING,
     finest: int = 0,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"], bool]:
-    """The initial light, a map of ``rows`` rows, and the initial albedo of the surfels ``learnt`` by stage 1, linear.
+    """The initial light, a map of ``rows`` rows, and the initial albedo of the surfels of stage 1, both linear RGB.
 
     Both are constant if ``start.light`` is "constant" or if too few points are seen for a search; the last value is
-    whether they were searched for. ``two_sided`` and ``plan``: the rays of the search (see ``SharedRays``).
-    ``finest``: rows of a map with suns, if that is more than ``rows``.
+    whether they were searched for. ``rays``: rays to the surfels of stage 1. ``finest``: rows of a map with suns, if
+    that is more than ``rows``.
     """
     if start.light != "constant":
-        rays = SharedRays(learnt.take(torch.arange(len(learnt), device=learnt.centre.device)), two_sided, plan)
         found = light_and_albedo(rays, views, rows, start, generator, finest)
         if found is not None:
             return *found, True
     level = white_light(views, start.white, start.brightest)
-    light = learnt.centre.new_full((rows, 2 * rows, 3), level)
-    return light, torch.full_like(learnt.albedo_logit, start.albedo), False
+    light = rays.surfels.centre.new_full((rows, 2 * rows, 3), level)
+    return light, torch.full_like(rays.surfels.albedo_logit, start.albedo), False
 
 
 def light_and_albedo(
@@ -115,16 +109,14 @@ def light_and_albedo(
     if too_few:
         return None
     variation = Variation(points, start.search)
-    sky, received = transport_to(points, rays, min(rows, start.search.rows))
-    fitted, transport, discs = with_suns(
-        least_variation_light(variation, sky), variation, sky, points, rays, received
-    )
-    radiance = mean_radiance(rays.surfels, views)
-    light = enlarged(fitted.light.sky, max(rows, finest) if discs else rows)
-    albedo = albedo_under(fitted.light, discs, points, transport, rays, radiance, start)
-    return drawn(light, discs, fitted.light.suns), albedo
+    from_sky, received = transport_to(points, rays, min(rows, start.search.rows))
+    light, discs = with_suns(variation, from_sky, points, rays, received)
+    sky = enlarged(light.sky, max(rows, finest) if discs else rows)
+    white = white_surfels(light, discs, points, from_sky, rays, start.search)
+    return drawn(sky, discs, light.suns), albedo_under(white, mean_radiance(rays.surfels, views), start)
 
 
+@torch.no_grad()
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
     """The surfels' own radiance, linear RGB, averaged over the cameras that they face; along the normal if none."""
     normal = surfels.frame[..., 2]
@@ -138,33 +130,35 @@ def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Te
     return total / count
 
 
-def albedo_under(
-    light: Light,
-    discs: Sequence[Disc],
-    points: SeenPoints,
-    transport: Transport,
-    rays: SharedRays,
-    radiance: Float[Tensor, "surfels 3"],
-    start: StartValues,
+@torch.no_grad()
+def white_surfels(
+    light: Light, discs: Sequence[Disc], points: SeenPoints, from_sky: Transport, rays: SharedRays, search: LightStart
 ) -> Float[Tensor, "surfels 3"]:
-    """Linear albedo under ``light`` of the surfels that rays hit, from their ``radiance``.
+    """Radiance, linear RGB, that the surfels would have under ``light`` if they were white.
 
-    The irradiance by the sky is that at nearby seen points; rays from the surfels themselves meet the ``discs`` of its
-    suns. The specular lobe of the initial roughness sends its part of the radiance, by its hemispherical albedo.
+    The part by the sky is that of nearby seen points; rays from the surfels themselves meet the ``discs`` of the suns.
     """
-    learning, lobe = start.search, lobe_albedo(radiance.new_tensor([start.roughness]))
-    centre, facing = rays.surfels.centre.detach(), rays.surfels.frame[..., 2].detach()
+    centre, facing = rays.surfels.centre, rays.surfels.frame[..., 2]
     positions, normals = points.centre.cpu(), points.normal.cpu()
-    bend = float(positions.std(0).norm()) * learning.turned
+    bend = float(positions.std(0).norm()) * search.turned
     tree = cKDTree(torch.cat([positions, bend * normals], -1).numpy())
     own = torch.cat([centre, bend * facing], -1).cpu()
-    near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(positions)))[1])
-    white = transport.without_suns(light).log()
-    lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
+    near = torch.from_numpy(tree.query(own.numpy(), k=min(search.neighbours, len(positions)))[1])
+    by_sky = from_sky.white(light).log()
+    lit = by_sky[near.reshape(len(own), -1).to(by_sky.device)].mean(1).exp()
     for disc, energy in zip(discs, light.suns, strict=True):
         lit = lit + disc.arriving(rays, centre, facing)[:, None] * energy
-    low, high = learning.albedo_range
-    return (radiance / lit - lobe).clamp(low, high)
+    return lit
+
+
+def albedo_under(
+    white: Float[Tensor, "surfels 3"], radiance: Float[Tensor, "surfels 3"], start: StartValues
+) -> Float[Tensor, "surfels 3"]:
+    """Linear albedo of surfels that have the ``radiance``, and would have the radiance ``white`` if they were white.
+
+    The specular lobe of the initial roughness sends its part of the radiance, by its hemispherical albedo.
+    """
+    return (radiance / white - lobe_albedo(radiance.new_tensor([start.roughness]))).clamp(*start.search.albedo_range)
 
 
 def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:

@@ -5,7 +5,8 @@ appear in the differences between them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -87,21 +88,19 @@ class Transport:
     """Radiance of white Lambertian surfaces due to unit radiance in each texel (row * columns + column) of the sky."""
     indirect: Float[Tensor, "points 3"]
     """Their radiance due to light from other surfels, linear RGB."""
-    suns: Float[Tensor, "points suns"]
-    """Their radiance due to each sun, if it lights a surface that faces it with unit irradiance."""
+    suns: Float[Tensor, "points suns"] | None = None
+    """Their radiance due to unit irradiance by each sun of surfaces that face it."""
 
     def white(self, light: Light) -> Float[Tensor, "points 3"]:
         """Radiance, linear RGB, of white Lambertian surfaces at the points under a light."""
-        return self.without_suns(light) + self.suns @ light.suns
-
-    def without_suns(self, light: Light) -> Float[Tensor, "points 3"]:
-        """The part of ``white`` from the sky and from other surfels."""
         # Rows of three numbers would take five times as long, and their gradient ten times.
-        return (light.sky.flatten(0, 1).T.contiguous() @ self.direct.T).T + self.indirect
+        without = (light.sky.flatten(0, 1).T.contiguous() @ self.direct.T).T + self.indirect
+        return without if self.suns is None else without + self.suns @ light.suns
 
     def with_sun(self, arriving: Float[Tensor, " points"]) -> "Transport":
-        """With one more sun."""
-        return replace(self, suns=torch.cat([self.suns, arriving[:, None]], 1))
+        """The transport from one more sun."""
+        column = arriving[:, None]
+        return replace(self, suns=column if self.suns is None else torch.cat([self.suns, column], 1))
 
 
 @dataclass(frozen=True)
@@ -115,11 +114,11 @@ class SharedRays:
     plan: EffectPlan = EVERYTHING
     """Without visibility every direction reaches the light, without indirect light no other surfel lights a point, and
     without both no ray is traced."""
-    tracer: SurfelTracer = field(init=False)
 
-    def __post_init__(self) -> None:
-        if self.plan.traces:
-            object.__setattr__(self, "tracer", SurfelTracer(self.surfels))
+    @cached_property
+    def tracer(self) -> SurfelTracer:
+        """The tracer of the surfels."""
+        return SurfelTracer(self.surfels)
 
     @torch.no_grad()
     def arriving(
@@ -150,7 +149,9 @@ class SharedRays:
         return received, indirect / len(direction)
 
 
-def transport_to(points: SeenPoints, rays: SharedRays, rows: int) -> tuple[Transport, Float[Tensor, "points directions"]]:
+def transport_to(
+    points: SeenPoints, rays: SharedRays, rows: int
+) -> tuple[Transport, Float[Tensor, "points directions"]]:
     """The transport from a sky of ``rows`` rows, without suns; and V cos / pi of each direction of ``sphere``."""
     direction = sphere(points.centre)
     received, indirect = rays.arriving(points.centre, points.normal, direction)
@@ -158,7 +159,7 @@ def transport_to(points: SeenPoints, rays: SharedRays, rows: int) -> tuple[Trans
     of_texels = part.new_zeros(len(direction), 2 * rows * rows).scatter_add(1, texel, part)
     solid = 4 * torch.pi
     direct = received @ of_texels * (solid / len(direction))
-    return Transport(rows, direct, solid * indirect, received[:, :0]), received
+    return Transport(rows, direct, solid * indirect), received
 
 
 def sphere(like: Tensor) -> Float[Tensor, "directions 3"]:

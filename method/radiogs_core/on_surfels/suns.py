@@ -2,7 +2,7 @@
 
 A sky of some rows cannot hold a sun: its shadows would have no edges, and edges that images show would become paint.
 Under the sky that is found first, a disc in one of many directions is tried; the disc is kept under which log-albedo
-varies least, and sky and discs are fitted together. This goes on while a disc lowers the variation by ``WORTH``.
+varies least, and sky and discs are fitted together. This goes on while a disc is ``WORTH`` it.
 """
 
 import math
@@ -15,14 +15,14 @@ from torch import Tensor
 
 from ..scene.light import bilinear_texels, texel_solid_angles
 from ..transport.sampling import GOLDEN_ANGLE, tangent_frame
-from .least_variation import Fit, Variation, least_variation_light
+from .least_variation import Variation, least_variation_light
 from .lit_points import Light, SeenPoints, SharedRays, Transport, sphere
 
 MOST = 4
 """Largest number of discs."""
 
 WORTH = 0.01
-"""Share of the variation by which a further disc has to lower it."""
+"""Share of the variation under a sky alone by which each disc has to lower it."""
 
 TRIAL = 1 / 3
 """Share of a search's steps after which it is judged whether a further disc is worth it."""
@@ -41,6 +41,9 @@ SAMPLES = 16
 RATIOS = (0.1, 0.25, 0.5, 1.0, 2.0)
 """Brightness of white surfaces under the disc that is tried, on average, as shares of their brightness under the rest
 of the light."""
+
+LIT = 0.1
+"""Least irradiance that points receive on average from a disc, as a share of the largest of all that are tried."""
 
 COLUMNS_AT_ONCE = 128
 """Discs that are tried together."""
@@ -69,34 +72,35 @@ class Disc:
     def arriving(
         self, rays: SharedRays, centre: Float[Tensor, "points 3"], normal: Float[Tensor, "points 3"]
     ) -> Float[Tensor, " points"]:
-        """Radiance of white surfaces to which the disc gives unit irradiance where they face it and nothing hides it."""
+        """Radiance of white surfaces due to the disc, if those that face it unhidden have unit irradiance."""
         return rays.arriving(centre, normal, self.directions(SAMPLES))[0].mean(1)
 
 
 def with_suns(
-    found: Fit,
     variation: Variation,
     transport: Transport,
     points: SeenPoints,
     rays: SharedRays,
     received: Float[Tensor, "points directions"],
-) -> tuple[Fit, Transport, tuple[Disc, ...]]:
-    """The light with the suns that lower the variation, the transport from them, and their discs.
+) -> tuple[Light, tuple[Disc, ...]]:
+    """The light under which log-albedo varies least, and the discs of its suns.
 
-    ``found``: the sky alone. ``received``: V cos / pi along the directions of ``sphere``.
+    ``transport``: from the sky. ``received``: V cos / pi along the directions of ``sphere``.
     """
     discs: tuple[Disc, ...] = ()
+    found = least_variation_light(variation, transport)
+    worth = WORTH * found.variation
     while len(discs) < MOST:
         disc, arriving, energy = likeliest(variation, transport.white(found.light), points, rays, received)
         further = transport.with_sun(arriving)
         begin = Light(found.light.sky, torch.cat([found.light.suns, energy[None]]))
         fitted = least_variation_light(variation, further, begin, TRIAL)
-        if fitted.variation > (1 - WORTH) * found.variation:
+        if fitted.variation > found.variation - worth:
             break
         found, transport, discs = fitted, further, (*discs, disc)
     if discs:
         found = least_variation_light(variation, transport, found.light)
-    return found, transport, discs
+    return found.light, discs
 
 
 def likeliest(
@@ -127,18 +131,19 @@ def _best(
 ) -> tuple[int, Float[Tensor, "3"]]:
     """Index of the disc that lowers the variation most, and its irradiance, in the colour of the rest of the light.
 
-    ``columns``: V cos / pi of each point and disc. Brightness alone is compared, with each of ``RATIOS``.
+    ``columns``: V cos / pi of each point and disc. Brightness alone is compared, with each of ``RATIOS``. A disc that
+    gives points less than ``LIT`` is no candidate.
     """
     shown, level, least = variation.radiance.mean(-1, keepdim=True).log(), white.mean(-1, keepdim=True), math.inf
     best, ratio = 0, RATIOS[0]
-    share = columns / columns.mean(0).clamp(min=torch.finfo(columns.dtype).tiny)
-    for each in RATIOS:
-        for first in range(0, share.shape[1], COLUMNS_AT_ONCE):
-            under = level + each * level.mean() * share[:, first : first + COLUMNS_AT_ONCE]
+    mean = columns.mean(0)
+    for some in torch.nonzero(mean > LIT * mean.max())[:, 0].split(COLUMNS_AT_ONCE):
+        for each in RATIOS:
+            under = level + each * level.mean() * columns[:, some] / mean[some]
             varied, index = variation.of(shown - under.log()).min(0)
             if float(varied) < least:
-                least, best, ratio = float(varied), first + int(index), each
-    return best, ratio * white.mean(0) / columns[:, best].mean().clamp(min=torch.finfo(columns.dtype).tiny)
+                least, best, ratio = float(varied), int(some[index]), each
+    return best, ratio * white.mean(0) / mean[best]
 
 
 def drawn(

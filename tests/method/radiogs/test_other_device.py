@@ -22,7 +22,7 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.learning.views import load
-from radiogs_core.on_surfels.light_start import light_and_albedo
+from radiogs_core.on_surfels.light_start import SharedRays, light_and_albedo
 from radiogs_core.on_surfels.start_values import LightStart, StartValues
 from radiogs_core.plain_values import with_values
 from radiogs_core.scene.light import EnvironmentMap
@@ -109,7 +109,9 @@ def test_the_search_for_the_light_runs_on_the_surfels_device() -> None:
 
     def light_on(device: torch.device) -> torch.Tensor:
         views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
-        found = light_and_albedo(moved(BALL, device), views, 8, StartValues(search=LightStart(steps=1)), generator)
+        found = light_and_albedo(
+            SharedRays(moved(BALL, device)), views, 8, StartValues(search=LightStart(steps=1)), generator
+        )
         return found[0].cpu()
 
     with cpu_as_cuda():

@@ -11,7 +11,7 @@ from radiogs_core.contract import Run
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.light_start import SharedRays, starting_model
 from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -32,7 +32,9 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         variant, budget, extent = run.variant, run.budget, run.scene.extent
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
-        start = starting_model(learnt, self.views, budget.light_height, variant.materials.start, self.generator)
+        start = starting_model(
+            SharedRays(learnt), self.views, budget.light_height, variant.materials.start, self.generator
+        )
         further = {"log_environment": start.log_environment}
         if variant.metallic:
             logit = inverse_sigmoid(variant.materials.start.metallic)

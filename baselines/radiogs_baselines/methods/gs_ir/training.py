@@ -18,7 +18,7 @@ from radiogs_core.learning.geometry import turning
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.light_start import SharedRays, starting_model
 from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -49,7 +49,9 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             self.occlusion = bake(learnt, lattice, Reach.of(variant, extent), budget.occlusion_directions)
             if variant.indirect:
                 self.dark = IrradianceVolume.dark(lattice.of(budget.irradiance_corners))
-        start = starting_model(learnt, self.views, budget.light_height, variant.materials.start, self.generator)
+        start = starting_model(
+            SharedRays(learnt), self.views, budget.light_height, variant.materials.start, self.generator
+        )
         further = {"log_environment": start.log_environment}
         if variant.metallic:
             logit = inverse_sigmoid(variant.materials.start.metallic)

@@ -20,7 +20,7 @@ from radiogs_core.learning.losses import (
 )
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.light_start import SharedRays, starting_model
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import covered_pixels, seen_points, seen_surfels
 from radiogs_core.on_surfels.stage import SurfelStage
@@ -44,7 +44,11 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
         start = starting_model(
-            learnt, self.views, budget.light_height, variant.materials.start, self.generator, variant.two_sided
+            SharedRays(learnt, variant.two_sided),
+            self.views,
+            budget.light_height,
+            variant.materials.start,
+            self.generator,
         )
         light = {"log_environment": start.log_environment}
         self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, extent))

@@ -20,7 +20,7 @@ from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.learning.losses import environment_smoothness, light_prior, reconstruction
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_light_and_albedo
+from radiogs_core.on_surfels.light_start import SharedRays, starting_light_and_albedo
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import COEFFICIENTS
@@ -51,7 +51,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         learnt = surfels_of(before, run.device)
         start = variant.materials.start
         light, albedo, _ = starting_light_and_albedo(
-            learnt, self.views, budget.light_height, start, self.generator, variant.two_sided
+            SharedRays(learnt, variant.two_sided), self.views, budget.light_height, start, self.generator
         )
         roughness = torch.full_like(learnt.roughness_logit, start.roughness)
         local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)

@@ -13,7 +13,7 @@ from radiogs_core.kernels.image.edges import edge_aware_smoothness
 from radiogs_core.learning.losses import edge_weights, environment_smoothness, normal_consistency, reconstruction
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.on_surfels.fit_geometry import surfels_of
-from radiogs_core.on_surfels.light_start import starting_light_and_albedo
+from radiogs_core.on_surfels.light_start import SharedRays, starting_light_and_albedo
 from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
@@ -142,7 +142,7 @@ def start_of(
 ) -> Model:
     """The surfels of stage 1 with initial materials, and an initial light of ``rows`` rows."""
     start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
-    light, albedo, _ = starting_light_and_albedo(learnt, views, rows, start, generator)
+    light, albedo, _ = starting_light_and_albedo(SharedRays(learnt), views, rows, start, generator)
     return Model(
         surfels=learnt,
         cached=learnt,
