@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..learning.losses import unevenness
 from ..scene.colour import LINEAR_KNEE
+from ..scene.light import texel_solid_angles
 from .lit_points import Light, SeenPoints, Transport
 from .start_values import LightStart
 
@@ -104,10 +105,10 @@ def least_variation_light(
 ) -> Fit:
     """The light under which log-albedo varies least.
 
-    Beside this variation, the loss has terms for the smoothness of the sky and of its colour, and one that keeps the
-    brightest albedo near that of white paint, because images determine the brightness of the light only through
-    indirect light. ``begin``: where the search begins; None: under a constant sky, without suns. ``share``: of the
-    steps of a search.
+    Beside this variation, the loss has terms for the smoothness of the sky and of its colour, and two for what images
+    determine only through indirect light: the colour of all light, which is near grey, and its brightness, under which
+    the brightest albedo is near that of white paint. ``begin``: where the search begins; None: under a constant sky,
+    without suns. ``share``: of the steps of a search.
     """
     learning, radiance = variation.learning, variation.radiance
     steps = max(1, round(share * learning.steps))
@@ -117,12 +118,15 @@ def least_variation_light(
     log_sky, log_suns = begin.sky.log().requires_grad_(), begin.suns.log().requires_grad_()
     adam = torch.optim.Adam([log_sky, log_suns], lr=learning.rate)
     white_log = math.log(learning.white)
+    area = texel_solid_angles(transport.rows, 2 * transport.rows).to(log_sky)[..., None]
     for step in range(steps):
         adam.param_groups[0]["lr"] = learning.rate * (1 - step / steps)
         log_albedo = variation.log_albedo(transport.white(Light(log_sky.exp(), log_suns.exp())))
         varied = variation.of(log_albedo).mean()
         loss = varied + learning.smoothness * unevenness(log_sky)
         loss = loss + learning.chroma_smoothness * unevenness(log_sky - log_sky.mean(-1, keepdim=True))
+        total = ((log_sky.exp() * area).sum((0, 1)) + log_suns.exp().sum(0)).log()
+        loss = loss + learning.colour * (total - total.mean()).square().mean()
         loss = loss + learning.white_paint * (variation.brightest(log_albedo) - white_log).square()
         adam.zero_grad()
         loss.backward()

@@ -29,16 +29,17 @@ class LightStart:
     """Share of these random pairs in the variation."""
     other_paint: float = 0.3
     """Difference in log-albedo at which random pairs saturate: a larger one means different paints under any light."""
-    same_paint: float = 0.08
-    """Standard deviation, in log-chromaticity, of the weight of pairs: pairs of similar chromaticity share a paint."""
+    same_paint: float = 0.2
+    """Standard deviation, in log-chromaticity, of the weight of pairs: pairs of similar chromaticity share a paint. A
+    paint has another chromaticity in the shadow of a coloured sun."""
     smoothness: float = 0.003
     """Weight of the squared differences of neighbouring texels' log-radiance."""
     chroma_smoothness: float = 0.1
     """Weight of the squared differences of neighbouring texels' log-chromaticity. A coloured sun in a coloured sky is
     not smooth in colour, but it is smoother than the light that explains painted walls by coloured texels."""
-    colour: float = 0.0
-    """Weight of the distance of the light's channels from their mean, which makes the colours of sun and sky those of
-    the surfaces."""
+    colour: float = 0.003
+    """Weight of the mean squared log-chromaticity of all light together. Indirect light alone tells the colour of light
+    from the colour of paint, and where there is little of it, the search would drift to any colour."""
     white_paint: float = 0.05
     """Weight of the squared difference between the logarithms of the brightest albedo and of ``white``."""
     white: float = 0.75

@@ -21,11 +21,11 @@ from .lit_points import Light, SeenPoints, SharedRays, Transport, sphere
 MOST = 4
 """Largest number of discs."""
 
-WORTH = 0.01
-"""Share of the variation under a sky alone by which each disc has to lower it."""
+WORTH = 0.003
+"""Share of the variation under a sky alone by which each disc has to lower it, in as many further steps without it."""
 
 TRIAL = 1 / 3
-"""Share of a search's steps after which it is judged whether a further disc is worth it."""
+"""Share of a search's steps after which it is judged whether a disc is worth it."""
 
 RADII = (0.25, 1.0, 2.5, 5.0, 10.0)
 """Radii of discs that are tried, degrees: the first is that of the sun."""
@@ -94,10 +94,11 @@ def with_suns(
         disc, arriving, energy = likeliest(variation, transport.white(found.light), points, rays, received)
         further = transport.with_sun(arriving)
         begin = Light(found.light.sky, torch.cat([found.light.suns, energy[None]]))
-        fitted = least_variation_light(variation, further, begin, TRIAL)
-        if fitted.variation > found.variation - worth:
+        tried = least_variation_light(variation, further, begin, TRIAL)
+        without = least_variation_light(variation, transport, found.light, TRIAL)
+        if tried.variation > without.variation - worth:
             break
-        found, transport, discs = fitted, further, (*discs, disc)
+        found, transport, discs = tried, further, (*discs, disc)
     if discs:
         found = least_variation_light(variation, transport, found.light)
     return found.light, discs
