@@ -32,9 +32,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         variant, budget, extent = run.variant, run.budget, run.scene.extent
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
-        start = starting_model(
-            SharedRays(learnt), self.views, budget.light_height, variant.materials.start, self.generator
-        )
+        rays, values = SharedRays(learnt), variant.materials.start
+        start = starting_model(rays, self.views, budget.light_height, values, self.generator)
         further = {"log_environment": start.log_environment}
         if variant.metallic:
             logit = inverse_sigmoid(variant.materials.start.metallic)

@@ -49,9 +49,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
             self.occlusion = bake(learnt, lattice, Reach.of(variant, extent), budget.occlusion_directions)
             if variant.indirect:
                 self.dark = IrradianceVolume.dark(lattice.of(budget.irradiance_corners))
-        start = starting_model(
-            SharedRays(learnt), self.views, budget.light_height, variant.materials.start, self.generator
-        )
+        rays, values = SharedRays(learnt), variant.materials.start
+        start = starting_model(rays, self.views, budget.light_height, values, self.generator)
         further = {"log_environment": start.log_environment}
         if variant.metallic:
             logit = inverse_sigmoid(variant.materials.start.metallic)

@@ -43,13 +43,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         variant, budget, extent = run.variant, run.budget, run.scene.extent
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
-        start = starting_model(
-            SharedRays(learnt, variant.two_sided),
-            self.views,
-            budget.light_height,
-            variant.materials.start,
-            self.generator,
-        )
+        rays, values = SharedRays(learnt, variant.two_sided), variant.materials.start
+        start = starting_model(rays, self.views, budget.light_height, values, self.generator)
         light = {"log_environment": start.log_environment}
         self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, extent))
         self.rays = RaySettings.of(variant, extent)

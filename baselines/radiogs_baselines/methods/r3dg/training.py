@@ -50,9 +50,8 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         super().__init__(run, budget.inverse_iterations, variant.view_share)
         learnt = surfels_of(before, run.device)
         start = variant.materials.start
-        light, albedo, _ = starting_light_and_albedo(
-            SharedRays(learnt, variant.two_sided), self.views, budget.light_height, start, self.generator
-        )
+        rays = SharedRays(learnt, variant.two_sided)
+        light, albedo, _ = starting_light_and_albedo(rays, self.views, budget.light_height, start, self.generator)
         roughness = torch.full_like(learnt.roughness_logit, start.roughness)
         local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
         further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
