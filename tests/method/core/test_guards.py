@@ -17,7 +17,7 @@ from radiogs_core.guards import GUARDS
 from radiogs_core.instruments import recording, require_finite
 from radiogs_core.kernels.arguments import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
-from radiogs_core.learning.views import Whole, load
+from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import light_and_albedo
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.scene.light import EnvironmentMap
@@ -63,9 +63,7 @@ def too_deep() -> object:
 
 
 def nothing_to_seek_light_in() -> object:
-    views = tuple(
-        replace(view, covered=Whole(torch.zeros_like(view.mask))) for view in load(SCENE.train, torch.device("cpu"))
-    )
+    views = tuple(replace(view, covered=torch.zeros_like(view.mask)) for view in load(SCENE.train, torch.device("cpu")))
     return light_and_albedo(BALL, views, 8, StartValues(), torch.Generator().manual_seed(0))
 
 
