@@ -72,8 +72,8 @@ class Memory:
 class TrainingView:
     """One training view on a device: camera, image and coverage.
 
-    What steps compute of a ``decoded`` view is kept by its key: for all steps as far as memory allows, and else for as
-    long as the decoded view lives.
+    A ``decoded`` view keeps by a key all that steps compute of it: for all steps as far as memory allows, and else for
+    as long as it lives.
     """
 
     camera: Camera
