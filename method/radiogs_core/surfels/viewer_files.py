@@ -16,8 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from .display_harmonics import DIRECTIONS, basis_along, spread_directions
-from .ply import OF_3DGS, write_ply
+from .ply import DIRECTIONS, OF_3DGS, basis_along, spread_directions, write_ply
 from .surfels import Surfels
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
