@@ -205,24 +205,18 @@ class AdaptiveDensityControl:
         A round clones, splits and prunes, and resets the statistics. Call it only where ``due`` is true. Returns the
         new surfels, and for each the index of the old surfel whose optimiser moments it inherits (-1: none).
         """
-        changed, origin = self._with_round(surfels, iteration, iterations, generator)
+        shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
+        if self._hides(iteration, iterations):
+            shows = self.contribution(surfels) >= self.rules.least_contribution
+        if self._grows(iteration, iterations):
+            changed, origin = self.changed_surfels(surfels, shows, generator)
+            self._forget(changed)
+        else:
+            origin = torch.nonzero(shows)[:, 0]
+            changed = surfels.take(origin)
+            self.total, self.views = self.total[origin], self.views[origin]
         if self._resets(iteration, iterations):
             changed = self.rules.resets.applied(changed, iteration, iterations)
-        return changed, origin
-
-    def _with_round(
-        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
-    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
-        shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
-        if hides:
-            shows = self.contribution(surfels) >= self.rules.least_contribution
-        if not grows:
-            stayers = torch.nonzero(shows)[:, 0]
-            self.total, self.views = self.total[stayers], self.views[stayers]
-            return surfels.take(stayers), stayers
-        changed, origin = self.changed_surfels(surfels, shows, generator)
-        self._forget(changed)
         return changed, origin
 
     def changed_surfels(

@@ -115,12 +115,6 @@ def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
     return torch.cat(parts, -1)
 
 
-def _of_rows(rows: Float[Tensor, "surfels 16"]) -> tuple[Tensor, ...]:
-    """The fields of a geometry from such vectors."""
-    centre, opacity, axis_u, _, axis_v, _, normal, _ = rows.split([3, 1, 3, 1, 3, 1, 3, 1], 1)
-    return centre, axis_u, axis_v, normal, opacity[:, 0]
-
-
 class _Blend(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, lists: HitLists, direction: Tensor, learns: bool, *inputs: Tensor) -> tuple[Tensor, ...]:
@@ -147,7 +141,8 @@ class _Blend(torch.autograd.Function):
         arguments = [*ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
         launch_in_parallel(ctx.kernels.backward, ctx.items, origin.device, arguments, sums)
         to_surface, to_sh, to_features = sums.total()
-        return None, None, None, grad_origin, *_of_rows(to_surface), to_sh, to_features
+        centre, opacity, axis_u, _, axis_v, _, normal, _ = to_surface.split([3, 1, 3, 1, 3, 1, 3, 1], 1)
+        return None, None, None, grad_origin, centre, axis_u, axis_v, normal, opacity[:, 0], to_sh, to_features
 
 
 @cache
