@@ -181,7 +181,7 @@ class Silhouette:
 
     camera: Camera
     """Camera of the view."""
-    object: Bool[Tensor, "height width"] | None
+    covered: Bool[Tensor, "height width"] | None
     """Whether each pixel shows the object; None for a view without alpha, which is all object."""
     valid: Bool[Tensor, "height width"] | None = None
     """Whether each pixel counts; None if all do. The others are as good as outside the frame."""
@@ -209,7 +209,7 @@ class Silhouette:
         column, row = torch.where(in_frame[:, None], pixel, 0.0).long().unbind(-1)
         if self.valid is not None:
             in_frame = in_frame & self.valid[row, column]
-        return in_frame, in_frame if self.object is None else in_frame & self.object[row, column]
+        return in_frame, in_frame if self.covered is None else in_frame & self.covered[row, column]
 
 
 @dataclass
