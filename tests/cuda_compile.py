@@ -21,8 +21,7 @@ from radiogs_core.kernels.shade.directions import spread_kernel
 from radiogs_core.kernels.shade.lookup import lookup_kernels
 from radiogs_core.kernels.shade.shade import arrival_kernel, shade_kernels
 from radiogs_core.kernels.shade.splitsum import splitsum_kernels
-from radiogs_core.kernels.surfel.axes import axes_kernels
-from radiogs_core.kernels.surfel.footprint import footprint_kernels, frame_kernels
+from radiogs_core.kernels.surfel.footprint import axes_kernels, footprint_kernels, frame_kernels
 from radiogs_core.kernels.surfel.harmonics import harmonics_kernels
 from radiogs_core.kernels.surfel.support import support_kernel
 from radiogs_core.kernels.trace.bvh import fit_kernels

@@ -20,9 +20,7 @@ The kernel does this in one pass over blocks of samples. ``arriving`` and ``cosi
 in ``add_diffuse``; ``outgoing`` and ``loss`` are in ``sides`` and ``forward`` of ``consistency.inl``.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -38,29 +36,14 @@ from radiogs_core.transport.shading import lambert_albedo
 from .settings import Variant
 
 
-class Residual(NamedTuple):
-    """Which sides of the difference L_G - L_PBR have gradient."""
-
-    own: bool = True
-    """Whether L_G has gradient."""
-    physical: bool = True
-    """Whether L_PBR has gradient."""
-
-
-RESIDUALS: Mapping[str, Residual] = {
-    "none": Residual(),
-    "pbr": Residual(physical=False),
-    "surfel": Residual(own=False),
-}
-"""The residual by ``Variant.detach``, which names the side without gradient."""
-
-
 @dataclass(frozen=True)
 class RadiometricConsistency:
     """L_rad with traced incident light (paper, Eq. 9)."""
 
-    residual: Residual = RESIDUALS["none"]
-    """The sides of L_G - L_PBR that have gradient."""
+    own_learns: bool = True
+    """Whether the side L_G has gradient."""
+    physical_learns: bool = True
+    """Whether the side L_PBR has gradient."""
     light_learns: bool = True
     """Whether the light has gradient."""
     roughness_learns: bool = True
@@ -69,8 +52,12 @@ class RadiometricConsistency:
     @classmethod
     def of(cls, variant: Variant) -> "RadiometricConsistency":
         """L_rad with the settings of a variant."""
-        light_learns = "light-detached" not in variant.deviations
-        return cls(RESIDUALS[variant.detach], light_learns, variant.materials.consistent_roughness)
+        return cls(
+            own_learns=variant.detach != "surfel",
+            physical_learns=variant.detach != "pbr",
+            light_learns="light-detached" not in variant.deviations,
+            roughness_learns=variant.materials.consistent_roughness,
+        )
 
     def loss(
         self,
@@ -94,7 +81,8 @@ class RadiometricConsistency:
             index, camera.centre, drawn, surfels.centre, surfels.sh, surfels.frame,
             lambert_albedo(surfels.albedo, roughness, specular_at), roughness,
             incident.direction, incident.weight, incident.visibility, incident.radiance,
-            environment if self.light_learns else environment.detach(), specular_at, *self.residual,
+            environment if self.light_learns else environment.detach(), specular_at,
+            self.own_learns, self.physical_learns,
         )  # fmt: skip
 
 

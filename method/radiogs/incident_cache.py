@@ -1,6 +1,6 @@
 """Cache of V and L_ind of all surfels between two tracings (paper, section on inverse rendering)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float, Int
@@ -16,22 +16,6 @@ from .kept_light import KeptLight
 from .model import Model
 from .rays import RaySettings
 from .settings import Budget, Variant
-
-
-@dataclass(frozen=True)
-class SampledLight:
-    """A sampler of a light, and the light that it was made for."""
-
-    log_environment: Float[Tensor, "height width 3"]
-    """Log-radiance of the light."""
-    version: int
-    """How often it had been changed in place."""
-    sampler: LightSampler
-    """Draws directions from the light."""
-
-    def stands(self, log_environment: Float[Tensor, "height width 3"]) -> bool:
-        """Whether the light is still the same."""
-        return self.log_environment is log_environment and self.version == log_environment._version
 
 
 class IncidentCache:
@@ -59,7 +43,8 @@ class IncidentCache:
         self.gradient = variant.incident == "traced"
         """Whether traced light has gradient to the surfels that rays hit."""
         self.tracer = rays.tracer(model.surfels)
-        self.sampled: SampledLight | None = None
+        self.sampled: tuple[Tensor, int, LightSampler] | None = None
+        """The logarithm of a light, how often it had been changed in place, and a sampler of that light."""
         self.kept: KeptLight | None = None
         self.renew(model, 0)
 
@@ -158,10 +143,11 @@ class IncidentCache:
 
     def _sampler(self, log_environment: Float[Tensor, "height width 3"]) -> LightSampler:
         """A sampler of the light as it is now, kept until the light changes."""
-        if self.sampled is None or not self.sampled.stands(log_environment):
-            sampler = LightSampler(EnvironmentMap(log_environment.exp()))
-            self.sampled = SampledLight(log_environment, log_environment._version, sampler)
-        return self.sampled.sampler
+        sampled, version = self.sampled, log_environment._version
+        if sampled is None or sampled[0] is not log_environment or sampled[1] != version:
+            sampled = log_environment, version, LightSampler(EnvironmentMap(log_environment.exp()))
+            self.sampled = sampled
+        return sampled[2]
 
     def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
         """The light on the surfels ``index``, traced along new directions and stored in the cache as set ``number``."""

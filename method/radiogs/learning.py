@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
-from radiogs_core.on_surfels.length import LengthRule
+from radiogs_core.on_surfels.settings import LengthRule
 from radiogs_core.on_surfels.start_values import StartValues
 from radiogs_core.plain_values import NotNegative, require
 
@@ -95,7 +95,7 @@ class MaterialRates(NotNegative):
     geometry: float = 0.01
     """Factor of stage 1's initial rates of geometry (``SurfelRates``): geometry is refined, not learnt again."""
     length_power: float = 0.0
-    """Power of the length rule for the rates of albedo, light and harmonics (``on_surfels.length``)."""
+    """Power of the length rule for the rates of albedo, light and harmonics (``on_surfels.settings``)."""
     roughness_length_power: float = 0.5
     """Power of the length rule for the rate of roughness, of which a step's gradient is mostly noise."""
 

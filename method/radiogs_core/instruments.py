@@ -86,7 +86,7 @@ class Instruments:
 
     @property
     def guards(self) -> Counter[str]:
-        """How often each guard of ``radiogs_core.guards`` acted; a guard that never acted has no entry."""
+        """How often each guard of docs/stability.md acted; a guard that never acted has no entry."""
         return +self.guards_fired.read()
 
     @guards.setter

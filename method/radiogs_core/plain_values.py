@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
@@ -59,9 +59,9 @@ class PlainReader:
         hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
         for name in table:
             self.known(where, "field", name, declared)
-        missing = [name for name, each in declared.items() if name not in table and _required(each)]
-        if missing:
-            self.fail(where, f"the field '{missing[0]}' is missing")
+        for name, each in declared.items():
+            if name not in table and each.default is MISSING and each.default_factory is MISSING:
+                self.fail(where, f"the field '{name}' is missing")
         prefix = f"{where}." if where else ""
         values = {name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()}
         try:
@@ -141,7 +141,7 @@ class PlainReader:
         """
         if value is None and type(None) in arguments:
             return None
-        shaped = [each for each in arguments if _is_list(each) == isinstance(value, list | tuple)]
+        shaped = [each for each in arguments if (get_origin(each) is tuple) == isinstance(value, list | tuple)]
         if len(shaped) == 1:
             return self.convert(shaped[0], value, where)
         for each in shaped:
@@ -240,11 +240,3 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for name, value in values.items():
         dotted |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return dotted
-
-
-def _is_list(hint: Any) -> bool:
-    return get_origin(hint) is tuple
-
-
-def _required(field: "Field[Any]") -> bool:
-    return field.default is MISSING and field.default_factory is MISSING

@@ -191,7 +191,7 @@ class Result(TypedDict):
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
     guards: dict[str, dict[str, int]]
-    """How often each guard of ``radiogs_core.guards`` acted, by stage."""
+    """How often each guard of docs/stability.md acted, by stage."""
     sessions: dict[str, list[Session]]
     """Contributing processes by stage, oldest first."""
     arrays: NotRequired[str]

@@ -16,7 +16,7 @@ from radiogs_core.kernels.image.terms import Aim, Blended, Compared, Terms, imag
 from radiogs_core.learning.losses import counted
 from radiogs_core.learning.views import TrainingView, in_memory, load
 from radiogs_core.scene.scene import Scene, View
-from radiogs_core.surfels.starting_points import Sightings, Silhouette, project
+from radiogs_core.surfels.starting_points import Sightings, Silhouette
 from radiogs_core.surfels.surroundings import SurroundingsStart, points_on_rays
 from scenes import sphere_scene
 from short_training import CPU
@@ -153,8 +153,8 @@ def test_starting_points_come_from_pixels_that_count() -> None:
 def test_a_silhouette_says_nothing_where_pixels_are_left_out() -> None:
     view = scene_of(0.9).train[0]
     silhouette, points = Silhouette.of(view), 2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(2)) - 1
-    pixel, depth = project(points, view.camera)
-    in_frame, on_object = silhouette.shows(pixel, depth)
+    pixel, _, in_frame = view.camera.project(points)
+    in_frame, on_object = silhouette.shows(pixel, in_frame)
     column, row = pixel.long().clamp(0, SIZE - 1).unbind(-1)
     left_out = view.read("valid")[row, column, 0] == 0
     assert bool(left_out.any())

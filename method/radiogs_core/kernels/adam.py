@@ -47,7 +47,9 @@ class Adam:
         gradients = {name: value.grad.contiguous() for name, value in learnt.items() if value.grad is not None}
         table, factors = [], []
         for name, value in learnt.items():
-            moments = self._moments_of(name, value)
+            if name not in self.moments:
+                self.moments[name] = {"step": 0, **{key: torch.zeros_like(value) for key in MOMENTS}}
+            moments = self.moments[name]
             moments["step"] += 1
             places = value, gradients[name], *(moments[key] for key in MOMENTS)
             table.append([each.data_ptr() for each in places])
@@ -57,11 +59,6 @@ class Adam:
         _launch(one, self.guard, [value.numel() for value in learnt.values()], table, factors)
         for value in learnt.values():
             value.grad = None
-
-    def _moments_of(self, name: str, value: Tensor) -> dict[str, Any]:
-        if name not in self.moments:
-            self.moments[name] = {"step": 0, **{key: torch.zeros_like(value) for key in MOMENTS}}
-        return self.moments[name]
 
     def state(self) -> dict[str, dict[str, Any]]:
         """The moments by tensor, for ``restore``."""

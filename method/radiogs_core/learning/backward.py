@@ -25,19 +25,8 @@ def backward(
     with torch.no_grad():
         length = get_total_norm([*gradients.values(), *parameters.values()]).to(stacked)
     read = torch.cat([stacked.detach(), length.view(1)]).tolist()
-    if not all(map(math.isfinite, read)):
-        _name_what_is_not_finite(stage, iteration, losses, parameters, gradients)
+    if not all(map(math.isfinite, read)):  # or a sum of finite squares overflows, which raises nothing
+        require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
+        require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})
+        require_finite(stage, iteration, {f"the gradient of '{name}'": value for name, value in gradients.items()})
     return dict(zip(losses, read[: len(losses)], strict=True))
-
-
-def _name_what_is_not_finite(
-    stage: str,
-    iteration: int,
-    losses: Mapping[str, Tensor],
-    parameters: Mapping[str, Tensor],
-    gradients: Mapping[str, Tensor],
-) -> None:
-    """Raise NumericalFailure for the first value that is not finite, if any (a sum of finite squares may overflow)."""
-    require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
-    require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})
-    require_finite(stage, iteration, {f"the gradient of '{name}'": value for name, value in gradients.items()})

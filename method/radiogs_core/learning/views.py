@@ -3,61 +3,37 @@
 Pixels are kept in memory as the integers that image files store, which loses nothing.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 
 import torch
-from jaxtyping import Bool, Float, Int, Integer
+from jaxtyping import Bool, Float, Int, Num
 from torch import Tensor
 
 from ..errors import DataError
 from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 
-DEPTHS: tuple[tuple[int, torch.dtype], ...] = ((255, torch.uint8), (65_535, torch.uint16))
-"""Largest level of 8-bit and 16-bit PNG files, and the type that stores a level."""
+DEPTHS: Mapping[torch.dtype, int] = {torch.uint8: 255, torch.uint16: 65_535}
+"""Types that store the integer levels of 8-bit and 16-bit PNG files, and the level that stands for 1."""
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Pixels as integer levels of an image file."""
-
-    levels: Integer[Tensor, "*shape"]
-    most: int
-    """The level that stands for 1."""
-
-    def values(self) -> Float[Tensor, "*shape"]:
-        """The pixels in [0, 1], float32, bit for bit as the file's reader gives them."""
-        table = _values(self.most).to(self.levels.device)
-        return table.index_select(0, self.levels.flatten().int()).view(self.levels.shape)
+def in_memory(pixels: Float[Tensor, "*shape"], device: torch.device) -> Num[Tensor, "*shape"]:
+    """Pixels in [0, 1] on a device: as levels in one or two bytes a value if all are levels of a file, else float32."""
+    for dtype, most in DEPTHS.items():
+        levels = (pixels * most).round().clamp(0, most).to(torch.int32).to(dtype)
+        if torch.equal(values_of(levels), pixels):
+            return levels.to(device)
+    return pixels.to(device)
 
 
-@dataclass(frozen=True)
-class Whole:
-    """Pixels that are not levels of an 8-bit or 16-bit file, such as those of a reduced image."""
-
-    pixels: Float[Tensor, "*shape"]
-    """The pixels, float32."""
-
-    def values(self) -> Float[Tensor, "*shape"]:
-        """The pixels."""
-        return self.pixels
-
-
-def in_memory(pixels: Float[Tensor, "*shape"], device: torch.device) -> Levels | Whole:
-    """Pixels on a device: one or two bytes a value if all are levels of 8 or 16 bits, otherwise four."""
-    for most, dtype in DEPTHS:
-        levels = (pixels * most).round().clamp(0, most).int()
-        if torch.equal(_values(most).index_select(0, levels.flatten()).view(pixels.shape), pixels):
-            return Levels(levels.to(dtype).to(device), most)
-    return Whole(pixels.to(device))
-
-
-def bytes_of(pixels: Levels | Whole) -> int:
-    """Bytes that the pixels take in memory."""
-    kept = pixels.levels if isinstance(pixels, Levels) else pixels.pixels
-    return kept.numel() * kept.element_size()
+def values_of(kept: Num[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    """The pixels that ``in_memory`` has stored, float32, bit for bit as the file's reader gives them."""
+    if kept.dtype not in DEPTHS:
+        return kept
+    table = _values(DEPTHS[kept.dtype]).to(kept.device)
+    return table.index_select(0, kept.flatten().int()).view(kept.shape)
 
 
 @cache
@@ -94,36 +70,46 @@ class Memory:
 
 @dataclass(frozen=True)
 class TrainingView:
-    """One training view on a device: camera, image and coverage."""
+    """One training view on a device: camera, image and coverage.
+
+    A ``decoded`` view keeps by a key all that steps compute of it: for all steps as far as memory allows, and else for
+    as long as it lives.
+    """
 
     camera: Camera
     """Camera on the device, float32."""
     view: View
     """View that the pixels are read from."""
-    pixels: Levels | Whole | None
-    """Straight display-sRGB image in memory; None if it is read from its file at each use."""
-    covered: Levels | Whole | None
-    """Coverage in memory; None if it is read from its file at each use, or is 1 in all pixels."""
+    pixels: Num[Tensor, "height width 3"] | None
+    """Straight display-sRGB image ``in_memory``; None if it is read from its file at each use."""
+    covered: Num[Tensor, "height width"] | None
+    """Coverage ``in_memory``; None if it is read from its file at each use, or is 1 in all pixels."""
     memory: Memory = field(default_factory=Memory, compare=False, repr=False)
     """Memory for computed values, shared by all views of a stage."""
     valid: Bool[Tensor, "height width"] | None = field(default=None, compare=False, repr=False)
     """Pixels that count; None if all do. The others show what does not belong to the scene: no loss may depend on
     them, neither on the image, which is black there, nor on what the model shows there (``where_valid``)."""
-    kept: dict[Hashable, Tensor] = field(init=False, default_factory=dict, compare=False, repr=False)
-    """Values that steps have computed of this view, as far as memory allowed."""
+    lasting: dict[Hashable, Tensor] = field(default_factory=dict, compare=False, repr=False)
+    """Values that are kept for all steps; copies of a view share them, its decoded views among them."""
+    passing: dict[Hashable, Tensor] | None = field(default=None, compare=False, repr=False)
+    """Values that this decoded view alone keeps; None: the view is not decoded, and keeps nothing."""
 
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
-        """Straight display-sRGB image in [0, 1]."""
-        if self.pixels is None:
-            return self.view.read("image").to(self.device)
-        return self.pixels.values()
+        """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
+        return self.once("image", self._read_image, lasting=False)
 
     @property
     def mask(self) -> Float[Tensor, "height width"]:
         """Coverage in [0, 1]; 1 in all pixels of a view without alpha, 0 in pixels that do not count."""
+        return self.once("mask", self._read_mask)
+
+    def _read_image(self) -> Float[Tensor, "height width 3"]:
+        return self.view.read("image").to(self.device) if self.pixels is None else values_of(self.pixels)
+
+    def _read_mask(self) -> Float[Tensor, "height width"]:
         if self.covered is not None:
-            return self.where_valid(self.covered.values())
+            return self.where_valid(values_of(self.covered))
         if self.view.has("alpha"):
             return self.where_valid(self.view.read("alpha")[..., 0].to(self.device))
         return self.where_valid(torch.ones(self.camera.height, self.camera.width, device=self.device))
@@ -146,15 +132,26 @@ class TrainingView:
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
         """The image composited in display sRGB on a grey background, as splatting codes do."""
         mask = self.mask[..., None]
-        return self.image * mask + background * (1 - mask)
+        return self.once(("over", background), lambda: self.image * mask + background * (1 - mask))
 
-    def once(self, key: Hashable, make: Callable[[], Tensor]) -> Tensor:
-        """A value of the view that ``make`` computes; a decoded view keeps it by its key."""
-        return make()
+    def once(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
+        """A value of the view that ``make`` computes: at each use, or once for its key in a decoded view.
 
-    def decoded(self) -> "DecodedView":
+        ``lasting``: whether it may be kept from step to step. A kept value must not be changed in place.
+        """
+        if self.passing is None:
+            return make()
+        for place in (self.passing, self.lasting):
+            if key in place:
+                return place[key]
+        made = make()
+        keeps = lasting and self.memory.take(made.nbytes)
+        (self.lasting if keeps else self.passing)[key] = made
+        return made
+
+    def decoded(self) -> "TrainingView":
         """The view for a step that looks at it several times: what it computes is kept."""
-        return DecodedView(self.camera, self.view, self.pixels, self.covered, self.memory, self.valid, origin=self)
+        return replace(self, passing={})
 
     def reread(self) -> View:
         """The view with ``image``, ``alpha`` and ``valid`` from memory instead of files, on the CPU."""
@@ -164,45 +161,6 @@ class TrainingView:
         if (valid := self.valid) is not None:
             sources["valid"] = lambda: valid.cpu()[..., None].float()
         return replace(self.view, sources=sources)
-
-
-@dataclass(frozen=True)
-class DecodedView(TrainingView):
-    """A view that computes everything once: for all steps as far as memory allows, and else for as long as it lives."""
-
-    origin: TrainingView = field(kw_only=True)
-    """The view that keeps results from step to step."""
-
-    @property
-    def image(self) -> Float[Tensor, "height width 3"]:
-        """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
-        return self._kept("image", lambda: self.origin.image, lasting=False)
-
-    @property
-    def mask(self) -> Float[Tensor, "height width"]:
-        """Coverage in [0, 1]; 1 in all pixels of a view without alpha."""
-        return self.once("mask", lambda: self.origin.mask)
-
-    def over(self, background: float) -> Float[Tensor, "height width 3"]:
-        """The image composited in display sRGB on a grey background, as splatting codes do."""
-        return self.once(("over", background), lambda: super(DecodedView, self).over(background))
-
-    def decoded(self) -> "DecodedView":
-        """This view."""
-        return self
-
-    def once(self, key: Hashable, make: Callable[[], Tensor]) -> Tensor:
-        """The value of a key, made at its first use; it must not be changed in place."""
-        return self._kept(key, make)
-
-    def _kept(self, key: Hashable, make: Callable[[], Tensor], lasting: bool = True) -> Tensor:
-        for place in (self.kept, self.origin.kept):
-            if key in place:
-                return place[key]
-        made = make()
-        keeps = lasting and self.memory.take(made.numel() * made.element_size())
-        (self.origin.kept if keeps else self.kept)[key] = made
-        return made
 
 
 def chosen_views(scene: Scene, share: float, seed: int) -> tuple[View, ...]:
@@ -233,7 +191,7 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
         camera = view.camera.to(device, torch.float32)
         pixels = in_memory(view.read("image"), device)
         covered = in_memory(view.read("alpha")[..., 0], device) if view.has("alpha") else None
-        needed = bytes_of(pixels) + (bytes_of(covered) if covered is not None else 0)
+        needed = pixels.nbytes + (covered.nbytes if covered is not None else 0)
         valid = (view.read("valid")[..., 0] > 0).to(device) if view.has("valid") else None
         if needed <= most:
             most -= needed
@@ -243,7 +201,7 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
     return tuple(loaded)
 
 
-def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> DecodedView:
+def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> TrainingView:
     """The decoded view of an iteration. Each epoch has its own permutation, which depends on seed and epoch only."""
     epoch, index = divmod(iteration, len(views))
     generator = torch.Generator().manual_seed(seed * 1_000_003 + epoch)

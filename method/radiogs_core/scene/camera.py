@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..errors import DataError
@@ -101,6 +101,17 @@ class Camera:
         row = (torch.arange(self.height, **like) + 0.5 - self.cy) / self.fy
         y, x = torch.meshgrid(row, column, indexing="ij")
         return torch.stack([x, y, torch.ones_like(x)], -1) @ self.axes.T
+
+    def project(
+        self, points: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, "points 2"], Float[Tensor, " points"], Bool[Tensor, " points"]]:
+        """Image coordinates (column, row) of world points, pixel centres at +0.5; their z-depths, world units; and
+        whether each lies in the frame."""
+        local = (points - self.centre) @ self.axes
+        depth, lens = local[:, 2], points.new_tensor([[self.fx, self.fy], [self.cx, self.cy]])
+        pixel = local[:, :2] / depth[:, None] * lens[0] + lens[1]
+        size = torch.tensor([self.width, self.height], device=points.device)
+        return pixel, depth, ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
 
     def depth_of(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Distance along the forward axis (z-depth), in world units; negative behind the camera."""

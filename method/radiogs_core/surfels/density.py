@@ -124,45 +124,6 @@ class AdaptiveDensity:
         require(self, "above zero", "largest_scale", "split_shrink")
 
 
-@dataclass
-class PositionalGradient:
-    """The gradient of each surfel's position on the screen, summed over the views that saw it."""
-
-    total: Float[Tensor, " surfels"]
-    """Norms of the gradients, in loss per half-image."""
-    views: Float[Tensor, " surfels"]
-    """How many views saw the surfel."""
-
-    @classmethod
-    def none(cls, count: int, device: torch.device) -> "PositionalGradient":
-        """Sums over no view, for ``count`` surfels."""
-        return cls(torch.zeros(count, device=device), torch.zeros(count, device=device))
-
-    def add(
-        self,
-        camera: Camera,
-        centre: Float[Tensor, "surfels 3"],
-        gradient: Float[Tensor, "surfels 3"],
-        in_view: Bool[Tensor, " surfels"],
-    ) -> None:
-        """Add one view: ``gradient`` with respect to the world ``centre`` is converted to a gradient on the screen.
-
-        A shift of one half-image at depth z is z W / (2 fx) world units along the camera's right axis.
-        """
-        half = camera.axes.new_tensor([camera.width / (2 * camera.fx), camera.height / (2 * camera.fy)])
-        on_screen = (gradient @ (camera.axes[:, :2] * half)).norm(dim=1) * camera.depth_of(centre).abs()
-        self.total += torch.where(in_view, on_screen, 0.0)
-        self.views += in_view
-
-    def take(self, chosen: Int[Tensor, " chosen"]) -> "PositionalGradient":
-        """The sums of some of the surfels."""
-        return PositionalGradient(self.total[chosen], self.views[chosen])
-
-    def mean(self) -> Float[Tensor, " surfels"]:
-        """Mean over the views, in loss per half-image; zero for a surfel that no view saw."""
-        return self.total / self.views.clamp(min=1)
-
-
 class AdaptiveDensityControl:
     """The adaptive density control of 3DGS; see the module.
 
@@ -191,7 +152,14 @@ class AdaptiveDensityControl:
     ) -> None:
         self.rules, self.interval, self.maximum, self.extent = rules, interval, maximum, extent
         self.contribution, self.stretch = contribution, stretch
-        self.gradient = PositionalGradient.none(len(surfels), surfels.centre.device)
+        self._forget(surfels)
+
+    def _forget(self, surfels: Surfels) -> None:
+        """Begin anew with statistics over no view, for these surfels."""
+        self.total = torch.zeros(len(surfels), device=surfels.centre.device)
+        """Norms of the gradients of each surfel's position on the screen, in loss per half-image, over all views."""
+        self.views = torch.zeros_like(self.total)
+        """How many views saw each surfel."""
 
     def observe(
         self,
@@ -200,12 +168,15 @@ class AdaptiveDensityControl:
         gradient: Float[Tensor, "surfels 3"],
         in_view: Bool[Tensor, " surfels"],
     ) -> None:
-        """Add the step's view to the positional gradient.
+        """Add the step's view to the statistics: norms of positional gradients on the screen, and who was seen.
 
-        ``gradient``: of the loss with respect to the world positions ``centre``. ``in_view``: whether the view saw each
-        surfel.
+        A shift of one half-image at depth z is z W / (2 fx) world units along the camera's right axis. ``gradient``: of
+        the loss with respect to the world positions ``centre``. ``in_view``: whether the view saw each surfel.
         """
-        self.gradient.add(camera, centre, gradient, in_view)
+        half = camera.axes.new_tensor([camera.width / (2 * camera.fx), camera.height / (2 * camera.fy)])
+        on_screen = (gradient @ (camera.axes[:, :2] * half)).norm(dim=1) * camera.depth_of(centre).abs()
+        self.total += torch.where(in_view, on_screen, 0.0)
+        self.views += in_view
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to ``act`` after this step."""
@@ -234,24 +205,18 @@ class AdaptiveDensityControl:
         A round clones, splits and prunes, and resets the statistics. Call it only where ``due`` is true. Returns the
         new surfels, and for each the index of the old surfel whose optimiser moments it inherits (-1: none).
         """
-        changed, origin = self._with_round(surfels, iteration, iterations, generator)
+        shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
+        if self._hides(iteration, iterations):
+            shows = self.contribution(surfels) >= self.rules.least_contribution
+        if self._grows(iteration, iterations):
+            changed, origin = self.changed_surfels(surfels, shows, generator)
+            self._forget(changed)
+        else:
+            origin = torch.nonzero(shows)[:, 0]
+            changed = surfels.take(origin)
+            self.total, self.views = self.total[origin], self.views[origin]
         if self._resets(iteration, iterations):
             changed = self.rules.resets.applied(changed, iteration, iterations)
-        return changed, origin
-
-    def _with_round(
-        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
-    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
-        shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
-        if hides:
-            shows = self.contribution(surfels) >= self.rules.least_contribution
-        if not grows:
-            stayers = torch.nonzero(shows)[:, 0]
-            self.gradient = self.gradient.take(stayers)
-            return surfels.take(stayers), stayers
-        changed, origin = self.changed_surfels(surfels, shows, generator)
-        self.gradient = PositionalGradient.none(len(changed), changed.centre.device)
         return changed, origin
 
     def changed_surfels(
@@ -263,10 +228,10 @@ class AdaptiveDensityControl:
         if self.stretch is not None:
             stretch = self.stretch(surfels.centre)
             largest, prunable = largest / stretch, stretch <= 1
-        seen = shows & (self.gradient.total > 0) if rules.prune_unseen else shows
+        seen = shows & (self.total > 0) if rules.prune_unseen else shows
         too_large = prunable & (largest > rules.largest_scale * extent)
         keep = seen & (surfels.opacity >= rules.opacity_floor) & ~too_large
-        strength = self.gradient.mean()
+        strength = self.total / self.views.clamp(min=1)
         room = max(0, self.maximum - int(keep.sum()))
         wanted = torch.nonzero(keep & (strength > rules.gradient_threshold))[:, 0]
         wanted = wanted[strength[wanted].argsort(descending=True, stable=True)][:room]
@@ -283,11 +248,11 @@ class AdaptiveDensityControl:
 
     def state(self) -> dict[str, Any]:
         """The statistics since the last round."""
-        return {"total": self.gradient.total, "views": self.gradient.views}
+        return {"total": self.total, "views": self.views}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
-        self.gradient = PositionalGradient(state["total"], state["views"])
+        self.total, self.views = state["total"], state["views"]
 
 
 def _children(parents: Surfels, shrink: float, generator: torch.Generator) -> list[Surfels]:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import grid_sample
@@ -169,7 +168,8 @@ def inside_all(silhouettes: Sequence["Silhouette"], points: Float[Tensor, "point
     """The points that at least one view sees on or beside the object, and that no view sees elsewhere."""
     seen = torch.zeros(len(points), dtype=torch.bool)
     for silhouette in silhouettes:
-        in_frame, on_object = silhouette.shows(*project(points, silhouette.camera))
+        pixel, _, framed = silhouette.camera.project(points)
+        in_frame, on_object = silhouette.shows(pixel, framed)
         stays = on_object | ~in_frame
         points, seen = points[stays], (seen | on_object)[stays]
     return points[seen]
@@ -181,10 +181,10 @@ class Silhouette:
 
     camera: Camera
     """Camera of the view."""
-    bits: UInt8[Tensor, " bytes"] | None
-    """One bit for each pixel, row by row, lowest bit first; None for a view without alpha, which is all object."""
-    valid: UInt8[Tensor, " bytes"] | None = None
-    """Pixels that count, as ``bits``; None if all do. The others are as good as outside the frame."""
+    covered: Bool[Tensor, "height width"] | None
+    """Whether each pixel shows the object; None for a view without alpha, which is all object."""
+    valid: Bool[Tensor, "height width"] | None = None
+    """Whether each pixel counts; None if all do. The others are as good as outside the frame."""
 
     @classmethod
     def of(cls, view: View) -> "Silhouette":
@@ -192,38 +192,24 @@ class Silhouette:
         valid = None
         if view.has("valid"):  # without those beside others: a colour between two pixels is that of both
             others = torch.nn.functional.max_pool2d(1 - view.read("valid").permute(2, 0, 1)[None], 3, 1, 1)
-            valid = packed(others == 0)
+            valid = others[0, 0] == 0
         if not view.has("alpha"):
             return cls(view.camera, None, valid)
         # A pixel beside the object counts too: the object's coverage there may have been rounded to zero.
         widened = torch.nn.functional.max_pool2d(view.read("alpha").permute(2, 0, 1)[None], 3, stride=1, padding=1)
-        return cls(view.camera, packed(widened > 0), valid)
+        return cls(view.camera, widened[0, 0] > 0, valid)
 
-    def shows(self, pixel: Float[Tensor, "points 2"], depth: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        """Whether each point lies in the frame, and whether it lies on the object, both [points].
+    def shows(
+        self, pixel: Float[Tensor, "points 2"], in_frame: Bool[Tensor, " points"]
+    ) -> tuple[Bool[Tensor, " points"], Bool[Tensor, " points"]]:
+        """Whether each point lies at a pixel of the frame that counts, and whether it lies on the object.
 
-        ``pixel``: image coordinates (column, row), pixel centres at +0.5. ``depth``: z-depth.
+        ``pixel``, ``in_frame``: see ``Camera.project``.
         """
-        camera = self.camera
-        size = torch.tensor([camera.width, camera.height])
-        in_frame = ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
-        if self.bits is None and self.valid is None:
-            return in_frame, in_frame
         column, row = torch.where(in_frame[:, None], pixel, 0.0).long().unbind(-1)
-        index = row * camera.width + column
         if self.valid is not None:
-            in_frame = in_frame & picked(self.valid, index)
-        return in_frame, in_frame if self.bits is None else in_frame & picked(self.bits, index)
-
-
-def packed(pixels: Bool[Tensor, "*shape"]) -> UInt8[Tensor, " bytes"]:
-    """One bit for each pixel, lowest bit first."""
-    return torch.from_numpy(np.packbits(pixels.numpy().ravel(), bitorder="little"))
-
-
-def picked(bits: UInt8[Tensor, " bytes"], index: Int[Tensor, " points"]) -> Bool[Tensor, " points"]:
-    """The bits with these indices."""
-    return (bits[index >> 3].int() >> (index & 7) & 1).bool()
+            in_frame = in_frame & self.valid[row, column]
+        return in_frame, in_frame if self.covered is None else in_frame & self.covered[row, column]
 
 
 @dataclass
@@ -244,8 +230,8 @@ class Sightings:
 
     def add(self, points: Float[Tensor, "points 3"], view: View, silhouette: "Silhouette") -> None:
         """Add the colours that one view shows at the world ``points``."""
-        pixel, depth = project(points, view.camera)
-        _, on_object = silhouette.shows(pixel, depth)
+        pixel, _, in_frame = view.camera.project(points)
+        _, on_object = silhouette.shows(pixel, in_frame)
         some = torch.nonzero(on_object)[:, 0]
         image = view.read("image").permute(2, 0, 1)[None]
         if view.has("alpha"):
@@ -263,15 +249,6 @@ class Sightings:
     def variance(self) -> Float[Tensor, " points"]:
         """Variance of the colour between the views, summed over the channels."""
         return (self.square / self.count[:, None] - self.mean().square()).sum(-1)
-
-
-def project(points: Float[Tensor, "points 3"], camera: Camera) -> tuple[Tensor, Tensor]:
-    """Image coordinates (column, row) [points, 2], pixel centres at +0.5, and z-depths [points] of world points."""
-    local = (points - camera.centre) @ camera.axes
-    depth = local[:, 2]
-    scale = torch.tensor([camera.fx, camera.fy], dtype=points.dtype, device=points.device)
-    offset = torch.tensor([camera.cx, camera.cy], dtype=points.dtype, device=points.device)
-    return local[:, :2] / depth[:, None] * scale + offset, depth
 
 
 def nearest_camera(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Float[Tensor, "points 3"]:

@@ -12,8 +12,7 @@ from torch.nn.functional import normalize
 
 from ..errors import UsageError
 from ..kernels.rasterize.projection import ProjectedSurfels, project_surfels
-from ..kernels.surfel.axes import met_by_rays
-from ..kernels.surfel.footprint import frames, widened
+from ..kernels.surfel.footprint import frames, met_by_rays, widened
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
 from .harmonics import COEFFICIENTS, CONSTANT_BASIS

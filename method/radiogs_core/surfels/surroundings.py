@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from ..order_statistics import quantile
@@ -17,7 +17,7 @@ from ..plain_values import require
 from ..scene.colour import srgb_decode
 from ..scene.contraction import Contraction
 from ..scene.scene import Points, Scene, View
-from .starting_points import SurfelStart, nearest_camera, neighbour_spacing, project
+from .starting_points import SurfelStart, nearest_camera, neighbour_spacing
 from .surfels import Surfels, radiance_to_sh, surfels_at
 
 
@@ -127,9 +127,9 @@ def disagreement(
     flat, expected = points.flatten(0, 1), colours.repeat_interleave(points.shape[1], 0)
     total, count = torch.zeros(len(flat)), torch.zeros(len(flat))
     for view in views:
-        shown, _ = in_frame(flat, view)
+        pixel, _, shown = view.camera.project(flat)
         some = torch.nonzero(shown)[:, 0]
-        column, row = project(flat[some], view.camera)[0].long().unbind(-1)
+        column, row = pixel[some].long().unbind(-1)
         if view.has("valid"):
             counts = view.read("valid")[row, column, 0] > 0
             some, column, row = some[counts], column[counts], row[counts]
@@ -144,16 +144,9 @@ def depth_range(scene: Scene, view: View, around: SurroundingsStart) -> tuple[fl
     distance = max(float((view.camera.centre.double() - scene.centre).norm()), scene.extent)
     nearest, farthest = around.nearest * distance, around.farthest * distance
     if scene.points is not None:
-        shown, depth = in_frame(scene.points.positions, view)
+        _, depth, shown = view.camera.project(scene.points.positions)
         nearest = quantile(lambda: [depth[shown]], around.nearest_quantile) or nearest
     return min(nearest, distance), farthest
-
-
-def in_frame(points: Float[Tensor, "points 3"], view: View) -> tuple[Bool[Tensor, " points"], Float[Tensor, " points"]]:
-    """Whether each world point lies in a view's frame, and its z-depth in world units."""
-    camera = view.camera
-    pixel, depth = project(points, camera)
-    return ((pixel >= 0) & (pixel < torch.tensor([camera.width, camera.height]))).all(-1) & (depth > 0), depth
 
 
 def pixel_width(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Float[Tensor, " points"]:
@@ -161,7 +154,7 @@ def pixel_width(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Flo
     views."""
     width = torch.full((len(points),), torch.inf)
     for view in views:
-        shown, depth = in_frame(points, view)
+        _, depth, shown = view.camera.project(points)
         pixel = depth * (2 / (view.camera.fx + view.camera.fy))
         width = torch.where(shown, torch.minimum(width, pixel), width)
     return width

@@ -136,15 +136,9 @@ def _looked_up(
     points: Float[Tensor, "points 3"], view: SmallView, depth: Float[Tensor, "height width"]
 ) -> tuple[Float[Tensor, " points"], Bool[Tensor, " points"]]:
     """The depth at the pixel onto which each point projects, and whether that pixel is in the frame and covered."""
-    camera = view.camera
-    local = (points - camera.centre) @ camera.axes
-    ahead = local[:, 2] > 0
-    slope = local[:, :2] / torch.where(ahead, local[:, 2], 1.0)[:, None]
-    column = slope[:, 0] * camera.fx + camera.cx
-    row = slope[:, 1] * camera.fy + camera.cy
-    inside = ahead & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    at = torch.where(inside, row, 0.0).long(), torch.where(inside, column, 0.0).long()
-    return depth[at], inside & view.covered[at]
+    pixel, _, inside = view.camera.project(points)
+    column, row = torch.where(inside[:, None], pixel, 0.0).long().unbind(-1)
+    return depth[row, column], inside & view.covered[row, column]
 
 
 def spread(

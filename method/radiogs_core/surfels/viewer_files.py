@@ -16,8 +16,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from .display_harmonics import DIRECTIONS, basis_along, spread_directions
-from .ply import OF_3DGS, write_ply
+from ..kernels.surfel.footprint import frames
+from .ply import DIRECTIONS, OF_3DGS, basis_along, spread_directions, write_ply
 from .surfels import Surfels
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
@@ -44,7 +44,7 @@ def turned(surfels: Surfels, turn: Float[Tensor, "4"]) -> Surfels:
     Their radiance rotates too: a viewer who is rotated with the surfels sees the same image.
     """
     raw = {name: value.detach().cpu().double() for name, value in surfels.parameters().items()}
-    by = matrix_of(turn.double())
+    by = frames(turn.double()[None])[0]
     raw["centre"] = raw["centre"] @ by.T
     raw["rotation"] = product(turn.double().expand_as(raw["rotation"]), raw["rotation"])
     raw["sh"] = torch.einsum("ij,njk->nik", harmonics_after(by), raw["sh"])
@@ -62,13 +62,6 @@ def upright(up: Float[Tensor, "3"], wanted: Float[Tensor, "3"]) -> Float[Tensor,
         aside = torch.eye(3, dtype=torch.float64)[start.abs().argmin()]
         return torch.cat([torch.zeros(1).double(), normalize(torch.linalg.cross(start, aside), dim=0)])
     return normalize(torch.cat([(1 + cosine)[None], axis]), dim=0)
-
-
-def matrix_of(turn: Float[Tensor, "4"]) -> Float[Tensor, "3 3"]:
-    """The rotation matrix of a unit quaternion, for column vectors."""
-    scalar, vector = turn[0], turn[1:]
-    crossed = torch.linalg.cross(vector.expand(3, 3), torch.eye(3, dtype=turn.dtype)).T
-    return torch.eye(3, dtype=turn.dtype) + 2 * scalar * crossed + 2 * crossed @ crossed
 
 
 def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:

@@ -19,23 +19,18 @@ MOST_PIXELS = 800 * 800
 def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfels"]:
     """Each surfel's blending weights, summed over the pixels of the camera's image; in pixels, without gradient.
 
-    In an image of more than ``MOST_PIXELS``, one pixel stands for each square of 2 x 2 pixels (3 x 3, ...). Blending is
-    linear in the blended values, so the weights are the gradient of the image's sum. Three channels are blended,
-    because the kernel for three channels is compiled already.
+    In an image of more than ``MOST_PIXELS``, one pixel stands for each square of 2 x 2 pixels (3 x 3, ...); remaining
+    pixels at the border are left out. Blending is linear in the blended values, so the weights are the gradient of the
+    image's sum. Three channels are blended, because the kernel for three channels is compiled already.
     """
     fixed = Surfels.of(surfels.plain())
     colour = torch.ones_like(fixed.centre).requires_grad_()
     step = math.ceil(math.sqrt(camera.width * camera.height / MOST_PIXELS))
-    camera = _coarser(camera.to(colour.device, colour.dtype), step)
-    with torch.enable_grad():
-        total = blend(fixed.seen_by(camera, radiance=False), colour, depth_unit=1.0).features.sum()
-    return step**2 * torch.autograd.grad(total, colour)[0][:, 0]
-
-
-def _coarser(camera: Camera, step: int) -> Camera:
-    """The camera with pixels ``step`` times as wide and as high; remaining pixels at the border are left out."""
-    return replace(
-        camera,
+    camera = replace(
+        camera.to(colour.device, colour.dtype),
         **{name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")},
         **{name: getattr(camera, name) // step for name in ("width", "height")},
     )
+    with torch.enable_grad():
+        total = blend(fixed.seen_by(camera, radiance=False), colour, depth_unit=1.0).features.sum()
+    return step**2 * torch.autograd.grad(total, colour)[0][:, 0]

@@ -54,17 +54,12 @@ class FixedRays:
         """Some surfels at a time, with V and L_ind along their rays if surfels send ``radiance`` to their front."""
         for place, some in enumerate(self.chunks):
             along = self.direction[some]
-            yield some, *self.tracer.blended(self._hits(place, some, along), along, radiance)
-
-    def _hits(self, place: int, some: Tensor, along: Tensor) -> HitLists:
-        if place in self.kept:
-            return self.kept[place]
-        found = self.tracer.hits(some, along)
-        size = sum(each.nbytes for each in vars(found).values())
-        if size <= self.left:
-            self.kept[place] = found
-            self.left -= size
-        return found
+            found = self.kept[place] if place in self.kept else self.tracer.hits(some, along)
+            size = sum(each.nbytes for each in vars(found).values())
+            if place not in self.kept and size <= self.left:
+                self.kept[place] = found
+                self.left -= size
+            yield some, *self.tracer.blended(found, along, radiance)
 
 
 @torch.no_grad()

@@ -112,7 +112,8 @@ class PathTracer:
         self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]
     ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
         """V along directions from the surfels at ``index``, and L_ind as one path a direction finds it."""
-        met, arriving = self._met(index, direction), torch.zeros_like(direction).flatten(0, 1)
+        met = drawn_hit(self.tracer.hits(index, direction), self._uniform)
+        arriving = torch.zeros_like(direction).flatten(0, 1)
         first = torch.arange(len(arriving), device=arriving.device)
         whole = met.coverage[:, None].expand_as(arriving)
         paths = self._facing(_Vertices(first, met.surfel, -direction.flatten(0, 1), whole))
@@ -124,7 +125,7 @@ class PathTracer:
         """Add the distant light that the paths' surfels send to ``arriving``; returns the next surfels."""
         from_light = self.sampler.draw(len(paths.ray), 1, self.generator)[:, 0]
         direction = torch.stack([from_light, self._drawn(paths)], 1)
-        met = self._met(paths.surfel, direction)
+        met = drawn_hit(self.tracer.hits(paths.surfel, direction), self._uniform)
         reflected, density = self.reflected(paths.surfel, paths.outgoing, direction)
         both = density + self.sampler.pdf(direction)
         seen = (met.visibility.view(both.shape) / torch.where(both > 0, both, torch.inf))[..., None]
@@ -176,9 +177,6 @@ class PathTracer:
         by_lobe = ggx_distribution(half, normal, roughness) * (normal * half).sum(-1) / (4 * (wo * half).sum(-1))
         density = glossy * by_lobe + (1 - glossy) * cosine / torch.pi
         return value, torch.where(cosine > 0, density, 0.0)
-
-    def _met(self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]) -> Met:
-        return drawn_hit(self.tracer.hits(index, direction), self._uniform)
 
     def _uniform(self, count: int) -> Float[Tensor, " {count}"]:
         device, kind = self.normal.device, self.normal.dtype

@@ -26,9 +26,6 @@ only: training reads light after all bounces from the surfels at no cost, and dr
 HIGHEST_DEGREE = 3
 """Degree of the harmonics of the surfels' own radiance."""
 
-MOST_REFRESH_FACTOR = 8
-"""Largest ``EffectPlan.refresh``."""
-
 Effects = str | tuple[str, ...]
 """``"all"``, ``"auto"``, or the names of the effects that are on."""
 
@@ -151,20 +148,12 @@ def plan_of(effects: Effects) -> EffectPlan:
 
 def checked_effects(effects: str | Iterable[str]) -> Effects:
     """The value as a variant stores it, with names in the order of EFFECTS. Raises UsageError for an unknown effect."""
-    if isinstance(effects, str):
-        if effects not in ("all", "auto"):
-            _refuse(effects)
-        return effects
-    wanted = tuple(effects)
+    wanted, known = ((effects,), ("all", "auto")) if isinstance(effects, str) else (tuple(effects), tuple(EFFECTS))
     for name in wanted:
-        if name not in EFFECTS:
-            _refuse(name)
-    return tuple(name for name in EFFECTS if name in wanted)
-
-
-def _refuse(name: str) -> None:
-    raise UsageError(
-        f"unknown effect '{name}'",
-        "The value is all, auto, or the names of the effects that are on.",
-        f"Choose among: {', '.join(EFFECTS)}.",
-    )
+        if name not in known:
+            raise UsageError(
+                f"unknown effect '{name}'",
+                "The value is all, auto, or the names of the effects that are on.",
+                f"Choose among: {', '.join(EFFECTS)}.",
+            )
+    return effects if isinstance(effects, str) else tuple(name for name in EFFECTS if name in wanted)

@@ -48,21 +48,13 @@ class PrefilteredLight:
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
         """Irradiance over pi, indexed by the normal."""
         # Separate from the glossy levels, because shading by rays needs only this map.
-        return self._filtered(1)[0]
-
-    @property
-    def glossy(self) -> Float[Tensor, "levels rows columns 3"]:
-        """Light averaged over the GGX lobe of each of LEVELS, indexed by the mirrored view direction."""
-        return self.both[1]
+        return filtered_light(self.sharp, 1)[0]
 
     @cached_property
     def both(self) -> tuple[Float[Tensor, "rows columns 3"], Float[Tensor, "levels rows columns 3"]]:
-        """``diffuse`` and ``glossy``, computed together."""
-        every = self._filtered(1 + len(LEVELS))
+        """``diffuse``, and light averaged over the GGX lobes of LEVELS, indexed by the mirrored view direction."""
+        every = filtered_light(self.sharp, 1 + len(LEVELS))
         return every[0], every[1:]
-
-    def _filtered(self, count: int) -> Float[Tensor, "{count} rows columns 3"]:
-        return filtered_light(self.sharp, count)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi, linear RGB: the radiance of a white Lambertian surface with that normal."""

@@ -14,8 +14,8 @@ from torch import Tensor
 from ..kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from ..kernels.surfel.support import support_of
 from ..kernels.trace.bvh import SurfelBVH
-from ..kernels.trace.hits import HitLists
-from ..kernels.trace.trace import Hits, blend_hits, hits_of, trace
+from ..kernels.trace.hits import HitLists, find_hits
+from ..kernels.trace.trace import Hits, blend_hits, trace
 from ..surfels.surfels import Surfels, radiance_to_sh
 from .incident import Incident
 from .plan import EffectPlan
@@ -113,10 +113,8 @@ class SurfelTracer:
     def hits(self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]) -> HitLists:
         """The hits of the rays of ``trace``, without gradient."""
         origin, reach, back_from = self._starts(index, direction.shape[1])
-        samples = direction.shape[1]
-        return hits_of(
-            self.bvh, origin, direction.flatten(0, 1), reach, back_from=back_from, rays_of_origin=samples
-        )  # fmt: skip
+        rays_of_origin = direction.shape[1]
+        return find_hits(self.bvh, origin, direction.flatten(0, 1), reach, back_from, rays_of_origin=rays_of_origin)
 
     @torch.no_grad()
     def blended(

@@ -124,7 +124,7 @@ def glossy(
 ) -> Float[Tensor, "points 3"]:
     """Light averaged over the lobe about a mirror direction; all levels are read, and two are blended."""
     place = (roughness / LEVELS[0]).clamp(0, len(LEVELS))
-    maps = torch.stack([EnvironmentMap(map_).lookup(direction) for map_ in (light.sharp, *light.glossy)])
+    maps = torch.stack([EnvironmentMap(map_).lookup(direction) for map_ in (light.sharp, *light.both[1])])
     lower = place.detach().floor().clamp(max=len(LEVELS) - 1).long()
     each = torch.arange(len(direction), device=direction.device)
     return torch.lerp(maps[lower, each], maps[lower + 1, each], (place - lower)[:, None])

@@ -54,7 +54,6 @@ def test_no_stage_depends_on_the_rendering_modules(name: str) -> None:
     core = (
         "radiogs_core.transport.maps",
         "radiogs_core.surfels.ply",
-        "radiogs_core.surfels.display_harmonics",
         "radiogs_core.on_surfels.trained",
     )
     shows = {module for module in sources.closure(*ours.sources) if module.endswith("showing") or module in core}

@@ -67,7 +67,7 @@ def test_results_of_other_sources_than_the_installed_ones_are_refused(
     finished: Path, baseline: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Audit A3: after the method was edited, and before it was run again, the gate passed."""
-    monkeypatch.setattr(FAKE, "sources", (*FAKE.sources, "radiogs_core.guards"))
+    monkeypatch.setattr(FAKE, "sources", (*FAKE.sources, "radiogs_core.scene.placed_light"))
     for further in ([], ["--update"]):
         assert main(["gate", str(finished), "--baseline", str(baseline), *further]) == 3
         said = capsys.readouterr().err

@@ -182,7 +182,7 @@ def test_the_key_of_a_start_is_over_what_it_reads_and_the_stage_before(tmp_path:
     for place, changes in [
         (0, {"reads": {"a": 1}}),
         (1, {"reads": {"a": 1}}),
-        (1, {"sources": ("radiogs_core.guards",)}),
+        (1, {"sources": ("radiogs_core.scene.placed_light",)}),
     ]:
         changed = cell(Changed(place, **changes)).stages[1]
         assert changed.start != whole.start

@@ -18,7 +18,6 @@ from radiogs.invert import InverseRendering
 from radiogs.learning import IncidentDirections, MaterialLearning, MaterialWeights
 from radiogs.settings import Variant
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.learning.views import Whole
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, roughness_to_logit
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
 from radiogs_core.transport.splatting import splat, towards
@@ -117,8 +116,7 @@ def zero_of(samples: int, directions: IncidentDirections, name: str, targets: Ta
     """The change of the logarithm at which the mean gradient is zero, by its value and its slope at the truth."""
     stage = stage_with(samples, directions, light_learns=name == "log_environment")
     stage.views = tuple(
-        replace(view, pixels=Whole(image), covered=Whole(alpha))
-        for view, (image, alpha) in zip(stage.views, targets, strict=True)
+        replace(view, pixels=image, covered=alpha) for view, (image, alpha) in zip(stage.views, targets, strict=True)
     )
     below, here, above = (slope(stage, name, side * STEP) for side in (-1, 0, 1))
     assert below < above, (name, samples, below, above)

@@ -15,8 +15,7 @@ from radiogs.settings import DEVIATIONS, PRESETS, Variant
 from radiogs.showing import labels_of
 from radiogs_bench.suites.data_sets import STANFORD_ORB, SYNTHETIC4RELIGHT, TENSOIR
 from radiogs_core.errors import UsageError
-from radiogs_core.on_surfels.length import POSITIONS
-from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, POSITIONS
 from radiogs_core.plain_values import value_at, with_values
 from radiogs_datasets.registry import LAYOUTS
 

@@ -256,7 +256,6 @@ SHOWING = {
     "radiogs.showing",
     "radiogs.relighting",
     "radiogs.varying",
-    "radiogs_core.surfels.display_harmonics",
     "radiogs_core.surfels.ply",
     "radiogs_core.transport.maps",
 }

@@ -9,7 +9,7 @@ import torch
 import warp as wp
 from jaxtyping import Bool, Float
 from torch import Tensor
-from torch.nn.functional import pad
+from torch.nn.functional import conv2d, pad
 
 from ...scene.camera import Camera
 from ..native_kernel import INTEGERS, flat, native_file, native_kernel
@@ -93,7 +93,8 @@ def matching_costs(
     colours = pad(matched.colour.T, (0, TEXEL - 3, 0, spare)).to(dtype)
     room = planes.new_empty(len(planes) * scratch_of(rows, columns, window, agreeing))
     out = planes.new_empty(len(planes), rows, columns)
-    inside = pixels_inside(matched.covered, window).to(dtype)
+    square = torch.ones(1, 1, window, window)
+    inside = conv2d(matched.covered[None, None].float(), square, padding=reach)[0, 0].clamp(min=1).to(dtype)
     arguments = [
         rows, columns, len(targets), len(others), window, agreeing, planes, targets, colours, inside, begins,
         pad(slopes, (0, spare)), torch.tensor(sizes, dtype=torch.int32), textures.memory, room, out,
@@ -131,9 +132,3 @@ def _projected(matched: Matched, other: Camera) -> tuple[Float[Tensor, "3"], Flo
     )
     to_pixels = to_pixels @ other.axes.T
     return to_pixels @ (matched.camera.centre - other.centre), to_pixels @ matched.directions.T
-
-
-def pixels_inside(covered: Bool[Tensor, "rows columns"], window: int) -> Float[Tensor, "rows columns"]:
-    """Number of covered pixels in the square of ``window`` x ``window`` pixels around each pixel; at least 1."""
-    square = torch.ones(1, 1, window, window)
-    return torch.nn.functional.conv2d(covered[None, None].float(), square, padding=window // 2)[0, 0].clamp(min=1)

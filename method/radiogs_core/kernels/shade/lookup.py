@@ -17,7 +17,12 @@ from ...scene.light import require_map
 from ..arrangement import an_item, as_on_cuda, items_of
 from ..native_kernel import flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
-from .angle import ANGLE, ATAN_TERMS
+
+ANGLE = native_file(__package__, "angle.inl")
+"""The file ``angle.inl``: atan2 as arithmetic that the CPU compiler can vectorise."""
+
+ATAN_TERMS = {torch.float32: 9, torch.float64: 20}
+"""Number of terms of atan's series, for arguments up to tan(pi/8), that reach the last digit of each type."""
 
 LOOKUP = native_file(__package__, "lookup.inl", ANGLE)
 

@@ -27,8 +27,8 @@ from ..arrangement import an_item, as_on_cuda
 from ..lanes import LANES
 from ..native_kernel import INTEGERS, LONGS, Pair, flat, native_file, native_kernel
 from ..runtime import NATIVE, WorkerSums, launch_in_parallel
-from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
+from .lookup import ANGLE, ATAN_TERMS
 
 SHADE = native_file(__package__, "shade.inl", LANES, ANGLE)
 

@@ -16,8 +16,8 @@ from torch import Tensor
 from ..arrangement import an_item, as_on_cuda, items_of
 from ..native_kernel import Pair, flat, native_file, native_kernel
 from ..runtime import ITEMWISE, WorkerSums, launch_in_parallel
-from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
+from .lookup import ANGLE, ATAN_TERMS
 
 SPLITSUM = native_file(__package__, "splitsum.inl", ANGLE)
 

@@ -1,4 +1,6 @@
-"""K5 and K10: frames of surfels from quaternions, and surfels widened by a pixel's footprint; differentiable.
+"""K5, K10 and K19: frames of surfels from quaternions, and surfels as cameras and rays meet them; differentiable.
+
+For rays the axes are the tangents over the scales; for a camera, surfels are widened by a pixel's footprint.
 
 With s = (s_u, s_v) the scales, v the variance of a pixel at the surfel's depth, (a, b) the view direction's component
 in the plane and c its cosine to the normal, the covariance is
@@ -24,6 +26,8 @@ from .geometry import SplatGeometry
 FRAME = native_file(__package__, "frame.inl", LANES)
 
 FOOTPRINT = native_file(__package__, "footprint.inl", LANES)
+
+AXES = native_file(__package__, "axes.inl")
 
 PIXEL_FILTER_VARIANCE = 1 / 12
 """Variance, in pixels^2, of the square that a pixel averages over, by which a surfel is widened."""
@@ -93,3 +97,32 @@ def footprint_kernels(dtype: torch.dtype) -> Pair:
     out = arrays, "out_u out_v out_normal out_opacity"
     pulls = arrays, "pull_u pull_v pull_normal pull_opacity to_frames to_scales to_opacities"
     return Pair(make("forward", "surfel", *given, out), make("backward", "surfel", *given, pulls))
+
+
+def met_by_rays(
+    centre: Float[Tensor, "surfels 3"],
+    frame: Float[Tensor, "surfels 3 3"],
+    log_scale: Float[Tensor, "surfels 2"],
+    opacity_logit: Float[Tensor, " surfels"],
+) -> SplatGeometry:
+    """The geometry of surfels for the ray tracer, with gradient to all arguments.
+
+    Args:
+        centre: Positions in the world.
+        frame: Rotations with columns t_u, t_v, n, in the world.
+        log_scale: Logarithms of the standard deviations along t_u and t_v, world units.
+        opacity_logit: Logits of the peak opacities.
+    """
+    shapes = frame.shape[:2], frame.shape[:2], frame.shape[:2], frame.shape[:1]
+    kernels, surfels = axes_kernels(frame.dtype), len(frame)
+    return SplatGeometry(centre, *differentiable(kernels, surfels, (), shapes, frame, log_scale, opacity_logit))
+
+
+@cache
+def axes_kernels(dtype: torch.dtype) -> Pair:
+    """The kernels for a scalar type; an item is a surfel."""
+    make = partial(native_kernel, AXES, dtype, ITEMWISE)
+    given = flat(dtype), "frame log_scale opacity_logit"
+    out = flat(dtype), "out_u out_v out_normal out_opacity"
+    pulls = flat(dtype), "pull_u pull_v pull_normal pull_opacity to_frames to_log_scales to_logits"
+    return Pair(make("forward", "surfel", given, out), make("backward", "surfel", given, pulls))

@@ -57,15 +57,12 @@ class SurfelBVH:
     """``expected_visits`` when the topology was built."""
 
     @classmethod
-    def build(cls, geometry: SplatGeometry) -> "SurfelBVH":
-        """Sort the surfels into leaves and fit the boxes."""
-        return cls.over(_topology(geometry), geometry)
-
-    @classmethod
-    def over(cls, topology: Topology, geometry: SplatGeometry) -> "SurfelBVH":
-        """A tree with a given topology, fitted to surfels."""
+    def build(cls, geometry: SplatGeometry, topology: Topology | None = None) -> "SurfelBVH":
+        """Sort the surfels into leaves, unless a topology is given, and fit the boxes."""
         new = geometry.centre.new_empty
-        tree = cls(topology, new(0, 6 * WIDTH), new(0, LEAF_FIELDS, WIDTH), new(0, dtype=torch.float64))
+        tree = cls(
+            topology or _topology(geometry), new(0, 6 * WIDTH), new(0, LEAF_FIELDS, WIDTH), new(0, dtype=torch.float64)
+        )
         tree._fit(geometry)
         tree.visits_when_built = tree.expected_visits
         return tree

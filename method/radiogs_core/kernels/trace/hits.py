@@ -19,7 +19,7 @@ from ..arrangement import as_on_cuda
 from ..lanes import LANES, bell_words
 from ..native_kernel import INTEGERS, array_of, flat, native_file, native_kernel
 from ..runtime import CHUNKS_PER_WORKER, NATIVE, in_parallel, launch, scalar_type, workers
-from ..surfel.geometry import MAX_ALPHA
+from ..surfel.geometry import MAX_ALPHA, TRACE_TRANSMITTANCE_STOP
 from .bvh import LEAF_FIELDS, SurfelBVH
 from .ray_order import coherent_order, ordered_by_origin
 from .topology import STACK, WIDTH
@@ -195,14 +195,14 @@ def find_hits(
     origin: Float[Tensor, "rays 3"],
     direction: Float[Tensor, "rays 3"],
     t_min: Float[Tensor, " rays"],
-    back_from: Float[Tensor, " rays"],
-    stop: float,
+    back_from: Float[Tensor, " rays"] | None = None,
+    stop: float = TRACE_TRANSMITTANCE_STOP,
     rays_of_origin: int = 1,
 ) -> HitLists:
     """The hits of every ray beyond ``t_min``, up to the hit that takes its transmittance below ``stop``.
 
-    Rays hit surfels from the front, and beyond ``back_from`` also from behind. Distances are in lengths of the
-    direction. ``rays_of_origin``: that many consecutive rays have the same origin, all through the list. Raises
+    Rays hit surfels from the front, and beyond ``back_from`` (None: never) also from behind. Distances are in lengths
+    of the direction. ``rays_of_origin``: that many consecutive rays have the same origin, all through the list. Raises
     UsageError if there are more hits than kernels can count.
     """
     on_cuda = as_on_cuda(origin.device)
@@ -211,7 +211,8 @@ def find_hits(
     order = ordered_by_origin(origin, direction, of_origin) if of_origin else coherent_order(origin, direction)
     rays = [value.contiguous() for value in (origin, direction)]
     tree = [bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order]
-    start, backs = t_min.index_select(0, order), back_from.contiguous()
+    start = t_min.index_select(0, order)
+    backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from.contiguous()
     at_once = RAYS_AT_ONCE_ON_CUDA if on_cuda else RAYS_AT_ONCE
     if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))

@@ -82,22 +82,8 @@ def trace(
         back_from: Distance beyond which a ray also hits surfels from behind; None: never.
         rays_of_origin: Number of consecutive rays that have the same origin, all through the list.
     """
-    lists = hits_of(bvh, origin, direction, t_min, stop, back_from, rays_of_origin)
+    lists = find_hits(bvh, origin, direction, t_min, back_from, stop, rays_of_origin)
     return blend_hits(lists, geometry, sh, features, origin, direction, stop)
-
-
-def hits_of(
-    bvh: SurfelBVH,
-    origin: Float[Tensor, "rays 3"],
-    direction: Float[Tensor, "rays 3"],
-    t_min: Float[Tensor, " rays"],
-    stop: float = TRACE_TRANSMITTANCE_STOP,
-    back_from: Float[Tensor, " rays"] | None = None,
-    rays_of_origin: int = 1,
-) -> HitLists:
-    """The hits of rays, which ``blend_hits`` can blend several times with other values; see ``trace``."""
-    backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
-    return find_hits(bvh, origin, direction, t_min, backs, stop, rays_of_origin)
 
 
 def blend_hits(
@@ -109,7 +95,7 @@ def blend_hits(
     direction: Float[Tensor, "rays 3"],
     stop: float = TRACE_TRANSMITTANCE_STOP,
 ) -> Hits:
-    """Blend the hits that ``hits_of`` found for the same rays; see ``trace``."""
+    """Blend the hits that ``find_hits`` found for the same rays, any number of times; see ``trace``."""
     radiance, scalars, blended = _Blend.apply(
         lists, direction, torch.is_grad_enabled(), origin, *vars(geometry).values(), sh, features
     )
@@ -127,12 +113,6 @@ def _rows(geometry: SplatGeometry) -> Float[Tensor, "surfels 16"]:
     none = torch.zeros_like(opacity)
     parts = [geometry.centre, opacity, geometry.axis_u, none, geometry.axis_v, none, geometry.normal, none]
     return torch.cat(parts, -1)
-
-
-def _of_rows(rows: Float[Tensor, "surfels 16"]) -> tuple[Tensor, ...]:
-    """The fields of a geometry from such vectors."""
-    centre, opacity, axis_u, _, axis_v, _, normal, _ = rows.split([3, 1, 3, 1, 3, 1, 3, 1], 1)
-    return centre, axis_u, axis_v, normal, opacity[:, 0]
 
 
 class _Blend(torch.autograd.Function):
@@ -161,7 +141,8 @@ class _Blend(torch.autograd.Function):
         arguments = [*ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
         launch_in_parallel(ctx.kernels.backward, ctx.items, origin.device, arguments, sums)
         to_surface, to_sh, to_features = sums.total()
-        return None, None, None, grad_origin, *_of_rows(to_surface), to_sh, to_features
+        centre, opacity, axis_u, _, axis_v, _, normal, _ = to_surface.split([3, 1, 3, 1, 3, 1, 3, 1], 1)
+        return None, None, None, grad_origin, centre, axis_u, axis_v, normal, opacity[:, 0], to_sh, to_features
 
 
 @cache

@@ -10,7 +10,6 @@ from baselines.methods.gi_gs.world import block, light_of, march, shader, shown
 from baselines.methods.irgs.world import looking_down, sheet, together
 from baselines.methods.stage_two import GI_GS
 from hard_cases.constructions import looking_along_z, two_balls
-from radiogs_core.learning.views import Whole
 from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
@@ -29,7 +28,7 @@ def test_case_22_a_step_on_images_of_one_row() -> None:
     stage = GI_GS.stage_of()
     view = stage.views[0]
     row = Camera(view.camera.camera_to_world, view.camera.fx, view.camera.fy, view.camera.cx, 0.5, 24, 1)
-    losses = stage.losses(replace(view, camera=row, pixels=Whole(view.image[12:13]), covered=Whole(view.mask[12:13])))
+    losses = stage.losses(replace(view, camera=row, pixels=view.image[12:13], covered=view.mask[12:13]))
     assert all(bool(torch.isfinite(value)) for value in losses.values())
 
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from radiogs_core.kernels.surfel.axes import met_by_rays
+from radiogs_core.kernels.surfel.footprint import met_by_rays
 from reference.differences import assert_same_with_gradients
 
 

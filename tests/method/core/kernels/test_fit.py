@@ -148,7 +148,7 @@ def test_fits_do_not_depend_on_the_number_of_threads() -> None:
     topology = kd_topology(surfels(1000).centre.nan_to_num())
     for team in (1, 2, 3):
         use_threads(team)
-        trees.append(SurfelBVH.over(topology, geometry))
+        trees.append(SurfelBVH.build(geometry, topology))
     for other in trees[1:]:
         assert torch.equal(other.boxes, trees[0].boxes)
         assert torch.equal(other.leaves, trees[0].leaves)

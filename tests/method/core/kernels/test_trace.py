@@ -178,7 +178,7 @@ def assert_brute_force_agrees(tree: SurfelBVH, given: Values) -> None:
 
 
 def in_kd_order(geometry: SplatGeometry) -> SurfelBVH:
-    return SurfelBVH.over(kd_topology(geometry.centre), geometry)
+    return SurfelBVH.build(geometry, kd_topology(geometry.centre))
 
 
 @pytest.mark.parametrize("build", [SurfelBVH.build, in_kd_order])

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from radiogs_core.learning.losses import edge_weights
-from radiogs_core.learning.views import bytes_of, chosen_views, in_memory, load, view_at
+from radiogs_core.learning.views import chosen_views, in_memory, load, values_of, view_at
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
 from scenes import sphere_scene
@@ -38,21 +38,21 @@ def test_compositing_covers_what_the_mask_leaves_open() -> None:
 def test_pixels_of_image_files_are_held_as_levels_bit_for_bit(most: int) -> None:
     pixels = torch.arange(most + 1).float()[torch.randperm(most + 1)].view(-1, 2, 1) / most
     kept = in_memory(pixels, torch.device("cpu"))
-    assert bytes_of(kept) == (most + 1) * (1 if most == 255 else 2)
-    assert torch.equal(kept.values(), pixels)
+    assert kept.nbytes == (most + 1) * (1 if most == 255 else 2)
+    assert torch.equal(values_of(kept), pixels)
 
 
 def test_pixels_that_are_no_levels_of_image_files_are_held_as_float32() -> None:
     pixels = torch.rand(8, 8, 3)
     kept = in_memory(pixels, torch.device("cpu"))
-    assert bytes_of(kept) == 4 * pixels.numel()
-    assert torch.equal(kept.values(), pixels)
+    assert kept.nbytes == 4 * pixels.numel()
+    assert torch.equal(values_of(kept), pixels)
 
 
 def test_a_scene_of_8_bits_takes_four_bytes_a_pixel_and_is_what_the_files_hold() -> None:
     scene = load_scene("corner")
     for view, loaded in zip(scene.train[:3], load(scene.train[:3], torch.device("cpu")), strict=True):
-        assert bytes_of(loaded.pixels) + bytes_of(loaded.covered) == 4 * view.camera.width * view.camera.height
+        assert loaded.pixels.nbytes + loaded.covered.nbytes == 4 * view.camera.width * view.camera.height
         assert torch.equal(loaded.image, view.read("image"))
         assert torch.equal(loaded.mask, view.read("alpha")[..., 0])
 

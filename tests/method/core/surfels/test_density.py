@@ -7,12 +7,7 @@ import pytest
 import torch
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.density import (
-    AdaptiveDensity,
-    AdaptiveDensityControl,
-    OpacityResets,
-    PositionalGradient,
-)
+from radiogs_core.surfels.density import AdaptiveDensity, AdaptiveDensityControl, OpacityResets
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, surfels_at
 
 RULES = AdaptiveDensity()
@@ -34,7 +29,7 @@ def all_show(surfels: Surfels) -> torch.Tensor:
 
 def control(gradient: list[float], maximum: int = 100, rules: AdaptiveDensity = RULES) -> AdaptiveDensityControl:
     made = AdaptiveDensityControl(rules, 10, maximum, 1.0, four_surfels(), all_show)
-    made.gradient = PositionalGradient(torch.tensor(gradient, dtype=torch.float32), torch.ones(4))
+    made.total, made.views = torch.tensor(gradient, dtype=torch.float32), torch.ones(4)
     return made
 
 
@@ -83,14 +78,14 @@ def test_surfels_that_hardly_show_are_pruned_where_that_is_due(iteration: int, s
     by.contribution = lambda _: torch.tensor([0.11, 0.09, 0.11, 5.0])
     found = by.act(four_surfels(), iteration, 100, torch.Generator().manual_seed(0))
     assert found[1].tolist() == stay
-    assert len(by.gradient.total) == len(found[0]) == len(found[1])
+    assert len(by.total) == len(found[0]) == len(found[1])
 
 
 def test_remaining_surfels_keep_their_statistics_if_none_are_added() -> None:
     by = control([1, 2, 3, 4], rules=replace(RULES, hidden_at=(1.0,)))
     by.contribution = lambda _: torch.tensor([1.0, 0.0, 1.0, 1.0])
     by.act(four_surfels(), 100, 100, torch.Generator())
-    assert by.gradient.total.tolist() == [1, 3, 4]
+    assert by.total.tolist() == [1, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -176,8 +171,8 @@ def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, four_surfels(), all_show)
     resumed.restore(first.state())
     assert changed(four_surfels(), resumed)[1].tolist() == changed(four_surfels(), first)[1].tolist()
-    assert len(first.gradient.total) == 5
-    assert not first.gradient.total.any()
+    assert len(first.total) == 5
+    assert not first.total.any()
 
 
 def test_the_positional_gradient_is_that_of_a_shift_on_the_screen() -> None:
@@ -193,6 +188,7 @@ def test_the_positional_gradient_is_that_of_a_shift_on_the_screen() -> None:
     on_screen = centre[0, :2] / centre[0, 2] * 40.0 / 32.0
     loss(on_screen).backward()
     assert centre.grad is not None
-    found = PositionalGradient(torch.zeros(1, dtype=torch.float64), torch.zeros(1, dtype=torch.float64))
-    found.add(camera, centre.detach(), centre.grad, torch.tensor([True]))
-    assert float(found.mean()) == pytest.approx(float(weight.norm()))
+    found = AdaptiveDensityControl(RULES, 10, 100, 1.0, four_surfels().take(torch.tensor([0])), all_show)
+    found.observe(camera, centre.detach(), centre.grad, torch.tensor([True]))
+    assert float(found.total) == pytest.approx(float(weight.norm()))
+    assert float(found.views) == 1

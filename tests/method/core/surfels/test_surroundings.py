@@ -7,7 +7,7 @@ import torch
 
 from radiogs_core.scene.contraction import Contraction
 from radiogs_core.scene.scene import Points, Scene
-from radiogs_core.surfels.starting_points import SurfelStart, project
+from radiogs_core.surfels.starting_points import SurfelStart
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.surfels.surroundings import (
     SurroundingsStart,
@@ -38,7 +38,7 @@ def test_points_lie_on_rays_of_pixels_and_have_their_colours() -> None:
     found = points_on_rays(scene, scene.train, 300, AROUND, seed())
     explained = torch.zeros(300, dtype=torch.bool)
     for view in scene.train:
-        pixel, depth = project(found.positions, view.camera)
+        pixel, depth, _ = view.camera.project(found.positions)
         at_centre = ((pixel - pixel.floor() - 0.5).abs() < 1e-3).all(-1) & (depth > 0)
         column, row = pixel.long().clamp(0, 15).unbind(-1)
         explained |= at_centre & (view.read("image")[row, column] - found.colours).abs().amax(-1).lt(1e-6)
@@ -48,7 +48,7 @@ def test_points_lie_on_rays_of_pixels_and_have_their_colours() -> None:
 def test_without_a_choice_depths_are_uniform_in_disparity() -> None:
     scene = room_scene(views=2, size=16)  # one training view
     found = points_on_rays(scene, scene.train, 4000, ONE, seed())
-    _, depth = project(found.positions, scene.train[0].camera)
+    _, depth, _ = scene.train[0].camera.project(found.positions)
     nearest, farthest = depth_range(scene, scene.train[0], ONE)
     share = (1 / depth - 1 / farthest) / (1 / nearest - 1 / farthest)
     torch.testing.assert_close(share.sort().values, torch.linspace(0, 1, 4000), atol=0.03, rtol=0)

@@ -8,10 +8,11 @@ import torch
 from plyfile import PlyData
 from torch.nn.functional import normalize
 
+from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS, surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.surfels.viewer_files import FORMS, matrix_of, turned, upright, write_for_viewer
+from radiogs_core.surfels.viewer_files import FORMS, turned, upright, write_for_viewer
 
 UP = torch.tensor([0.0, 0.0, 1.0])
 
@@ -72,7 +73,7 @@ def test_in_supersplat_the_scene_stands_upright(tmp_path: Path) -> None:
 @pytest.mark.parametrize("up", [[0.0, 0.0, 1.0], [0.3, -0.8, 0.5], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 def test_the_shortest_turn_brings_up_where_it_is_wanted(up: list[float]) -> None:
     start, end = torch.tensor(up), torch.tensor([0.0, -1.0, 0.0])
-    by = matrix_of(upright(start, end))
+    by = frames(upright(start, end)[None])[0]
     torch.testing.assert_close(by @ normalize(start.double(), dim=0), end.double(), atol=1e-12, rtol=0)
     torch.testing.assert_close(by @ by.T, torch.eye(3).double(), atol=1e-12, rtol=0)
     assert float(torch.linalg.det(by)) == pytest.approx(1.0)
@@ -81,7 +82,7 @@ def test_the_shortest_turn_brings_up_where_it_is_wanted(up: list[float]) -> None
 def test_a_turned_world_looks_the_same_to_who_turns_along() -> None:
     surfels = some_surfels()
     turn = normalize(torch.tensor([0.9, 0.2, -0.5, 0.3]).double(), dim=0)
-    by, after = matrix_of(turn).float(), turned(surfels, turn)
+    by, after = frames(turn[None])[0].float(), turned(surfels, turn)
     directions = normalize(torch.randn(6, 50, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
     before, now = surfel_radiance(surfels.sh, directions), surfel_radiance(after.sh, directions @ by.T)
     torch.testing.assert_close(now, before, atol=2e-5, rtol=0)

@@ -20,7 +20,7 @@ from radiogs.rays import RaySettings
 from radiogs.settings import PRESETS, Budget, Variant
 from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
-from radiogs_core.learning.views import TrainingView, Whole
+from radiogs_core.learning.views import TrainingView
 from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import View
 from radiogs_core.surfels.surfels import Surfels
@@ -119,8 +119,7 @@ def views_of(made: ProbeScene) -> list[TrainingView]:
     """Training views for a planner, which show the targets of a probe's views."""
     shown = [(view.camera, view.target) for view in made.views if view.target is not None]
     return [
-        TrainingView(camera, View("", camera, {}), Whole(target), Whole(torch.ones_like(target[..., 0])))
-        for camera, target in shown
+        TrainingView(camera, View("", camera, {}), target, torch.ones_like(target[..., 0])) for camera, target in shown
     ]
 
 
