@@ -39,19 +39,19 @@ FEWEST, MOST = 5, 30
 HARNESS = "radiogs_bench"
 
 LIMITS: Mapping[str, int] = {
-    "product files": 538,
-    "files with one user": 88,
+    "product files": 541,
+    "files with one user": 89,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
-    "lines of radiogs_core": 12_059, "functions of radiogs_core": 713,
-    "lines of radiogs": 4_962, "functions of radiogs": 269,
+    "lines of radiogs_core": 12_340, "functions of radiogs_core": 728,
+    "lines of radiogs": 4_967, "functions of radiogs": 269,
     "lines of radiogs_datasets": 11_412, "functions of radiogs_datasets": 635,
     "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 488,
     "lines of radiogs_reports": 8_497, "functions of radiogs_reports": 508,
     "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_398,
     "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_323,
-    "lines of tests": 59_827,
+    "lines of tests": 59_911,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name."""
