@@ -64,7 +64,7 @@ class Variation:
         """The variation of each column: of each channel of the albedo, or of each of several albedos."""
         learning = self.learning
         apart = learning.other_paint * torch.tanh(self.far.differences(log_albedo) / learning.other_paint)
-        near, far = self.near.weight @ self.near.differences(log_albedo), self.far.weight @ apart
+        near, far = self.near.differences(log_albedo).T @ self.near.weight, apart.T @ self.far.weight
         return (1 - learning.far_share) * near + learning.far_share * far
 
     def log_albedo(self, white: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:

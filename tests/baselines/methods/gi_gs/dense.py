@@ -111,7 +111,7 @@ def image(
 
 def _lobe(light: PrefilteredLight, mirrored: Tensor, roughness: Tensor) -> Tensor:
     """Linear interpolation between the light itself at roughness 0 and the lobes of 0.2, 0.4, 0.6, 0.8 and 1."""
-    maps = [environment_radiance(map_, mirrored) for map_ in (light.sharp, *light.glossy)]
+    maps = [environment_radiance(map_, mirrored) for map_ in (light.sharp, *light.both[1])]
     lower = min(int(float(roughness.detach()) / 0.2), 4)
     share = roughness / 0.2 - lower
     return (1 - share) * maps[lower] + share * maps[lower + 1]
