@@ -285,6 +285,7 @@ def test_a_sun_of_half_a_degree_is_found_by_its_shadow_and_leaves_it_out_of_the_
     by_sun, by_sky = light.suns.double().sum(0), (light.sky * area).sum((0, 1))
     of_sky = (0.4 * soft_light() * area).sum((0, 1))
     torch.testing.assert_close(by_sun / by_sky, SUNLIGHT / of_sky, rtol=0.35, atol=0.0)
+    assert float((by_sun + by_sky).max() / (by_sun + by_sky).min()) < 2, "black surfels do not tell its colour"
     shown = (surfels.frame[..., 2, 2] > 0.05) & (surfels.centre[:, 2] > -0.01)
     white = white_surfels(light, discs, points, transport, rays, START.search)[shown]
     without = transport.white(least_variation_light(variation, transport).light)
