@@ -34,6 +34,7 @@ REFINED = (6.0, 2.0)
 """Radii, in degrees, of the neighbourhoods of the best direction that are searched in turn, in ``TRIED`` directions."""
 
 TRIED = 32
+"""Directions that are tried in a neighbourhood."""
 
 SAMPLES = 16
 """Directions over a disc."""
@@ -96,7 +97,7 @@ def with_suns(
         begin = Light(found.light.sky, torch.cat([found.light.suns, energy[None]]))
         tried = least_variation_light(variation, further, begin, TRIAL)
         without = least_variation_light(variation, transport, found.light, TRIAL)
-        if tried.variation > without.variation - worth:
+        if not tried.variation < without.variation - worth:  # also if it is not a number
             break
         found, transport, discs = tried, further, (*discs, disc)
     if discs:
@@ -136,9 +137,8 @@ def _best(
     gives points less than ``LIT`` is no candidate.
     """
     shown, level, least = variation.radiance.mean(-1, keepdim=True).log(), white.mean(-1, keepdim=True), math.inf
-    best, ratio = 0, RATIOS[0]
-    mean = columns.mean(0)
-    for some in torch.nonzero(mean > LIT * mean.max())[:, 0].split(COLUMNS_AT_ONCE):
+    best, ratio, mean = 0, RATIOS[0], columns.mean(0)
+    for some in torch.nonzero(mean >= LIT * mean.max())[:, 0].split(COLUMNS_AT_ONCE):
         for each in RATIOS:
             under = level + each * level.mean() * columns[:, some] / mean[some]
             varied, index = variation.of(shown - under.log()).min(0)

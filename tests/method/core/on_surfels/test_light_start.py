@@ -305,6 +305,25 @@ def test_no_sun_is_found_in_a_soft_sky() -> None:
     assert not len(light.suns)
 
 
+class Enclosed(SharedRays):
+    """Rays that meet other surfels in every direction."""
+
+    def arriving(
+        self, centre: torch.Tensor, normal: torch.Tensor, direction: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        return torch.zeros(len(centre), len(direction)), torch.full_like(centre, 0.1)
+
+
+def test_no_sun_is_found_where_no_light_reaches_a_point() -> None:
+    use_threads(1)
+    surfels, points, _ = ball_over_plate()
+    rays = Enclosed(surfels)
+    transport, received = transport_to(points, rays, ROWS)
+    light, discs = with_suns(Variation(points, LightStart(steps=9)), transport, points, rays, received)
+    assert not discs
+    assert bool(torch.isfinite(light.sky).all())
+
+
 def test_a_disc_keeps_its_energy_and_its_place_in_a_map_of_any_size() -> None:
     normal = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     for rows, reach in ((8, 25.0), (256, 1.0)):
