@@ -1,19 +1,24 @@
 """Shows a run that has results on the terminal: its reports and their table; and the table of a score."""
 
+import sys
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
 from radiogs_reports.analysis.beside import beside_report
 from radiogs_reports.summary import Summary, protocol_title
-from radiogs_reports.tables.caption import preset_and_recipe, published_note
+from radiogs_reports.tables.caption import preset_and_recipe
+from radiogs_reports.tables.doubts import MARKS
 from radiogs_reports.tables.model import Column, PrintedCell, Table
-from radiogs_reports.tables.record import HEADING, record_reports
+from radiogs_reports.tables.record import record_reports
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.wording import count_of, marked, mean_over
+from radiogs_reports.wording import mean_over, number
+from radiogs_reports.write.markdown import table_head, table_line
 
 from ..results.reports import EVERYTHING, Shown, write
 from ..runs.sweep import Sweep
@@ -26,67 +31,60 @@ from .reporter import complain, console, say, say_aside, show
 
 PAGE = "report.html"
 
+WIDTH = 120
+"""Characters that the end of a run takes at most, on a wider terminal, too."""
+
 
 def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width: int | None = None) -> None:
-    """Rebuild the summary and the reports of a run, and print the table in lines of ``width`` characters (default: as
-    many as the terminal has); the last line names the page."""
+    """Rebuild the summary and the reports of a run, and print what it found, its table, what it did not resolve, and
+    what to open, in lines of ``width`` characters (default: as many as the terminal has). Into a file or a pipe the
+    table goes as Markdown."""
     summary, written = write(store, sweep, shown)
     table = suite_table(summary)
-    for part in parts_of(table, title_of(summary), console(width).width):
-        show(part, width)
-    say(*below(table))
-    if more := len(table.remarks):  # they would fill a screen, and the page has them
-        say(f"The page has {count_of(more, 'remark')} more, on what differs from the published and what is not known.")
-    say(f"Mean over {mean_over(summary)}.")
-    say(f"Metric protocol: {protocol_title(summary)}; {preset_and_recipe(summary)}. {published_note(summary)}")
-    show_records(summary, width)
+    room = min(WIDTH, console(width).width)
+    for each in (*table.headline, title_of(summary)):
+        say(*wrap(each, room))
+    if width is None and not sys.stdout.isatty():
+        say(*in_markdown(table))
+    else:
+        for part in parts_of(table, room):
+            show(part, width)
+    for each in (*below(table), *in_the_record(summary)):
+        say(*wrap(each, room))
     if (compared := beside_report(summary)) is not None:
         say(*compared.sentences)
     say_aside(store)
-    say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
-
-
-def below(table: Table) -> list[str]:
-    """The sentences below a table: its findings, how to read it, why values are missing, and footnotes."""
-    found = [each.plain for each in table.findings]
-    return [*found, explanation(table), *table.legend_in_words, *reasons(table), *table.footnotes]
-
-
-def show_records(summary: Summary, width: int | None) -> None:
-    """Print the record of a longer run of some of these rows by the same recipe, and a sentence for each row: in which
-    columns this run agrees. Records by other recipes are counted; the page shows them.
-    """
-    rows, others = {row["key"] for row in summary["rows"]}, 0
-    for run, report in zip(summary.get("longer_runs", []), record_reports(summary), strict=True):
-        if rows.isdisjoint(row["key"] for row in run["rows"]):
-            continue
-        if run["recipe"] != summary.get("recipe", ""):
-            others += 1
-            continue
-        say(f"\n{HEADING}")
-        for name, text in report.facts.items():
-            say(f"{name}: {text}")
-        for part in parts_of(report.table, f"Record: {report.title}", console(width).width):
-            show(part, width)
-        found = [each.plain for each in report.table.findings]
-        say(*found, *report.table.legend_in_words, *report.rows_in_words)
-    if others:
-        say(f"\nThe page also shows {count_of(others, 'longer run')} by other recipes, committed with the project.")
-
-
-def explanation(table: Table) -> str:
-    """A sentence that explains the lines below each value in the table."""
-    if table.reference is None:
-        return "The rows are not variants of one method, so no differences are shown."
-    return (
-        f"Below each value: its difference to '{table.reference.text}', with the half-width of its 95 % interval where"
-        " there are several scenes or seeds; better or worse, where that is resolved."
+    say(
+        f"Open {store.folder / PAGE}: intervals, the paper's values, pictures, conditions ({len(written)} files there)."
     )
 
 
-def reasons(table: Table) -> list[str]:
-    """Why values are missing: each reason once, with its columns."""
-    return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items()]
+def below(table: Table) -> list[str]:
+    """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
+    tested = [column for column in table.columns if column.smallest is not None]
+    smallest = [f"{each.label} {number(each.smallest or 0.0, each.decimals)} {each.unit}".rstrip() for each in tested]
+    compared = any(cell.difference is not None for cell in table.cells)
+    marked = [
+        each.label for place, each in enumerate(table.columns) if any(row.cells[place].marks for row in table.rows)
+    ]
+    how = (
+        f"Below each value its difference to '{table.reference.text}'; * resolved."
+        if table.reference and compared
+        else ""
+    )
+    doubtful = f"{MARKS[0]} doubtful, the page tells why: {', '.join(marked)}." if marked else ""
+    lines = [
+        f"{how} {doubtful}".strip(),
+        f"Not resolved is what is smaller than about: {', '.join(smallest)}." if smallest else "",
+        *(f"n/a in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items()),
+    ]
+    return [each for each in lines if each]
+
+
+def in_the_record(summary: Summary) -> list[str]:
+    """A sentence for each committed record of these rows by the same recipe: how many differences agree with it."""
+    recipe, known = summary.get("recipe", ""), zip(summary.get("longer_runs", []), record_reports(summary), strict=True)
+    return [report.agreement for run, report in known if run["recipe"] == recipe and report.agreement]
 
 
 LABEL = 24
@@ -97,8 +95,8 @@ Texts = tuple[str, list[str]]
 """The heading of a column, and its text in each row."""
 
 
-def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
-    """A table, cut between columns where ``width`` characters do not hold it; the first part has the title."""
+def parts_of(table: Table, width: int) -> list[RichTable]:
+    """A table, cut between columns where ``width`` characters do not hold it."""
     label: Texts = "", [row.text for row in table.rows]
     columns = [texts_of(table, place) for place in range(len(table.columns))]
     parts = []
@@ -107,8 +105,14 @@ def parts_of(table: Table, title: str, width: int) -> list[RichTable]:
         count = next((n for n in range(len(columns), 1, -1) if needed(columns[:n]) <= room), 1)
         parts.append(table_part(label, columns[:count]))
         columns = columns[count:]
-    parts[0].title = escape(title)
     return parts
+
+
+def in_markdown(table: Table) -> list[str]:
+    """A table as lines of Markdown, one for each row."""
+    heads = [table.lead, *(each.heading for each in table.columns)]
+    rows = [[row.text, *(entry(cell) for cell in row.cells)] for row in table.rows]
+    return [*table_head(heads), *map(table_line, rows)]
 
 
 def needed(columns: Sequence[Texts]) -> int:
@@ -117,8 +121,8 @@ def needed(columns: Sequence[Texts]) -> int:
 
 
 def drawn(width: int) -> int:
-    """Characters that a column of ``width`` characters takes with its margins and the line beside it."""
-    return width + 3
+    """Characters that a column of ``width`` characters takes with the blank beside it."""
+    return width + 1
 
 
 def lines_of(column: Texts) -> int:
@@ -128,15 +132,14 @@ def lines_of(column: Texts) -> int:
 
 
 def title_of(summary: Summary) -> str:
-    """The suite's title, with the scenes, seeds and preset of the run."""
-    seeds = ", ".join(map(str, summary["seeds"]))
-    scenes = ", ".join(marked(summary, scene) for scene in summary["scenes"])
-    return f"{summary['title']}: {scenes}, seeds {seeds}, preset {summary['preset']}"
+    """The suite's title, and what its values are means over."""
+    conditions = f"{preset_and_recipe(summary)}; protocol {protocol_title(summary)}"
+    return f"{summary['title']}: mean over {mean_over(summary)}; {conditions}"
 
 
 def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:
     """A table of the rows' labels and some columns; only the labels may be wrapped."""
-    made = RichTable(show_lines=True)
+    made = RichTable(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     made.add_column(label[0], max_width=LABEL)
     for heading, _ in columns:
         made.add_column(heading, no_wrap=True, justify="right")
@@ -151,22 +154,17 @@ def texts_of(table: Table, place: int) -> Texts:
 
 
 def heading(column: Column) -> str:
-    """A column's label, a word or two a line, with the better direction and its unit."""
+    """A column's label in two lines, with the better direction and its unit."""
     task, _, measure = column.label.partition(" ")
-    last = f"{measure or task} {column.arrow}"
-    return "\n".join([*([task] if measure else []), last, *([f"({column.unit})"] if column.unit else [])])
+    return "\n".join([*([task] if measure else []), f"{measure or task} {column.arrow} {column.unit}".rstrip()])
 
 
 def entry(cell: PrintedCell) -> str:
-    """Mean with its marks, paired difference with its interval, verdict and published value, each on a line."""
-    lines = [f"{cell.text}{cell.marks}"]
-    if cell.difference is not None:
-        lines.append(cell.difference.plus_minus)
-    if cell.verdict is not None:
-        lines.append(cell.verdict)
-    if cell.published is not None:
-        lines.append(f"paper {cell.published.text}")
-    return "\n".join(lines)
+    """Mean with its mark, and below it the paired difference with its interval and a star where it is resolved."""
+    value = f"{cell.text}{cell.marks[:1] and MARKS[0]}"
+    if cell.difference is None:
+        return value
+    return f"{value}\n{cell.difference.plus_minus.replace(' ', '')}{'*' if cell.verdict else ''}"
 
 
 def say_without_weights(protocols: Sequence[Protocol]) -> None:

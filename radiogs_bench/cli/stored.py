@@ -68,7 +68,8 @@ def report(
     :param scenes: Report on these of its scenes alone (default: all).
     :param no_pictures: Leave out figures, images and surfels: tables and page are there within seconds.
     :param beside: Compare the run with the one in this folder, cell by cell: on the page, in tables/beside.* and here.
-    :param style: Write OUT/paper.tex alone: the table as a paper prints it, without differences and remarks.
+    :param style: Write OUT/paper_table.tex to be input, and paper.tex around it, alone: the table as a paper prints it,
+        without differences and remarks.
     :param columns: With --style, print these metrics, such as nvs/psnr, in this order (default: all that have a value).
     """
     from ..results.reports import Shown
@@ -103,10 +104,11 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
     for key in columns:
         if key not in known:
             raise unknown("column", key, known, of=f"suite '{summary['suite']}'")
-    path = out / "paper.tex"
+    table = camera_ready(summary, columns)
     with explained(out):
-        write_atomically(path, document(camera_ready(summary, columns)).encode())
-    say(f"{path}: its table environment needs booktabs and graphicx; pdflatex compiles the whole")
+        write_atomically(out / "paper_table.tex", table.encode())
+        write_atomically(out / "paper.tex", document(table).encode())
+    say(f"{out / 'paper_table.tex'}: a table to input, with booktabs and graphicx; pdflatex compiles paper.tex")
 
 
 @dataclass(frozen=True)

@@ -72,14 +72,6 @@ class Sentence(NamedTuple):
     """Label of the row that it is about, in plain text; empty if it is about the table."""
     latex: str = ""
     """That label in LaTeX; empty where it is ``row``, escaped."""
-    without_values: str | None = None
-    """The sentence without measured values, which stand in the table, empty where that leaves nothing; None where it
-    has none."""
-
-    @property
-    def short(self) -> str:
-        """The sentence without measured values."""
-        return self.text if self.without_values is None else self.without_values
 
     @property
     def plain(self) -> str:
@@ -181,6 +173,28 @@ def sentences_of(table: ComparedTable) -> list[Sentence]:
     return [*made, *_left_out(table, [each for each in found if each.doubted])]
 
 
+def headline(table: ComparedTable) -> list[str]:
+    """What a table found, in a sentence or two: the first row that is compared, then the counts over all rows."""
+    counted = [each for each in differences_of(table) if not each.doubted]
+    first = [each for each in counted if each.row == counted[0].row and each.difference["units"] > 1]
+    if not first or table.reference is None:
+        return [each.text for each in _counts(counted)]
+    labels = {each["key"]: each["text"] for each in table.rows}
+    columns = {each["key"]: each for each in table.columns}
+    told = [_entry(columns[each.column], each) for each in first if each.resolved]
+    open_ = [each for each in first if not each.resolved]
+    paper = [
+        f"{columns[each.column]['label']} {signed_number(each.published, columns[each.column]['decimals'])}"
+        for each in open_
+        if each.published is not None
+    ]
+    rest = f"{'nothing else' if told else 'nothing'} that this run could show" if open_ else ""
+    whole = "; ".join([*told, *([rest] if rest else [])])
+    theirs = f" (paper: {', '.join(paper)})" if paper else ""
+    sentence = f"{labels[counted[0].row]} beside {labels[table.reference]}: {whole}{theirs}."
+    return [sentence, *(each.text for each in _counts(counted))]
+
+
 def _counts(counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     if not counted:
         return
@@ -202,7 +216,7 @@ def _counts(counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
 
 def _how_to_read(table: ComparedTable, counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     if any(each.smallest is not None for each in counted):
-        yield Sentence(HOW_TO_READ, without_values="")
+        yield Sentence(HOW_TO_READ)
     reported = {each.column for each in counted if each.published is not None}
     if reported:
         few = len(table.scenes) <= MOST_NAMED
@@ -236,14 +250,12 @@ def _of_row(table: ComparedTable, row: RowSummary, found: Sequence[MeasuredDiffe
     own = [(columns[each.column], each) for each in found]
     told = [each for each in own if each[1].resolved]
     if told:
-        text, short = ("; ".join(_entry(*each, with_values) for each in told) for with_values in (True, False))
-        yield Sentence(f"resolved: {text}.", row["text"], row["latex"], f"resolved: {short}.")
+        text = "; ".join(_entry(*each) for each in told)
+        yield Sentence(f"resolved: {text}.", row["text"], row["latex"])
     others = [each for each in own if not each[1].resolved]
     if others:
-        text = f"not resolved: {'; '.join(_entry(*each, with_values=True) for each in others)}."
-        sizes = " ".join(_sizes(others))
-        short = f"{sizes[:1].lower()}{sizes[1:]}"
-        yield Sentence(f"{text} {sizes}".rstrip(), row["text"], row["latex"], short)
+        text = f"not resolved: {'; '.join(_entry(*each) for each in others)}."
+        yield Sentence(" ".join([text, *_sizes(others)]), row["text"], row["latex"])
 
 
 def _sizes(others: Sequence[tuple[ColumnSummary, MeasuredDifference]]) -> Iterator[str]:
@@ -256,17 +268,20 @@ def _sizes(others: Sequence[tuple[ColumnSummary, MeasuredDifference]]) -> Iterat
         yield f"The interval excludes the paper's size: {', '.join(excluded)}."
 
 
-def _entry(column: ColumnSummary, found: MeasuredDifference, with_values: bool) -> str:
-    """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``, or without the measured values."""
+def _entry(column: ColumnSummary, found: MeasuredDifference) -> str:
+    """``NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)``."""
     decimals, remarks = column["decimals"], []
     if not found.resolved and found.smallest is not None:
         remarks.append(f"could show {number(found.smallest, decimals)}")
+        low, high = found.difference["low"], found.difference["high"]
+        if low is not None and high is not None and low * high > 0:
+            remarks.append("excludes zero alone, not after correction for all rows")
     if found.published is not None:
         remarks.append(f"paper {signed_number(found.published, decimals)}")
     if found.resolved and found.verdict is not None:
         remarks.append(f"sign {found.verdict}")
     behind = f" ({', '.join(remarks)})" if remarks else ""
-    return f"{column['label']}{measured(column, found.difference) if with_values else ''}{behind}"
+    return f"{column['label']}{measured(column, found.difference)}{behind}"
 
 
 def measured(column: ColumnSummary, difference: Interval) -> str:

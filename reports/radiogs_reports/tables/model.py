@@ -187,6 +187,8 @@ class Table:
     """The data that published values are averaged over."""
     apart_title: str = ""
     """The heading of published values by other conventions; empty if there are none."""
+    headline: Sequence[str] = ()
+    """What the table found, in a sentence or two."""
     findings: Sequence[Sentence] = ()
     """The differences that are resolved, those that are not, and the paper's beside them; they stand above it."""
     legend: Sequence[str] = ()

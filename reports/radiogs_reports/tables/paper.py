@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from ..analysis.findings import compared_paper, sentences_of
+from ..analysis.findings import compared_paper, headline, sentences_of
 from ..summary import PaperColumn, PaperTable, Summary, counted_scenes, protocol_title
 from ..wording import mean_over, number
 from .doubts import shown_verdict
@@ -36,6 +36,7 @@ def paper_table(stored: PaperTable, summary: Summary) -> Table:
         reference=next((row for row in rows if row.key == stored["reference"]), None),
         published_data=stored["data"],
         apart_title=_apart_title(stored, summary),
+        headline=headline(compared_paper(stored, summary)),
         findings=sentences_of(compared_paper(stored, summary)),
     )
     made = with_legend(made, counted_scenes(summary))

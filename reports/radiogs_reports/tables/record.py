@@ -1,5 +1,6 @@
 """Records, which are committed with the project, and whether a run agrees with the record of its suite."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -8,14 +9,14 @@ from typing import NamedTuple
 from ..analysis.findings import MeasuredDifference, compared_run, differences_of, measured
 from ..analysis.report import Grid, Item, name_item
 from ..summary import ColumnSummary, RecordedRun, Summary
-from ..wording import heading, marked, mean_over, number, signed
+from ..wording import count_of, heading, marked, mean_over, number, signed
 from .caption import ORIGIN
 from .model import Difference, PrintedCell, Table, difference_of, rank_in_words, stored_ranks
 from .suite import run_table, suite_table, value_cell
 
 HEADING = "Record of a longer run, committed with the project (not measured here)"
 
-OUTCOMES = SAME, OPPOSITE, OPEN, HERE_ALONE, NEITHER = (
+SAME, OPPOSITE, OPEN, HERE_ALONE, NEITHER = (
     "the same sign here as in the record, both resolved",
     "the opposite sign here, both resolved",
     "not resolved here, but in the record",
@@ -31,7 +32,7 @@ class Agreement(NamedTuple):
     row: str
     column: str
     outcome: str
-    """One of OUTCOMES."""
+    """One of the five above."""
     sentence: str
 
 
@@ -48,16 +49,16 @@ class RecordReport(NamedTuple):
     """Its differences to the reference row, scene by scene."""
 
     @property
-    def rows_in_words(self) -> list[str]:
-        """The agreements in one sentence for each row: the columns of every outcome."""
-        found: dict[str, dict[str, list[str]]] = {}
-        for each in self.agreements:
-            found.setdefault(each.row, {}).setdefault(each.outcome, []).append(each.column)
-        told = {
-            row: [f"{outcome}: {', '.join(columns[outcome])}" for outcome in OUTCOMES if outcome in columns]
-            for row, columns in found.items()
-        }
-        return [f"{row}: {'; '.join(outcomes)}." for row, outcomes in told.items()]
+    def agreement(self) -> str:
+        """How many differences agree with this run, in a sentence; empty where no run stands beside it."""
+        counts = Counter(each.outcome for each in self.agreements)
+        if not counts:
+            return ""
+        date, scenes = self.facts.get("Date", "a longer run"), count_of(len(self.by_scene.heads) - 2, "scene")
+        return (
+            f"Record of {date} ({scenes}): {counts[SAME]} of {count_of(counts.total(), 'difference')} resolved in both"
+            f" with equal signs, {counts[OPPOSITE]} with opposite ones, {counts[OPEN] + counts[HERE_ALONE]} in one."
+        )
 
 
 def record_reports(summary: Summary) -> list[RecordReport]:

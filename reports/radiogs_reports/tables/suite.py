@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from ..analysis.findings import compared_run, sentences_of
+from ..analysis.findings import compared_run, headline, sentences_of
 from ..summary import CellSummary, ColumnSummary, RecordedRun, Summary, counted_scenes, protocol_title
 from ..wording import mean_over, number
 from .caption import preset_and_recipe, unfinished
@@ -51,6 +51,7 @@ def run_table(
         rows,
         caption=caption,
         reference=next((row for row in rows if row.key == run["reference"]), None),
+        headline=headline(compared_run(run)),
         findings=sentences_of(compared_run(run)),
     )
     return with_legend(replace(made, notes=made.reasons), counted_scenes(run))

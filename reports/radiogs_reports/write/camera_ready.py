@@ -33,7 +33,7 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
         rf"{' & '.join([as_formula(row.text), *values])} \\" for row, *values in zip(table.rows, *printed, strict=True)
     ]
     marks = {mark for row in table.rows for place in chosen for mark in row.cells[place].marks}
-    below = [escape(line) for line in table.footnotes if line[:1] in marks]
+    below = [HIGHLIGHTS, *(escape(line) for line in table.footnotes if line[:1] in marks)]
     return "\n".join(
         [
             r"\begin{table}[t]",
@@ -95,5 +95,5 @@ def _caption(summary: Summary) -> str:
     setup = f"Mean over {mean_over(summary)}; {preset_and_recipe(summary)}"
     return (
         f"{escape(summary['title'])}. {escape(setup)}; metrics by protocol {escape(protocol_title(summary))}."
-        f"{escape(unfinished(summary))} {HIGHLIGHTS}"
+        f"{escape(unfinished(summary))}"
     )

@@ -117,28 +117,15 @@ HYPHEN = re.compile(r"(?<![\w.])-(?=\d)")
 TOGETHER = 20
 """Most figures that LaTeX places at once: it holds back every figure that has no page yet, and stops at too many."""
 
-LONGEST = 1_000
-"""Most characters of findings in a caption; longer ones are short there, and whole below the table."""
+
+def found_in(findings: Sequence[Sentence]) -> list[str]:
+    """The findings of a table as sentences."""
+    return [f"{label_of(each.latex, each.row)}, " * bool(each.row) + negative(each.text) for each in findings]
 
 
-def found_in_caption(findings: Sequence[Sentence]) -> list[str]:
-    """The findings of a table as sentences of its caption, in short if they are long."""
-    short = _is_long(findings)
-    return [_finding(each, text) for each in findings if (text := each.short if short else each.text)]
-
-
-def found_below(findings: Sequence[Sentence]) -> list[str]:
-    """The findings of a table that the caption has only in short; none if it has all of them whole."""
-    return [_finding(each, each.text) for each in findings if each.text != each.short] if _is_long(findings) else []
-
-
-def _is_long(findings: Sequence[Sentence]) -> bool:
-    return sum(len(each.plain) for each in findings) > LONGEST
-
-
-def _finding(sentence: Sentence, text: str) -> str:
-    label = f"{label_of(sentence.latex, sentence.row)}, " if sentence.row else ""
-    return f"{label}{as_formula(HYPHEN.sub(MINUS, text))}"
+def negative(text: str) -> str:
+    """Plain text as LaTeX whose negative numbers keep their sign."""
+    return as_formula(HYPHEN.sub(MINUS, text))
 
 
 def text_below(label: str, sentences: Sequence[str]) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from ..tables.model import Difference, Table
-from .latex import LEFT, as_formula, escape, found_in_caption, legend, note_mark, tabular
+from .latex import LEFT, as_formula, escape, legend, negative, note_mark, tabular
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
 """Numbers that siunitx aligns; anything else, such as n/a or an exponent, is text in the middle of the column."""
@@ -18,9 +18,6 @@ MOST_ACROSS = 6
 
 MOST_LINES = 40
 """Most lines of a table on one page, without its heads; further parts are a table of their own."""
-
-CHARACTERS = 100
-"""Characters in a line of a caption, about."""
 
 
 class Entry(NamedTuple):
@@ -100,22 +97,19 @@ def parts(count: int) -> list[slice]:
     return [slice(start, min(start + across, count)) for start in range(0, count, across)]
 
 
-def tabulars(
-    lead: str, label: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group], above: int = 0
-) -> list[str]:
+def tabulars(lead: str, label: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]) -> list[str]:
     """Tabulars below each other, one of each part of the columns, within a table environment.
 
     ``lead``: layout of the columns of the labels. ``label``: the table's, for the heads of what continues it.
-    ``above``: lines of findings on the first page.
     """
-    lines, held, room = [r"\small"], 0, MOST_LINES - above
+    lines, held = [r"\small"], 0
     for part in parts(len(groups[0].lines[0].entries)):
         cut = [group.cut(part) for group in groups]
         height = sum(len(group.lines) for group in cut)
-        if held and held + height > room:
+        if held and held + height > MOST_LINES:
             lines += [r"\end{table}", r"\begin{table}[tbp]", r"\centering", SETUP, r"\small"]
             lines += [rf"Table~\ref{{{label}}}, continued", r"\par"]
-            held, room = 0, MOST_LINES
+            held = 0
         lines += [r"\par"] * (held > 0)
         held += height
         columns = zip(*(line.entries for group in cut for line in group.lines), strict=True)
@@ -141,19 +135,17 @@ def _body(groups: Sequence[Group], across: int) -> list[str]:
 def environment(
     table: Table, label: str, caption: str, lead: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]
 ) -> list[str]:
-    """The table environment with its caption (LaTeX) and findings, tabulars, notes and legend; parameters as in
+    """The table environment with its caption (LaTeX) and headline, tabulars, notes and legend; parameters as in
     ``tabulars``."""
     notes = (rf"{note_mark(index)} {as_formula(note)}." for index, note in enumerate(table.notes))
-    found = found_in_caption(table.findings)
-    above = sum(map(len, found)) // CHARACTERS
     return [
         f"% {escape(f'{table.name}: {table.source}')}",
         r"\begin{table}[tbp]",
         r"\centering",
         SETUP,
-        f"\\caption{{{' '.join([caption, *found])}}}",
+        f"\\caption{{{' '.join([caption, *map(negative, table.headline)])}}}",
         f"\\label{{{label}}}",
-        *tabulars(lead, label, heads, groups, above),
+        *tabulars(lead, label, heads, groups),
         LEFT,
         *(rf"\par\smallskip\footnotesize {note}" for note in notes),
         *legend(table.legend),

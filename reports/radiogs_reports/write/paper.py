@@ -7,7 +7,7 @@ from ..summary import PaperTable, Summary
 from ..tables.model import Column, PrintedCell, PrintedRow, Table
 from ..tables.paper import apart_table
 from .csv_text import csv_of, value_fields
-from .latex import ARROWS, as_formula, colour_of, escape, found_below, note_mark, text_below
+from .latex import ARROWS, as_formula, colour_of, escape, found_in, note_mark, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, TabularLine, difference_entry, environment, over
 
@@ -30,7 +30,7 @@ def paper_latex(table: Table) -> str:
         groups.append(Group(apart, f"{as_formula(table.apart_title)}:"))
     caption, label = as_formula(table.caption), f"measured:{table.name}"
     lines = environment(table, label, caption, "ll", lambda part: _heads(table.columns[part]), groups)
-    return "\n".join([*lines, *text_below(label, found_below(table.findings)), ""])
+    return "\n".join([*lines, *text_below(label, found_in(table.findings)), ""])
 
 
 def _heads(columns: Sequence[Column]) -> list[str]:

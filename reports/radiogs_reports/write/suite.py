@@ -4,7 +4,7 @@ from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import PrintedCell, PrintedRow, Table
 from .csv_text import csv_of, value_fields
-from .latex import ARROWS, colour_of, escape, found_below, label_of, note_mark, text_below
+from .latex import ARROWS, colour_of, escape, found_in, label_of, note_mark, text_below
 from .markdown import listed, table_head, table_line
 from .numbers import Entry, Group, TabularLine, difference_entry, environment, over
 
@@ -13,13 +13,13 @@ def suite_latex(table: Table) -> str:
     """The table environment, for documents that load booktabs, graphicx, siunitx and xcolor (option ``table``).
 
     Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
-    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; footnotes of
-    values, remarks on methods, and findings that are too long for the caption follow the table as text.
+    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; findings, footnotes
+    of values, and remarks on methods follow the table as text.
     """
     groups = [_group(table, row) for row in table.rows]
     label = f"tab:{table.name}"
     lines = environment(table, label, _caption(table), "l", lambda part: _heads(table, part), groups)
-    below = [*found_below(table.findings), *map(escape, (*table.footnotes, *table.remarks))]
+    below = [*found_in(table.findings), *map(escape, (*table.footnotes, *table.remarks))]
     return "\n".join([*lines, *text_below(label, below), ""])
 
 

@@ -26,7 +26,6 @@ from radiogs_reports.statistics import Origin, Sample
 from radiogs_reports.summary import Interval, Summary
 from radiogs_reports.tables.paper import paper_table
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.write.latex import LONGEST
 from radiogs_reports.write.numbers import MOST_LINES
 from radiogs_reports.write.paper import paper_latex, paper_markdown
 from radiogs_reports.write.suite import suite_latex, suite_markdown
@@ -219,10 +218,6 @@ def caption_of(latex: str) -> str:
     return str(caption)
 
 
-def in_terminal(made: Summary) -> list[str]:
-    return below(suite_table(made))
-
-
 def in_markdown(made: Summary) -> list[str]:
     above, _ = suite_markdown(suite_table(made), "").split("\n| ", maxsplit=1)
     return [line.removeprefix("- ") for line in above.splitlines()]
@@ -233,7 +228,7 @@ def in_page(made: Summary) -> list[str]:
     return [unescape(re.sub(r"<i>(.)</i><sub>(\w+)</sub>", r"\1_\2", item)) for item in items]
 
 
-@pytest.mark.parametrize("shown", [in_terminal, in_markdown, in_page])
+@pytest.mark.parametrize("shown", [in_markdown, in_page])
 def test_every_report_has_the_same_sentences(shown: Callable[[Summary], list[str]]) -> None:
     made = three_rows()
     lines = shown(made)
@@ -248,33 +243,16 @@ def in_plain_text(latex: str) -> str:
     return latex
 
 
-def test_the_caption_has_the_same_sentences_with_the_labels_of_rows_in_latex() -> None:
+def test_latex_has_the_headline_in_its_caption_and_all_sentences_below_the_table() -> None:
     made = three_rows()
-    caption = caption_of(suite_latex(suite_table(made)))
-    assert r" $\lambda_{rad}=0$, resolved: NVS PSNR $-$1.23 dB [$-$1.73, $-$0.73] (paper $-$2.04" in caption
-    assert in_plain_text(caption).endswith(" ".join(sentences(made)))
-
-
-def test_long_findings_are_short_in_the_caption_and_whole_below_the_table() -> None:
-    made = three_rows()
-    made["columns"][0]["label"] = "A column with a name so long that it fills lines" * (LONGEST // 100)
     table, below_it = suite_latex(suite_table(made)).split(r"\end{table}")
-    caption = in_plain_text(caption_of(table))
-    assert "(paper -2.04, sign holds); Normal MAE (paper +0.50, sign does not hold)." in caption
-    assert caption.endswith("Detach L_G, too small for this run at the paper's size: Normal MAE.")
-    assert "-1.23 dB" not in caption
-    for sentence in sentences(made)[-2:]:
+    assert in_plain_text(caption_of(table)).endswith(" ".join(headline(compared_run(made))))
+    for sentence in sentences(made):
         assert rf"\par {sentence}" in in_plain_text(below_it)
+    assert r"\par $\lambda_{rad}=0$, resolved: NVS PSNR $-$1.23 dB [$-$1.73, $-$0.73] (paper $-$2.04" in below_it
 
 
-def test_a_caption_with_findings_leaves_fewer_lines_for_the_table_below_it() -> None:
-    made = three_rows()
-    made["columns"] += [{**made["columns"][1], "key": f"more/{place}"} for place in range(5)]
-    for place in range(MOST_LINES // 4 - 3):
-        made["rows"].append({"key": f"row{place}", "latex": "", "text": f"Row {place}", "seconds": 1.0})
-        made["cells"][f"row{place}"] = {}
-    for cells in made["cells"].values():
-        cells.update({column["key"]: cells.get(column["key"], cell(7.0, 0.1)) for column in made["columns"]})
-    table = suite_table(made)
-    assert suite_latex(table).count("continued") == 1
-    assert "continued" not in suite_latex(replace(table, findings=()))
+def test_the_headline_names_what_the_first_row_resolves_and_the_papers_values_of_the_rest() -> None:
+    first, counts = headline(compared_run(three_rows()))
+    assert first.startswith("lambda_rad = 0 beside Ours: NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)")
+    assert counts == sentences(three_rows())[0]
