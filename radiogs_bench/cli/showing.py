@@ -134,7 +134,7 @@ def lines_of(column: Texts) -> int:
 def title_of(summary: Summary) -> str:
     """The suite's title, and what its values are means over."""
     conditions = f"{preset_and_recipe(summary)}; protocol {protocol_title(summary)}"
-    return f"{summary['title']}: mean over {mean_over(summary)}; {conditions}"
+    return f"{summary['title']}. Mean over {mean_over(summary)}; {conditions}."
 
 
 def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:

@@ -7,13 +7,13 @@ from rich.console import Console
 from rich.table import Table
 
 from made_up_run import summary
-from radiogs_bench.cli.showing import parts_of, title_of
+from radiogs_bench.cli.showing import below, parts_of
 from radiogs_reports.summary import Summary
 from radiogs_reports.tables.suite import suite_table
 
 
 def parts(made: Summary, width: int) -> list[Table]:
-    return parts_of(suite_table(made), title_of(made), width)
+    return parts_of(suite_table(made), width)
 
 
 def printed(made: Summary, width: int) -> str:
@@ -34,13 +34,6 @@ def test_no_number_is_cut_at_any_width(width: int) -> None:
         for column in made["columns"]:
             mean = row[column["key"]]["mean"]
             assert mean is None or f"{mean:.{column['decimals']}f}" in text
-    assert text.count(made["title"]) == 1
-
-
-def test_a_title_is_printed_as_it_is_written() -> None:
-    made = summary()
-    made["title"] = "Mine [bold]and yours[/]"
-    assert made["title"] in printed(made, 160)
 
 
 def test_columns_that_fit_are_one_table() -> None:
@@ -58,3 +51,21 @@ def test_markup_in_a_label_is_text() -> None:
     made = summary()
     made["rows"][0]["text"] = "[bold]mine[/bold]"
     assert "[bold]mine[/bold]" in printed(made, 160)
+
+
+def test_a_star_is_at_the_differences_that_are_resolved_and_nowhere_else() -> None:
+    made = summary()
+    assert "-1.23±0.50*" in printed(made, 160)
+    difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert difference is not None
+    difference["verdict"] = None
+    assert "-1.23±0.50*" not in printed(made, 160)
+    assert "-1.23±0.50" in printed(made, 160)
+
+
+def test_below_the_table_stand_the_smallest_differences_and_why_values_are_missing() -> None:
+    made = summary()
+    made["columns"][0]["smallest"] = 0.2
+    lines = below(suite_table(made))
+    assert any(line.startswith("Not resolved is what is smaller than about: NVS PSNR 0.20 dB") for line in lines)
+    assert any(line.startswith("n/a in NVS LPIPS: ") for line in lines)

@@ -106,13 +106,13 @@ def test_a_first_table_comes_with_the_first_scene_and_the_last_is_as_without_it(
     lines = error.splitlines()
     in_order = [
         "one: complete, 1 of 2 scenes",
-        next(line for line in lines if "Two rows: one, seeds 0" in line),
+        next(line for line in lines if "Two rows. Mean over 1 scene (one) and 1 seed" in line),
         f"This is the first table, over 1 of 2 scenes. While the run goes on, {tmp_path}/report.html grows with it.",
         "two ours seed 0: started",
         "two: complete, 2 of 2 scenes",
     ]
     assert [line for line in lines if line in in_order] == in_order
-    assert "Two rows: one, two, seeds 0" in out
+    assert "Two rows. Mean over 2 scenes (one, two) and 1 seed" in out
     assert "first table" not in out
     last = reports_in(tmp_path)
     for name in last.keys() - {"sweep.json"}:

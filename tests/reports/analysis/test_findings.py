@@ -2,14 +2,12 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from html import unescape
 
 import pytest
 
 from made_up_run import cell, summary
 from made_up_run import paper_table as stored_table
-from radiogs_bench.cli.showing import below
 from radiogs_bench.results.paper_tables import interval
 from radiogs_reports.analysis.comparisons import Direction, to_reference
 from radiogs_reports.analysis.findings import (
@@ -18,6 +16,7 @@ from radiogs_reports.analysis.findings import (
     compared_paper,
     compared_run,
     differences_of,
+    headline,
     sentences_of,
 )
 from radiogs_reports.page.assemble import page
@@ -26,7 +25,6 @@ from radiogs_reports.statistics import Origin, Sample
 from radiogs_reports.summary import Interval, Summary
 from radiogs_reports.tables.paper import paper_table
 from radiogs_reports.tables.suite import suite_table
-from radiogs_reports.write.numbers import MOST_LINES
 from radiogs_reports.write.paper import paper_latex, paper_markdown
 from radiogs_reports.write.suite import suite_latex, suite_markdown
 
@@ -204,13 +202,14 @@ def test_a_table_of_the_paper_has_findings_with_its_own_decimals_and_without_set
     assert "Relight N" not in open_
     table = paper_table(stored_table(), summary())
     assert resolved in paper_markdown(table)
-    assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$, resolved: NVS PSNR $-$1.500 dB" in caption_of(paper_latex(table))
+    assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$ beside" in caption_of(paper_latex(table))
+    assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$, resolved: NVS PSNR $-$1.500 dB" in paper_latex(table)
 
 
 def on_page(made: Summary) -> str:
-    """The texts of the list above the table of means, and everything up to that table."""
+    """The table of means and everything below it that belongs to it."""
     text = page(made, Album())
-    return text[text.index('id="table-means"') : text.index('data-name="means"')]
+    return text[text.index('id="table-means"') : text.index('id="cells"')]
 
 
 def caption_of(latex: str) -> str:
