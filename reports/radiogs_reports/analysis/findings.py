@@ -174,7 +174,7 @@ def sentences_of(table: ComparedTable) -> list[Sentence]:
 
 
 def headline(table: ComparedTable) -> list[str]:
-    """What a table found, in a sentence or two: the first row that is compared, then the counts over all rows."""
+    """The main findings of a table: a sentence on the first row that is compared, then the counts over all rows."""
     counted = [each for each in differences_of(table) if not each.doubted]
     first = [each for each in counted if each.row == counted[0].row and each.difference["units"] > 1]
     if not first or table.reference is None:

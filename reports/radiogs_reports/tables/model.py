@@ -188,7 +188,7 @@ class Table:
     apart_title: str = ""
     """The heading of published values by other conventions; empty if there are none."""
     headline: Sequence[str] = ()
-    """What the table found, in a sentence or two."""
+    """Its main findings, in a sentence or two."""
     findings: Sequence[Sentence] = ()
     """The differences that are resolved, those that are not, and the paper's beside them; they stand above it."""
     legend: Sequence[str] = ()
