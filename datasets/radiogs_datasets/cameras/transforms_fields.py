@@ -283,7 +283,8 @@ SAME_CONVENTION = frozenset({"opengl", "blender", "nerf", "nerfstudio", "instant
 CONVENTION = re.compile(r".*(convention|coordinate_?(system|frame)).*", re.IGNORECASE)
 
 CHANGES_IMAGES = re.compile(
-    r"(?!.*(velocit|accelerat)|exposure_time$|shutter_(speed|time)$)((k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
+    r"(?!.*(velocit|accelerat)|exposure_time$)"
+    r"((k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
     r"|flip|mirror|rotat|orient|convention|coordinate|axis|axes|gamma|exposure|white|colou?r|tonemap|premult|linear"
     r"|transparent|mask|sharpen|pixel_aspect|downscale|resolution|hdr|time|light|matrix|transform|translation|pose).*)",
     re.IGNORECASE,

@@ -23,7 +23,7 @@ from ..bounded_reading import as_float32, read_numpy
 from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import in_unit_range, levels_wanted, read_stored
-from ..image_structure import Header
+from ..image_structure import LINEAR, Header
 from ..options import TEST_EVERY, SceneOptions
 from ..reduction import WHOLLY, area_mean
 from ..view_maps import displayed, read_alpha
@@ -129,6 +129,9 @@ def views_of(
     reduced = [photo for photo in given if photo.mask and {*headers[photo.mask].size} != {*headers[photo.image].size}]
     if reduced:
         said = (*said, f"masks of {len(reduced)} photos are larger than their photos, and reduced to them")
+    linear = [photo.name for photo in given if headers[photo.image].type in LINEAR]
+    if linear:
+        said = (*said, f"{len(linear)} photos hold linear radiance: they are encoded as display sRGB and clipped")
     turned = {photo.image for photo in given if photo.turned > 1}
     return views, (*said, *said_of_lenses(given), *said_of_types(headers, turned))
 

@@ -153,7 +153,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "map is cut off": (cut("test_001/indirect.exr"), "test_001/indirect.exr is damaged"),
     "light is cut off": (cut("envmaps/overcast.hdr"), "envmaps/overcast.hdr is damaged"),
     "image is empty": (with_text("test_000/rgba.png", ""), "does not begin like a PNG"),
-    "image is a JPEG": (jpeg_named_png, "does not begin like a PNG"),
+    "image is a JPEG": (jpeg_named_png, "has 3 channels, 4 are needed"),
     "map has another size": (resized, "albedo.png is 48 x 48 pixels, its view's image 96 x 96"),
     "image has no alpha": (without_alpha, "has 3 channels, 4 are needed"),
     "image is transparent": (transparent, "fully transparent"),
