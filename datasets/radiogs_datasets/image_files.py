@@ -27,12 +27,11 @@ from .image_structure import (
     damaged,
     exr_channels,
     exr_size,
-    jpeg_header,
+    photo_file,
     png_layout,
     radiance_size,
     require_size,
     type_of,
-    webp_file,
 )
 from .native_output import ERROR, OUT, Printed, caught_output, unnamed_file
 
@@ -55,15 +54,14 @@ def read_stored(path: Path, numbers: bool = False) -> NDArray:
     match type_of(path, data):
         case "PNG":
             return _png_levels(path, data, numbers)
-        case "JPEG":
-            profile, image = jpeg_header(path, data)[2], decode_jpeg(path, data)
-        case "WebP":
-            profile, image = webp_file(path, data).info.get("icc_profile"), _decode(path, data)
+        case "JPEG" | "WebP" as kind:
+            profile = None if numbers else photo_file(path, data).info.get("icc_profile")
+            image = decode_jpeg(path, data) if kind == "JPEG" else _decode(path, data)
+            return in_srgb(path, image[..., ORDER[image.shape[2]]], profile)
         case "OpenEXR":
             return read_exr(path, data)
         case _:
             return read_hdr(path, data)
-    return in_srgb(path, image[..., ORDER[image.shape[2]]], None if numbers else profile)
 
 
 ORDER = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}

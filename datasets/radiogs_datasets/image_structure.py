@@ -45,32 +45,28 @@ PNG_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 """First column, first row, column step and row step of the passes of an interlaced PNG."""
 
-EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 EXR_CHANNEL = 17
 """Bytes from the end of a channel's name in OpenEXR's list to the next name."""
-JPEG_START = b"\xff\xd8\xff"
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 """A marker that is not a byte of a scan, and not one at which a scan restarts."""
 
-RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 RADIANCE_RUN = 127
 """Equal values that two bytes of a Radiance scan line can stand for, at most."""
 
 
-TYPES: tuple[tuple[str, str, tuple[bytes, ...]], ...] = (
-    ("PNG", "png", (PNG_SIGNATURE,)),
-    ("JPEG", "jpg jpeg jpe jfif", (JPEG_START,)),
-    ("WebP", "webp", (b"RIFF....WEBP",)),
-    ("OpenEXR", "exr", (EXR_SIGNATURE,)),
-    ("Radiance", "hdr", RADIANCE_SIGNATURES),
-    ("TIFF", "tif tiff", (b"II*\0", b"MM\0*")),
-    ("HEIC or AVIF", "heic heif avif", (b"....ftyp",)),
-    ("BMP", "bmp", (b"BM",)),
-    ("GIF", "gif", (b"GIF8",)),
+TYPES = (
+    ("PNG", "png", rb"\x89PNG\r\n\x1a\n"),
+    ("JPEG", "jpg jpeg jpe jfif", rb"\xff\xd8\xff"),
+    ("WebP", "webp", rb"RIFF.{4}WEBP"),
+    ("OpenEXR", "exr", rb"\x76\x2f\x31\x01"),
+    ("Radiance", "hdr", rb"#\?(RADIANCE|RGBE)"),
+    ("TIFF", "tif tiff", rb"II\*\0|MM\0\*"),
+    ("HEIC or AVIF", "heic heif avif", rb".{4}ftyp"),
+    ("GIF", "gif", rb"GIF8"),
 )
-"""Types of image files: name, usual endings, and how they begin; a dot stands for any byte."""
+"""Types of image files: name, usual endings, and how they begin."""
 
 KNOWN = ("PNG", "JPEG", "WebP", "OpenEXR", "Radiance")
 LINEAR = ("OpenEXR", "Radiance")
@@ -130,7 +126,7 @@ def damaged(path: Path, reason: str) -> DataError:
 
 def type_of(path: Path, data: bytes) -> str:
     """The type of a file by its first bytes. Raises DataError for one that is not read, or no image."""
-    found = next((name for name, _, begins in TYPES if any(_begins(data, each) for each in begins)), None)
+    found = next((name for name, _, begins in TYPES if re.match(begins, data, re.DOTALL)), None)
     if found is not None and found in KNOWN:
         return found
     called = usual_type(path)
@@ -148,11 +144,6 @@ def usual_type(path: Path) -> str:
     return next((name for name, endings, _ in TYPES if path.suffix.lower()[1:] in endings.split()), "")
 
 
-def _begins(data: bytes, pattern: bytes) -> bool:
-    head = data[: len(pattern)]
-    return len(head) == len(pattern) and all(one in (other, ord(".")) for one, other in zip(pattern, head, strict=True))
-
-
 def image_header(path: Path, data: bytes, numbers: bool = False) -> Header:
     """The header of a file; its layout is checked, its pixels are not decoded. Raises DataError.
 
@@ -162,13 +153,10 @@ def image_header(path: Path, data: bytes, numbers: bool = False) -> Header:
         case "PNG":
             png = png_layout(path, data, numbers)
             return Header(kind, png.height, png.width, png.transparent, png.bits, png.orientation)
-        case "JPEG":
-            height, width, _, exif = jpeg_header(path, data)
-            return Header(kind, height, width, orientation=_orientation(exif))
-        case "WebP":
-            webp = webp_file(path, data)
-            exif = webp.info.get("exif", b"")
-            return Header(kind, webp.height, webp.width, webp.mode == "RGBA", orientation=_orientation(exif))
+        case "JPEG" | "WebP":
+            photo = photo_file(path, data)
+            exif = photo.info.get("exif", b"")
+            return Header(kind, photo.height, photo.width, photo.mode == "RGBA", orientation=_orientation(exif))
         case "OpenEXR":
             return Header(kind, *exr_size(path, data), len(chosen_channels(path, exr_channels(path, data))) == 4, 16)
         case _:
@@ -237,34 +225,23 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
         raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
 
 
-def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None, bytes]:
-    """Height, width, ICC profile and EXIF data of a JPEG.
+def photo_file(path: Path, data: bytes) -> JpegImageFile | WebPImageFile:
+    """A JPEG or WebP file as Pillow opens it: its size, its mode, and in ``info`` its ICC profile and EXIF data.
 
-    Raises DataError for damage, a missing end, and colours such as CMYK.
+    Raises DataError for damage, a missing end, colours such as CMYK, and animations.
     """
+    kind = type_of(path, data)
     try:
-        photo = JpegImageFile(io.BytesIO(data))
-    except (SyntaxError, OSError, ValueError, LookupError, TypeError, struct.error) as error:
+        photo = (JpegImageFile if kind == "JPEG" else WebPImageFile)(io.BytesIO(data))
+    except (SyntaxError, OSError, ValueError, LookupError, TypeError, RuntimeError, struct.error) as error:
         raise damaged(path, "its header is cut off or altered") from error
     require_size(path, photo.height, photo.width)
-    if photo.layers not in (1, 3):
-        raise DataError(f"{path} has {photo.layers} components", "It may be CMYK.", "Save it in sRGB.")
-    if not _has_its_end(data):
-        raise damaged(path, "it is cut off: its end marker is missing")
-    return photo.height, photo.width, photo.info.get("icc_profile"), photo.info.get("exif", b"")
-
-
-def webp_file(path: Path, data: bytes) -> WebPImageFile:
-    """A WebP file as Pillow opens it: its size, its mode, and ``info``. Raises DataError for damage and animations."""
-    if len(data) < 8 + int.from_bytes(data[4:8], "little"):
-        raise damaged(path, "it is cut off")
-    try:
-        photo = WebPImageFile(io.BytesIO(data))
-    except (SyntaxError, OSError, ValueError, RuntimeError) as error:
-        raise damaged(path, "its header is cut off or altered") from error
-    require_size(path, photo.height, photo.width)
-    if photo.is_animated:
+    if getattr(photo, "layers", 3) not in (1, 3):
+        raise DataError(f"{path} has {photo.mode} colours", "It may be CMYK.", "Save it in sRGB.")
+    if getattr(photo, "is_animated", False):
         raise DataError(f"{path} is an animation", "Which of its frames is meant cannot be told.", "Save one as PNG.")
+    if not (_has_its_end(data) if kind == "JPEG" else len(data) >= 8 + int.from_bytes(data[4:8], "little")):
+        raise damaged(path, "it is cut off: its end is missing")
     return photo
 
 

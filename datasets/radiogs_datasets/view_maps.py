@@ -43,14 +43,15 @@ def displayed(stored: NDArray) -> Float[Tensor, "height width 3"]:
     colour = image[..., :3].expand(-1, -1, 3).contiguous()
     if stored.dtype != np.float32:
         return colour
-    return displayed_light(colour, image[..., 3:] if image.shape[2] == 4 else torch.ones_like(image[..., :1]))
+    return displayed_light(colour, image[..., 3:] if image.shape[2] == 4 else None)
 
 
 def displayed_light(
-    linear: Float[Tensor, "height width 3"], alpha: Float[Tensor, "height width 1"]
+    linear: Float[Tensor, "height width 3"], alpha: Float[Tensor, "height width 1"] | None
 ) -> Float[Tensor, "height width 3"]:
-    """Display sRGB, straight and clipped, of linear radiance times alpha; black where alpha is zero."""
-    straight = torch.where(alpha > 0, linear.clamp(min=0) / torch.where(alpha > 0, alpha, 1.0), 0.0)
+    """Display sRGB, straight and clipped, of linear radiance times alpha; black where alpha is zero, None is one."""
+    light = linear.clamp(min=0)
+    straight = light if alpha is None else torch.where(alpha > 0, light / torch.where(alpha > 0, alpha, 1.0), 0.0)
     return srgb_encode(straight).clamp(0, 1)
 
 

@@ -129,6 +129,6 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, height: int, wi
         raise DataError(
             f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}",
             "The image must be its camera's, or a reduction of it.",
-            "Use the images that the model was made of.",
+            "Use the images that the model was made of; with those of image_undistorter, the model beside them.",
         )
     return lens.at_size(height, width)

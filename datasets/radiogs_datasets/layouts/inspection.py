@@ -153,11 +153,28 @@ def inspect(
     return headers, combined.hexdigest()
 
 
-def said_of_types(headers: Mapping[Path, Header], turned: Collection[Path] = ()) -> tuple[str, ...]:
-    """Sentences on images of another type than their names say, and with an orientation flag.
+def require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
+    """Raises DataError if a map is not as large as its view's image."""
+    if size != wanted:
+        raise DataError(
+            f"{path} is {size[1]} x {size[0]} pixels, its view's image {wanted[1]} x {wanted[0]}",
+            "All maps of a view must have the same size.",
+            "Export the map again, in the image's size.",
+        )
 
-    ``turned``: the photos that are turned by it.
+
+def decode_if_small(
+    views: Sequence[View], headers: Mapping[Path, Header], turned: Collection[Path] = ()
+) -> tuple[str, ...]:
+    """Read every map of a small scene and forget it. Raises DataError for the first damaged one.
+
+    Returns sentences on images of another type than their names say, and with an orientation flag; ``turned`` are those
+    that are turned by it.
     """
+    if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
+        for view in views:
+            for name in view.sources:
+                view.read(name)
     found: dict[str, list[str]] = {}
     for path, header in headers.items():
         if usual_type(path) != header.type:
@@ -170,24 +187,6 @@ def said_of_types(headers: Mapping[Path, Header], turned: Collection[Path] = ())
         f"{len(names)} {'image is' if len(names) == 1 else 'images are'} {what} ({shown(names)})"
         for what, names in found.items()
     )
-
-
-def require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
-    """Raises DataError if a map is not as large as its view's image."""
-    if size != wanted:
-        raise DataError(
-            f"{path} is {size[1]} x {size[0]} pixels, its view's image {wanted[1]} x {wanted[0]}",
-            "All maps of a view must have the same size.",
-            "Export the map again, in the image's size.",
-        )
-
-
-def decode_if_small(views: Sequence[View], headers: Mapping[Path, Header]) -> None:
-    """Read every map of a small scene and forget it. Raises DataError for the first damaged one."""
-    if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
-        for view in views:
-            for name in view.sources:
-                view.read(name)
 
 
 def shown(names: Sequence[str]) -> str:

@@ -27,7 +27,7 @@ from ..image_structure import LINEAR, Header
 from ..options import TEST_EVERY, SceneOptions
 from ..reduction import WHOLLY, area_mean
 from ..view_maps import displayed, read_alpha
-from .inspection import decode_if_small, inspect, require_same_size, said_of_types, shown
+from .inspection import decode_if_small, inspect, require_same_size, shown
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
@@ -125,15 +125,15 @@ def views_of(
     """
     given, said = said_of_masks(photos, options)
     views = [view_of(photo) for photo in given]
-    decode_if_small(views, headers)
+    turned = {photo.image for photo in given if photo.turned > 1}
+    said_of_types = decode_if_small(views, headers, turned)
     reduced = [photo for photo in given if photo.mask and {*headers[photo.mask].size} != {*headers[photo.image].size}]
     if reduced:
         said = (*said, f"masks of {len(reduced)} photos are larger than their photos, and reduced to them")
     linear = [photo.name for photo in given if headers[photo.image].type in LINEAR]
     if linear:
         said = (*said, f"{len(linear)} photos hold linear radiance: they are encoded as display sRGB and clipped")
-    turned = {photo.image for photo in given if photo.turned > 1}
-    return views, (*said, *said_of_lenses(given), *said_of_types(headers, turned))
+    return views, (*said, *said_of_lenses(given), *said_of_types)
 
 
 def view_of(photo: Photo) -> View:

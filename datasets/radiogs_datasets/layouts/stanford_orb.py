@@ -30,15 +30,7 @@ from ..cameras.transforms import Transforms, read_splits, read_transforms, said_
 from ..image_files import in_unit_range, read_stored
 from ..lights import read_light
 from ..view_maps import displayed_light, read_colour
-from .inspection import (
-    decode_if_small,
-    inside,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
-    said_of_types,
-)
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .photos import read_mask
 
 SIDE = 512
@@ -84,8 +76,7 @@ def load_stanford_orb(folder: Path) -> Scene:
         )
         for transforms, paths in zip(tables.values(), images.values(), strict=True)
     )
-    decode_if_small([*train, *test, *relight], headers)
-    repairs = (*said_of_files(tables), *said_of_types(headers))
+    repairs = (*said_of_files(tables), *decode_if_small([*train, *test, *relight], headers))
     return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, repairs, relight)
 
 
@@ -208,7 +199,7 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
 def _shown(path: Path) -> Float[Tensor, "height width 3"]:
     stored = read_stored(path)
     image = reduced(torch.from_numpy(in_unit_range(stored)))[..., :3].expand(-1, -1, 3)
-    return displayed_light(image, torch.ones_like(image[..., :1])) if stored.dtype == np.float32 else image
+    return displayed_light(image, None) if stored.dtype == np.float32 else image
 
 
 def _coverage(path: Path) -> Float[Tensor, "height width 1"]:

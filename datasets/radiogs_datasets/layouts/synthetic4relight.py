@@ -26,15 +26,7 @@ from radiogs_core.scene.scene import Scene, View
 from ..cameras.transforms import Frame, read_splits, said_of_files
 from ..lights import read_light
 from ..view_maps import displayed_light, read_alpha, read_colour, read_photo, read_value
-from .inspection import (
-    decode_if_small,
-    inside,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
-    said_of_types,
-)
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .photos import read_mask
 
 TRAINING_LIGHT = "envmap3"
@@ -85,9 +77,8 @@ def load_synthetic4relight(folder: Path) -> Scene:
         View(_name(frame), test_split.camera(frame, *headers[image].size), _test_maps(folder, stem, lights))
         for frame, stem, (image, *_) in zip(test_split.frames, test_stems, test_files, strict=True)
     )
-    decode_if_small([*train, *test], headers)
     radiance: dict[str, EnvironmentMap] = {}
-    repairs = [*said_of_files(files), *said_of_types(headers)]
+    repairs = [*said_of_files(files), *decode_if_small([*train, *test], headers)]
     for light, path in light_files.items():
         radiance[light], said = read_light(path)
         repairs += said

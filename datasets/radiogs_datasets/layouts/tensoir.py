@@ -32,15 +32,7 @@ from ..image_files import read_hdr
 from ..image_structure import Header
 from ..lights import latitude_longitude
 from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_photo, read_value
-from .inspection import (
-    decode_if_small,
-    inside,
-    inspect,
-    require_distinct,
-    require_files,
-    require_same_size,
-    said_of_types,
-)
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 
 MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
     "normal.png": ("normal", read_normal),
@@ -91,7 +83,7 @@ def load_tensoir(folder: Path) -> Scene:
     }
     training_light = lights.pop(TRAINING_LIGHT, None)
     train, test = (_views(folder, each, images[table], maps[table], headers) for table, each in files.items())
-    decode_if_small([*train, *test], headers)
+    said = decode_if_small([*train, *test], headers)
     return Scene(
         name=folder.name,
         layout="tensoir",
@@ -100,7 +92,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights=lights,
         training_light=training_light,
         checksum=checksum,
-        repairs=(*said_of_files(files), *said_of_types(headers)),
+        repairs=(*said_of_files(files), *said),
     )
 
 
