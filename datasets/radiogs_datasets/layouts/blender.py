@@ -307,7 +307,7 @@ def read_points(path: Path) -> tuple[Points, tuple[str, ...]]:
 
 def _colours(path: Path, vertices: NDArray) -> tuple[NDArray[np.float32], tuple[str, ...]]:
     """Colours in [0, 1] from levels of 8 or 16 bits or floats up to 1 or 255; grey without any. Raises ValueError."""
-    names = next((names for names in COLOURS if all(name in vertices.dtype.names for name in names)), None)
+    names = next((names for names in COLOURS if {*names} <= {*(vertices.dtype.names or ())}), None)
     if names is None:
         return np.full((len(vertices), 3), GREY, np.float32), (f"points of {path.name} have no colours: grey is taken",)
     stored = np.stack([np.asarray(vertices[name]) for name in names], -1)
