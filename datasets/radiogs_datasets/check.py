@@ -19,7 +19,7 @@ from .image_files import in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .soundness import Frame, doubtful_coverage, little_evidence, require_trainable
+from .soundness import OF_PHOTOS, Frame, doubtful_coverage, little_evidence, require_trainable
 
 NORMAL_FILE = re.compile(r"normal\.png")
 
@@ -162,6 +162,8 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
         frames.append(Frame.of(image, alpha, valid))
         names[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
         yield from (warning(view.name, said) for said in little_evidence(image, alpha))
+        if alpha is not None and frames[-1].whole == 1 and scene.layout in OF_PHOTOS:
+            yield warning(view.name, "its alpha or mask is 1 throughout, unlike those of others: every pixel counts")
     for first, *others in names.values():
         if others:
             more = f", as are {len(others) - 1} more" if others[1:] else ""

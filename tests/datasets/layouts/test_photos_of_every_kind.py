@@ -299,6 +299,17 @@ def rewritten(folder: Path, change: Callable[[dict], object]) -> Scene:
     return load_scene(str(folder))
 
 
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("mask", [0 * COVERAGE + 255, np.dstack([0 * COVERAGE + 255] * 4)])
+def test_a_mask_that_alone_is_opaque_is_named_by_the_check(tmp_path: Path, layout: str, mask: NDArray) -> None:
+    folder = capture(tmp_path / "a", layout, encoded(COLOURS))
+    options = masks(folder, encoded(COVERAGE))
+    (folder / "masks/2.png").write_bytes(encoded(mask))
+    found = [finding for finding in check_scene(str(folder), options).findings if "1 throughout" in finding.what]
+    assert len(found) == 1
+    assert "2" in found[0].place
+
+
 def test_views_without_a_mask_are_named(tmp_path: Path) -> None:
     folder = capture(tmp_path / "a", "blender", encoded(COLOURS))
     (folder / "m.png").write_bytes(encoded(COVERAGE))
