@@ -39,7 +39,7 @@ HALF_MAX = 65504.0
 
 
 def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
-    """What ``read_stored`` reads, with levels as values in [0, 1]."""
+    """Read an image as ``read_stored`` does, with levels as values in [0, 1]."""
     return in_unit_range(read_stored(path, numbers))
 
 

@@ -77,7 +77,7 @@ ORIENTATION = 0x0112
 
 
 class Header(NamedTuple):
-    """What a file says of its image: the type by its bytes, the size in pixels, and what its pixels carry.
+    """The header of an image file: its type by its bytes, the size in pixels, and what its pixels carry.
 
     ``transparent``: whether pixels have alpha, of their own, by their palette or by a key. ``bits`` a sample, where
     they are levels. ``orientation`` is EXIF's, 1 where there is none.

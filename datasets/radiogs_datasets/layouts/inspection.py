@@ -140,7 +140,7 @@ def inspect(
     """Headers of every image, and the SHA-256 over names and digests of all files in the names' order.
 
     ``tables`` come first in the digest, by their bare names. They, and ``.json``, ``.npy`` and ``.ply``, are no images.
-    What images of ``numbers``, such as masks, say of colours is passed over.
+    Colour profiles of images in ``numbers``, such as masks, are passed over.
     """
     headers, combined = {}, hashlib.sha256()
     for path in tables:
