@@ -12,17 +12,15 @@ import torch
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
-from .bounded_reading import read_bytes
 from .cameras.transforms import read_transforms
 from .deep_check import deep_findings
 from .findings import Finding, grouped, warning
-from .image_files import read_image
-from .image_structure import png_layout
+from .image_files import in_unit_range, read_stored
+from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .soundness import Frame, doubtful_coverage, little_evidence, require_trainable
+from .soundness import OF_PHOTOS, Frame, doubtful_coverage, little_evidence, require_trainable
 
-IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")
 
 UNIT_TOLERANCE = 0.05
@@ -66,14 +64,15 @@ def check_scene(
     folder.
     """
     folder = scene_folder(name_or_path).absolute()
-    findings = list(_damaged_files(folder, advance))
+    bits: Bits = defaultdict(lambda: defaultdict(list))
+    findings = list(_damaged_files(folder, bits, advance))
     scene: Scene | None = None
     try:
         scene = load_scene(name_or_path, options=options)
     except DataError as error:
         if error.what not in {finding.what for finding in findings}:
             findings.append(Finding(folder.name, _sentence(error)))
-    findings += _mixed_bits(folder)
+    findings += _mixed_bits(bits)
     if scene is not None:
         findings += [warning(folder.name, repair) for repair in scene.repairs]
         try:
@@ -89,7 +88,12 @@ def check_scene(
     return Report(scene, tuple(grouped(findings)))
 
 
-def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
+Bits = dict[str, dict[int, list[str]]]
+"""Images by their kind (names alike but for their digits) and their bits a sample."""
+
+
+def _damaged_files(folder: Path, bits: Bits, advance: Advance) -> Iterator[Finding]:
+    """Files that cannot be decoded; what they say of colours matters where a view reads them. ``bits`` is filled."""
     tables = sorted(folder.rglob("transforms*.json"))
     images = _images(folder)
     for done, path in enumerate([*tables, *images], start=1):
@@ -98,9 +102,11 @@ def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
             if path.suffix == ".json":
                 read_transforms(path)
             else:
-                image = read_image(path)
+                image = read_stored(path, numbers=True)
+                if usual_type(path) == "PNG":
+                    bits[re.sub(r"\d+", "#", place)][8 * image.itemsize].append(place)
                 if NORMAL_FILE.fullmatch(path.name):
-                    yield from _not_unit(place, torch.from_numpy(image))
+                    yield from _not_unit(place, torch.from_numpy(in_unit_range(image)))
         except DataError as error:
             yield Finding(place, error.what)
         advance(done, len(tables) + len(images))
@@ -111,7 +117,7 @@ def _images(folder: Path) -> list[Path]:
     return sorted(
         path
         for path in folder.rglob("*")
-        if path.suffix.lower() in IMAGES
+        if usual_type(path) in KNOWN
         and not any(part.startswith(".") for part in path.relative_to(folder).parts)
         and path.is_file()
     )
@@ -127,17 +133,9 @@ def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
         yield Finding(place, f"{share:.0f} % of its normals are not of unit length: is it encoded as n / 2 + 1 / 2?")
 
 
-def _mixed_bits(folder: Path) -> Iterator[Finding]:
-    """Files of one kind (names alike but for their digits) with 8 bits here and 16 there."""
-    kinds: dict[str, dict[int, list[str]]] = defaultdict(lambda: defaultdict(list))
-    for path in _images(folder):
-        if path.suffix.lower() == ".png":
-            place = path.relative_to(folder).as_posix()
-            try:
-                kinds[re.sub(r"\d+", "#", place)][png_layout(path, read_bytes(path)).bits].append(place)
-            except DataError:
-                continue  # named among the damaged files
-    for depths in kinds.values():
+def _mixed_bits(bits: Bits) -> Iterator[Finding]:
+    """Files of one kind with 8 bits here and 16 there."""
+    for depths in bits.values():
         if len(depths) > 1:
             rare = min(depths, key=lambda bits: len(depths[bits]))
             yield from (
@@ -164,6 +162,8 @@ def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
         frames.append(Frame.of(image, alpha, valid))
         names[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
         yield from (warning(view.name, said) for said in little_evidence(image, alpha))
+        if alpha is not None and frames[-1].whole == 1 and scene.layout in OF_PHOTOS:
+            yield warning(view.name, "its alpha or mask is 1 throughout, unlike those of others: every pixel counts")
     for first, *others in names.values():
         if others:
             more = f", as are {len(others) - 1} more" if others[1:] else ""

@@ -56,33 +56,36 @@ def profile_of_png(path: Path, chunks: Mapping[bytes, bytes]) -> bytes | None:
 def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     """Integer levels [height, width, 1, 3 or 4] (R, G, B, A) in sRGB, by LittleCMS, relative colorimetric.
 
-    A profile that is sRGB leaves every level as it is; a grey image may have one of colours. Raises DataError for a
-    profile that cannot be applied: damaged, of other channels than the image, or of an image with 16 bits or in grey.
+    A profile that is sRGB leaves every level as it is. A grey image may have a profile of colours: its level is R, G
+    and B. Raises DataError for a profile that cannot be applied: damaged, of other channels than the image, or of an
+    image with 16 bits.
     """
     if profile is None:
         return image
-    grey = image.shape[2] == 1
     try:
         source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-        mode = "L" if grey and source.profile.xcolor_space.strip() == "GRAY" else "RGB"
+        mode = "L" if source.profile.xcolor_space.strip() == "GRAY" else "RGB"
         name = (ImageCms.getProfileDescription(source) or "without a name").strip()[:80]
         moved = ImageCms.buildTransform(
             source, ImageCms.createProfile("sRGB"), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
         )
         levels = np.linspace(0, 255, GRID).astype(np.uint8)
         greys = np.broadcast_to(levels[None, :, None], (1, GRID, 3))
-        probe = greys if grey else np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
+        colours = np.stack(np.meshgrid(levels, levels, levels), -1).reshape(GRID, -1, 3)
+        probe = greys if mode == "L" or image.shape[2] == 1 else colours
         if np.abs(_through(moved, probe, mode).astype(int) - probe).max() <= SAME_LEVELS:
             return image
-        if image.dtype != np.uint8 or grey:
-            raise _refused(path, f"its ICC profile is '{name}', and it has 16 bits or is grey")
+        if image.dtype != np.uint8:
+            raise _refused(path, f"its ICC profile is '{name}', and it has 16 bits")
+        if mode == "L" and (image[..., :1] != image[..., :3]).any():
+            raise _refused(path, f"its ICC profile '{name}' is for grey, and it has colours")
         return np.concatenate([_through(moved, image[..., :3], mode), image[..., 3:]], -1)
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
         raise _refused(path, f"its ICC profile cannot be applied ({error!s:.120})") from error
 
 
 def _through(moved: ImageCms.ImageCmsTransform, levels: NDArray[np.uint8], mode: str) -> NDArray[np.uint8]:
-    plain = np.ascontiguousarray(levels[..., 0] if mode == "L" else levels)
+    plain = np.ascontiguousarray(levels[..., 0] if mode == "L" else np.broadcast_to(levels, (*levels.shape[:2], 3)))
     shown = ImageCms.applyTransform(Image.fromarray(plain), moved)
     assert shown is not None
     return np.asarray(shown)

@@ -1,16 +1,11 @@
 """PNG, JPEG, OpenEXR and Radiance files as arrays [height, width, channels]; a damaged one is an error, never an image.
 
-Which channels of an OpenEXR file are its image is told by their names. A channel is called ``layer.R``; renderers write
-``R, G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y,
-Normal.Z``. Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha
-to depth; where names do not tell, the file is refused.
-
 JPEG is decoded by OpenCV's libjpeg, whose warnings are errors: it greys out what a damaged or cut-off scan lacks.
 """
 
 import errno
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from pathlib import Path
@@ -28,42 +23,59 @@ from .colour_profiles import in_srgb
 from .image_structure import (
     PngLayout,
     check_png_pixels,
+    chosen_channels,
     damaged,
+    exr_channels,
     exr_size,
-    jpeg_header,
+    photo_file,
     png_layout,
     radiance_size,
     require_size,
+    type_of,
 )
 from .native_output import ERROR, OUT, Printed, caught_output, unnamed_file
 
 HALF_MAX = 65504.0
 
 
-def read_image(path: Path) -> NDArray[np.float32]:
-    """Read a file by the function for its suffix. Raises DataError."""
-    readers = {".png": read_png, ".exr": read_exr, ".hdr": read_hdr, ".jpg": read_jpeg, ".jpeg": read_jpeg}
-    return readers[path.suffix.lower()](path)
+def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
+    """Read an image as ``read_stored`` does, with levels as values in [0, 1]."""
+    return in_unit_range(read_stored(path, numbers))
 
 
-def read_png(path: Path) -> NDArray[np.float32]:
-    """Values in [0, 1], 8 or 16 bits, 1, 3 or 4 channels in the order (R, G, B, A). No colour conversion.
+def read_stored(path: Path, numbers: bool = False) -> NDArray:
+    """An image as stored, [height, width, channels] in the order (R, G, B, A); its bytes tell the file's type.
 
-    Raises DataError if the file is missing, cut off, corrupt or not a PNG.
+    Levels of 8 or 16 bits of a PNG, JPEG or WebP file are display sRGB: its colour profile is applied, unless the
+    levels are ``numbers``, such as a mask's. Float32 values of an OpenEXR or Radiance file are linear. EXIF's
+    orientation is not applied. Raises DataError if the file is missing, cut off, damaged or of another type.
     """
-    return in_unit_range(png_levels(path))
-
-
-def png_levels(path: Path) -> NDArray:
-    """Levels of 8 or 16 bits as ``read_png`` reads them, [height, width, channels]."""
     data = read_bytes(path)
-    layout = png_layout(path, data)
+    match type_of(path, data):
+        case "PNG":
+            return _png_levels(path, data, numbers)
+        case "JPEG" | "WebP" as kind:
+            profile = None if numbers else photo_file(path, data).info.get("icc_profile")
+            image = decode_jpeg(path, data) if kind == "JPEG" else _decode(path, data)
+            return in_srgb(path, image[..., ORDER[image.shape[2]]], profile)
+        case "OpenEXR":
+            return read_exr(path, data)
+        case _:
+            return read_hdr(path, data)
+
+
+ORDER = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}
+"""OpenCV's channels in our order, and the reverse, by their number."""
+
+
+def _png_levels(path: Path, data: bytes, numbers: bool) -> NDArray:
+    layout = png_layout(path, data, numbers)
     check_png_pixels(path, layout)
-    with caught_output(ERROR) if layout.profile else nullcontext(Printed()) as printed:
+    with caught_output(ERROR) if b"iCCP" in data else nullcontext(Printed()) as printed:
         image = _decode(path, data)
     printed.taken((b"libpng warning: iCCP",))  # ``in_srgb`` judges profiles
     printed.pass_on()
-    levels = in_srgb(path, image[..., {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]], layout.profile)
+    levels = in_srgb(path, image[..., ORDER[image.shape[2]]], layout.profile)
     return _with_key(path, levels, layout) if layout.transparent and levels.shape[2] != 4 else levels
 
 
@@ -72,7 +84,9 @@ UNIT_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
 
 
 def in_unit_range(levels: NDArray) -> NDArray[np.float32]:
-    """Levels of 8 or 16 bits, [height, width, channels], as values in [0, 1]."""
+    """Levels of 8 or 16 bits, [height, width, channels], as values in [0, 1]; float32 values stay as they are."""
+    if levels.dtype == np.float32:
+        return levels
     if levels.dtype == np.uint8:
         return np.asarray(cv2.LUT(np.ascontiguousarray(levels), UNIT_LEVELS), np.float32).reshape(levels.shape)
     return np.asarray(levels.astype(np.float32) / np.float32(np.iinfo(levels.dtype).max), np.float32)
@@ -91,21 +105,7 @@ def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
 def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
     """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
     levels = np.rint(np.clip(finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
-    order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
-    _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
-
-
-def read_jpeg(path: Path) -> NDArray[np.float32]:
-    """Values in [0, 1], RGB, display sRGB, as stored: EXIF's orientation is ignored, as cameras are for stored pixels.
-
-    Raises DataError if the file is missing, cut off or no JPEG.
-    """
-    return in_unit_range(jpeg_levels(path))
-
-
-def read_levels(path: Path) -> NDArray:
-    """Levels of 8 or 16 bits of a PNG or JPEG file, by its suffix. Raises DataError."""
-    return png_levels(path) if path.suffix.lower() == ".png" else jpeg_levels(path)
+    _encode(path, ".png", levels[..., ORDER[levels.shape[2]]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
 _levels_wanted: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
@@ -126,13 +126,6 @@ def levels_wanted() -> bool:
     return _levels_wanted.get()
 
 
-def jpeg_levels(path: Path) -> NDArray[np.uint8]:
-    """Levels of 8 bits as ``read_jpeg`` reads them, [height, width, 3]."""
-    data = read_bytes(path)
-    *_, profile = jpeg_header(path, data)
-    return in_srgb(path, cv2.cvtColor(decode_jpeg(path, data), cv2.COLOR_BGR2RGB), profile)
-
-
 LOGGING = getattr(cv2.utils, "logging", cv2)
 """Where OpenCV keeps its level of logging: since version 5 in a module of its own."""
 
@@ -142,21 +135,21 @@ COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
 """Texts in OpenEXR's messages about damaged pixels."""
 
 
-def read_exr(path: Path) -> NDArray[np.float32]:
+def read_exr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
     """Linear values of the channels that are the image (``chosen_channels``): R, G, B(, A), X, Y, Z or one of values.
 
     OpenEXR prints what it finds wrong with pixels; it is caught, as JPEG's warnings are (``native_output``).
     Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
     whole image, or says that it is no image in sRGB's primaries.
     """
-    data = read_bytes(path)
+    data = _of_type("OpenEXR", path, data)
     height, width = exr_size(path, data)
     try:
         with caught_output(OUT, ERROR) as printed, _named(data) as name:
             with OpenEXR.File(name, separate_channels=True, header_only=True) as file:
                 header, parts = file.header(), [part.name() for part in file.parts]
                 require_plain_exr(path, parts, header)
-                names = [channel.name for channel in header["channels"]]
+            names = exr_channels(path, data)
             wanted = chosen_channels(path, names)
             require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
             with OpenEXR.File(name, separate_channels=True) as file:
@@ -170,6 +163,14 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
     return finite(path, np.stack([channels[name] for name in wanted], -1))
+
+
+def _of_type(wanted: str, path: Path, data: bytes | None) -> bytes:
+    """The bytes of a file, read where they are not given. Raises DataError where they are of another type."""
+    data = read_bytes(path) if data is None else data
+    if (found := type_of(path, data)) != wanted:
+        raise DataError(f"{path} is a {found} file", f"It must be {wanted}: radiance.", "Save it in that type.")
+    return data
 
 
 def exr_envmap(path: Path) -> str | None:
@@ -204,12 +205,12 @@ def write_exr(path: Path, image: NDArray[np.floating]) -> None:
         file.write(str(path))
 
 
-def read_hdr(path: Path) -> NDArray[np.float32]:
+def read_hdr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
     """Linear RGB of a Radiance RGBE file, never negative. Raises DataError as ``read_exr`` does.
 
     Its EXPOSURE is not applied: neither Blender nor the published codes do.
     """
-    data = read_bytes(path)
+    data = _of_type("Radiance", path, data)
     radiance_size(path, data)
     image = _decode(path, data)
     if image.dtype != np.float32 or image.shape[2] != 3:
@@ -273,51 +274,11 @@ def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-EXR_COLOURS = (("R", "G", "B", "A"), ("R", "G", "B"), ("X", "Y", "Z"))
-"""Names of the channels of a layer that make an image, in its order; the first set that is whole counts."""
-
-EXR_VALUES = ("Y", "Z", "V")
-"""Names of the one channel of a map of values: luminance, depth (Z), and Blender's value (V)."""
-
 REC709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
 REC709_AT_D50 = ((0.6484, 0.3309), (0.3212, 0.5979), (0.1559, 0.0661), (0.3457, 0.3585))
 """xy of red, green, blue and white: sRGB's, and the same adapted to D50 (as Adobe writes), whose RGB are the same."""
 
 CHROMATICITY_TOLERANCE = 0.01
-
-
-def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
-    """The names of the channels of the image, in the order R, G, B(, A). Raises DataError where they do not tell.
-
-    Colours without a layer go before those of any layer; else there must be one layer with an image.
-    """
-    layers: dict[str, dict[str, str]] = {}
-    for name in names:
-        layer, _, channel = name.rpartition(".")
-        layers.setdefault(layer, {})[channel.upper()] = name
-    images = {layer: found for layer, held in layers.items() if (found := _image_channels(held))}
-    if len(images.get("", ())) > 1:
-        return images[""]
-    if len(images) == 1 and ("" in images or "" not in layers):
-        return next(iter(images.values()))
-    raise DataError(
-        f"{path} has the channels {', '.join(sorted(names))[:300]}",
-        "Which of them are the image is told by their names: R, G, B(, A), X, Y, Z, or one of Y, Z, V, in one layer.",
-        "Save the one layer that is meant as an OpenEXR file of its own, with these names.",
-    )
-
-
-def _image_channels(held: Mapping[str, str]) -> list[str]:
-    """The channels that form an image, of a layer's channels by their names in capitals; none without an image."""
-    for names in EXR_COLOURS:
-        if all(name in held for name in names):
-            return [held[name] for name in names]
-    rest = [name for name in held if name != "A"]
-    if len(rest) == 1:
-        # A layer of red alone is half an image where there is alpha, and a value where there is nothing else.
-        return [] if "A" in held and rest[0] in "RGB" else [held[rest[0]]]
-    values = [name for name in rest if name in EXR_VALUES]
-    return [held[values[0]]] if len(values) == 1 and not {"R", "G", "B", "RY", "BY"} & set(rest) else []
 
 
 def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:

@@ -1,23 +1,39 @@
 """Reads the headers of image files before a decoder does, which would take all the memory that a header claims.
 
-PNG and Radiance files are checked as a whole, and JPEG files must have an end: decoders fill what a cut-off file lacks.
-Damage to pixels of JPEG and OpenEXR files is reported by their decoders (``image_files``).
+A file's type is told by its first bytes, not by its name: photos are often saved as JPEG and called .png.
+
+PNG and Radiance files are checked as a whole, and JPEG and WebP files must have an end: decoders fill what a cut-off
+file lacks. Damage to pixels of JPEG and OpenEXR files is reported by their decoders (``image_files``).
+
+Which channels of an OpenEXR file are its image is told by their names. A channel is called ``layer.R``; renderers write
+``R, G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y,
+Normal.Z``. Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha
+to depth; where names do not tell, the file is refused.
 """
 
 import io
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
+from PIL.Image import Exif
 from PIL.JpegImagePlugin import JpegImageFile
+from PIL.WebPImagePlugin import WebPImageFile
 
 from radiogs_core.errors import DataError
 
 from .bounded_reading import IMAGE_LIMIT, limit
 from .colour_profiles import profile_of_png
+
+EXR_COLOURS = (("R", "G", "B", "A"), ("R", "G", "B"), ("X", "Y", "Z"))
+"""Names of the channels of a layer that make an image, in its order; the first set that is whole counts."""
+
+EXR_VALUES = ("Y", "Z", "V")
+"""Names of the one channel of a map of values: luminance, depth (Z), and Blender's value (V)."""
 
 LARGEST_SIDE = 1 << 16
 """Pixels a side beyond which a header is taken for damage."""
@@ -29,16 +45,55 @@ PNG_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 """First column, first row, column step and row step of the passes of an interlaced PNG."""
 
-EXR_SIGNATURE = b"\x76\x2f\x31\x01"
-JPEG_START = b"\xff\xd8\xff"
+EXR_CHANNEL = 17
+"""Bytes from the end of a channel's name in OpenEXR's list to the next name."""
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 """A marker that is not a byte of a scan, and not one at which a scan restarts."""
 
-RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 RADIANCE_RUN = 127
 """Equal values that two bytes of a Radiance scan line can stand for, at most."""
+
+
+TYPES = (
+    ("PNG", "png", rb"\x89PNG\r\n\x1a\n"),
+    ("JPEG", "jpg jpeg jpe jfif", rb"\xff\xd8\xff"),
+    ("WebP", "webp", rb"RIFF.{4}WEBP"),
+    ("OpenEXR", "exr", rb"\x76\x2f\x31\x01"),
+    ("Radiance", "hdr", rb"#\?(RADIANCE|RGBE)"),
+    ("TIFF", "tif tiff", rb"II\*\0|MM\0\*"),
+    ("HEIC or AVIF", "heic heif avif", rb".{4}ftyp"),
+    ("GIF", "gif", rb"GIF8"),
+)
+"""Types of image files: name, usual endings, and how they begin."""
+
+KNOWN = ("PNG", "JPEG", "WebP", "OpenEXR", "Radiance")
+LINEAR = ("OpenEXR", "Radiance")
+"""Types whose numbers are linear radiance; the others hold levels of display sRGB."""
+
+ORIENTATION = 0x0112
+"""EXIF's tag of how a photo is to be turned for display: 1 as stored, 5 to 8 with its sides exchanged."""
+
+
+class Header(NamedTuple):
+    """The header of an image file: its type by its bytes, the size in pixels, and what its pixels carry.
+
+    ``transparent``: whether pixels have alpha, of their own, by their palette or by a key. ``bits`` a sample, where
+    they are levels. ``orientation`` is EXIF's, 1 where there is none.
+    """
+
+    type: str
+    height: int
+    width: int
+    transparent: bool = False
+    bits: int = 8
+    orientation: int = 1
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.height, self.width
 
 
 @dataclass(frozen=True)
@@ -57,6 +112,7 @@ class PngLayout:
     transparent: bool = False
     transparent_key: tuple[int, ...] = ()
     profile: bytes | None = None
+    orientation: int = 1
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -68,25 +124,58 @@ def damaged(path: Path, reason: str) -> DataError:
     )
 
 
-def image_size(path: Path, data: bytes) -> tuple[int, int]:
-    """Height and width of a file whose type its suffix tells; its layout is checked, its pixels are not decoded."""
-    match path.suffix.lower():
-        case ".png":
-            png = png_layout(path, data)
-            return png.height, png.width
-        case ".exr":
-            return exr_size(path, data)
-        case ".hdr":
-            return radiance_size(path, data)
-        case ".jpg" | ".jpeg":
-            return jpeg_header(path, data)[:2]
-    raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr, .hdr and .jpg.")
+def type_of(path: Path, data: bytes) -> str:
+    """The type of a file by its first bytes. Raises DataError for one that is not read, or no image."""
+    found = next((name for name, _, begins in TYPES if re.match(begins, data, re.DOTALL)), None)
+    if found is not None and found in KNOWN:
+        return found
+    called = usual_type(path)
+    if found is None and called in KNOWN:
+        raise damaged(path, f"it does not begin like {'an' if called[0] == 'O' else 'a'} {called} file")
+    raise DataError(
+        f"{path} is not an image that can be read" + (f": it is of type {found}" if found else ""),
+        f"Read are {', '.join(KNOWN)} files, whatever their names end in.",
+        "Save it as PNG, with the name of the file that is listed (ImageMagick:  mogrify -format png FILE).",
+    )
 
 
-def png_layout(path: Path, data: bytes) -> PngLayout:
-    """Walk the chunks of a PNG: all there, and none altered."""
-    if not data.startswith(PNG_SIGNATURE):
-        raise damaged(path, "it does not begin like a PNG file")
+def usual_type(path: Path) -> str:
+    """The type that the ending of a name stands for; empty for an unknown one."""
+    return next((name for name, endings, _ in TYPES if path.suffix.lower()[1:] in endings.split()), "")
+
+
+def image_header(path: Path, data: bytes, numbers: bool = False) -> Header:
+    """The header of a file; its layout is checked, its pixels are not decoded. Raises DataError.
+
+    ``numbers``: the image is no colours but, say, a mask, so that what it says of its colours does not matter.
+    """
+    match kind := type_of(path, data):
+        case "PNG":
+            png = png_layout(path, data, numbers)
+            return Header(kind, png.height, png.width, png.transparent, png.bits, png.orientation)
+        case "JPEG" | "WebP":
+            photo = photo_file(path, data)
+            exif = photo.info.get("exif", b"")
+            return Header(kind, photo.height, photo.width, photo.mode == "RGBA", orientation=_orientation(exif))
+        case "OpenEXR":
+            return Header(kind, *exr_size(path, data), len(chosen_channels(path, exr_channels(path, data))) == 4, 16)
+        case _:
+            return Header(kind, *radiance_size(path, data))
+
+
+def _orientation(exif: bytes) -> int:
+    """EXIF's orientation, 1 to 8; 1 where the data does not say, or cannot be understood."""
+    found = Exif()
+    try:
+        found.load(exif)
+        value = found.get(ORIENTATION, 1)
+    except (SyntaxError, OSError, ValueError, LookupError, TypeError, struct.error):
+        return 1
+    return value if value in range(1, 9) else 1
+
+
+def png_layout(path: Path, data: bytes, numbers: bool = False) -> PngLayout:
+    """Walk the chunks of a PNG: all there, and none altered. ``numbers``: what it says of colours is passed over."""
     chunks = list(_png_chunks(path, data))
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 13:
         raise damaged(path, "its header is missing")
@@ -107,7 +196,8 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
         height, width, bits, stream, expanded,
         colour in (4, 6) or b"tRNS" in others,
         struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
-        profile_of_png(path, others),
+        None if numbers else profile_of_png(path, others),
+        _orientation(others.get(b"eXIf", b"")),
     )  # fmt: skip
 
 
@@ -135,20 +225,24 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
         raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
 
 
-def jpeg_header(path: Path, data: bytes) -> tuple[int, int, bytes | None]:
-    """Height, width and ICC profile of a JPEG. Raises DataError for damage, a missing end, and colours such as CMYK."""
-    if not data.startswith(JPEG_START):
-        raise damaged(path, "it does not begin like a JPEG file")
+def photo_file(path: Path, data: bytes) -> JpegImageFile | WebPImageFile:
+    """A JPEG or WebP file as Pillow opens it: its size, its mode, and in ``info`` its ICC profile and EXIF data.
+
+    Raises DataError for damage, a missing end, colours such as CMYK, and animations.
+    """
+    kind = type_of(path, data)
     try:
-        photo = JpegImageFile(io.BytesIO(data))
-    except (SyntaxError, OSError, ValueError, LookupError, TypeError, struct.error) as error:
+        photo = (JpegImageFile if kind == "JPEG" else WebPImageFile)(io.BytesIO(data))
+    except (SyntaxError, OSError, ValueError, LookupError, TypeError, RuntimeError, struct.error) as error:
         raise damaged(path, "its header is cut off or altered") from error
     require_size(path, photo.height, photo.width)
-    if photo.layers not in (1, 3):
-        raise DataError(f"{path} has {photo.layers} components", "It may be CMYK.", "Save it in sRGB.")
-    if not _has_its_end(data):
-        raise damaged(path, "it is cut off: its end marker is missing")
-    return photo.height, photo.width, photo.info.get("icc_profile")
+    if getattr(photo, "layers", 3) not in (1, 3):
+        raise DataError(f"{path} has {photo.mode} colours", "It may be CMYK.", "Save it in sRGB.")
+    if getattr(photo, "is_animated", False):
+        raise DataError(f"{path} is an animation", "Which of its frames is meant cannot be told.", "Save one as PNG.")
+    if not (_has_its_end(data) if kind == "JPEG" else len(data) >= 8 + int.from_bytes(data[4:8], "little")):
+        raise damaged(path, "it is cut off: its end is missing")
+    return photo
 
 
 def _has_its_end(data: bytes) -> bool:
@@ -165,8 +259,6 @@ def _has_its_end(data: bytes) -> bool:
 
 def exr_size(path: Path, data: bytes) -> tuple[int, int]:
     """Height and width of the data window of an OpenEXR file."""
-    if not data.startswith(EXR_SIGNATURE):
-        raise damaged(path, "it does not begin like an OpenEXR file")
     try:
         left, top, right, bottom = struct.unpack("<4i", _exr_attribute(data, b"dataWindow"))
     except (struct.error, ValueError, IndexError) as error:
@@ -176,10 +268,58 @@ def exr_size(path: Path, data: bytes) -> tuple[int, int]:
     return height, width
 
 
+def exr_channels(path: Path, data: bytes) -> list[str]:
+    """Names of an OpenEXR file's channels, with those of their layers. Raises DataError."""
+    names: list[str] = []
+    try:
+        listed, place = _exr_attribute(data, b"channels"), 0
+        while listed[place] != 0:
+            end = listed.index(b"\0", place)
+            names.append(listed[place:end].decode())
+            place = end + EXR_CHANNEL
+    except (struct.error, ValueError, IndexError) as error:
+        raise damaged(path, "its header is cut off or altered") from error
+    return names
+
+
+def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
+    """The names of the channels of the image, in the order R, G, B(, A). Raises DataError where they do not tell.
+
+    Colours without a layer go before those of any layer; else there must be one layer with an image.
+    """
+    layers: dict[str, dict[str, str]] = {}
+    for name in names:
+        layer, _, channel = name.rpartition(".")
+        layers.setdefault(layer, {})[channel.upper()] = name
+    images = {layer: found for layer, held in layers.items() if (found := _image_channels(held))}
+    if len(images.get("", ())) > 1:
+        return images[""]
+    if len(images) == 1 and ("" in images or "" not in layers):
+        return next(iter(images.values()))
+    raise DataError(
+        f"{path} has the channels {', '.join(sorted(names))[:300]}",
+        "Which of them are the image is told by their names: R, G, B(, A), X, Y, Z, or one of Y, Z, V, in one layer.",
+        "Save the one layer that is meant as an OpenEXR file of its own, with these names.",
+    )
+
+
+def _image_channels(held: Mapping[str, str]) -> list[str]:
+    """The channels that form an image, of a layer's channels by their names in capitals; none without an image."""
+    for names in EXR_COLOURS:
+        if all(name in held for name in names):
+            return [held[name] for name in names]
+    if held.keys() == {"Y", "A"}:
+        return [held[name] for name in ("Y", "Y", "Y", "A")]
+    rest = [name for name in held if name != "A"]
+    if len(rest) == 1:
+        # A layer of red alone is half an image where there is alpha, and a value where there is nothing else.
+        return [] if "A" in held and rest[0] in "RGB" else [held[rest[0]]]
+    values = [name for name in rest if name in EXR_VALUES]
+    return [held[values[0]]] if len(values) == 1 and not {"R", "G", "B", "RY", "BY"} & set(rest) else []
+
+
 def radiance_size(path: Path, data: bytes) -> tuple[int, int]:
     """Height and width of a Radiance RGBE file with rows from the top and columns from the left."""
-    if not data.startswith(RADIANCE_SIGNATURES):
-        raise damaged(path, "it does not begin like a Radiance file")
     found = RADIANCE_SIZE.search(data)
     if found is None:
         raise damaged(path, "its size is missing, or its rows do not run from the top and the left (-Y h +X w)")

@@ -16,11 +16,12 @@ from torch import Tensor
 
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
 from .image_files import UNIT_LEVELS, wanting_levels
 from .options import SceneOptions
+from .view_maps import displayed_light
 
 MULTIPLIED = ("direct", "indirect")
 """Maps that are multiplied by coverage already; the others are averaged over what is covered."""
@@ -156,15 +157,7 @@ def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width chan
         return _reduced(view, name, stored, size)
     weight = view.read("alpha") if view.has("alpha") else None
     light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
-    return _displayed(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
-
-
-def _displayed(
-    light: Float[Tensor, "rows columns 3"], share: Float[Tensor, "rows columns 1"] | None
-) -> Float[Tensor, "rows columns 3"]:
-    """Straight display sRGB of linear light that is multiplied by its share of coverage; None is full coverage."""
-    straight = light if share is None else torch.where(share > 0, light / torch.where(share > 0, share, 1.0), 0.0)
-    return srgb_encode(straight).clamp(0, 1)
+    return displayed_light(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
 
 
 LINEAR_LEVELS = srgb_decode(torch.from_numpy(UNIT_LEVELS)).numpy()
@@ -212,7 +205,7 @@ def _reduced(view: View, name: str, values: Tensor, size: Size) -> Float[Tensor,
         return torch.nn.functional.normalize(covered, dim=-1)
     share = area_mean(weight, size)
     if displayed:
-        image = _displayed(covered, share)
+        image = displayed_light(covered, share)
         if name == "image" and view.has("valid"):
             return torch.where(area_mean(view.read("valid"), size) > WHOLLY, image, 0.0)
         return image

@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.errors import DataError
-from radiogs_core.scene.colour import srgb_decode
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
 
-from .image_files import read_image
+from .image_files import in_unit_range, read_image, read_stored
 
 NO_DIRECTION = 3**0.5 / 255 * 1.001
 """Length of a zero normal as 8 bits store it: each of its coordinates is half a level too low or too high."""
@@ -25,6 +27,32 @@ MOST_WITHOUT = 0.01
 def read_colour(path: Path) -> Float[Tensor, "height width 3"]:
     """The first three channels, as stored. Raises DataError if there are fewer."""
     return _channels(path, 0, 3)
+
+
+def read_photo(path: Path) -> Float[Tensor, "height width 3"]:
+    """A photo or rendered image of any type in display sRGB, straight colour (``displayed``). Raises DataError."""
+    return displayed(read_stored(path))
+
+
+def displayed(stored: NDArray) -> Float[Tensor, "height width 3"]:
+    """Display sRGB in [0, 1], straight colour, of an image as ``read_stored`` gives it; grey is R, G and B.
+
+    Floats are linear radiance that was multiplied by alpha, as OpenEXR has it: divided by it, encoded and clipped.
+    """
+    image = torch.from_numpy(in_unit_range(stored))
+    colour = image[..., :3].expand(-1, -1, 3).contiguous()
+    if stored.dtype != np.float32:
+        return colour
+    return displayed_light(colour, image[..., 3:] if image.shape[2] == 4 else None)
+
+
+def displayed_light(
+    linear: Float[Tensor, "height width 3"], alpha: Float[Tensor, "height width 1"] | None
+) -> Float[Tensor, "height width 3"]:
+    """Display sRGB, straight and clipped, of linear radiance times alpha; black where alpha is zero, None is one."""
+    light = linear.clamp(min=0)
+    straight = light if alpha is None else torch.where(alpha > 0, light / torch.where(alpha > 0, alpha, 1.0), 0.0)
+    return srgb_encode(straight).clamp(0, 1)
 
 
 def read_value(path: Path) -> Float[Tensor, "height width 1"]:

@@ -17,7 +17,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import read_bytes
-from radiogs_datasets.image_structure import image_size
+from radiogs_datasets.image_structure import image_header
 
 from ..outputs.codes import CODES
 from ..outputs.files import Found
@@ -270,7 +270,7 @@ def _inspect(files: Sequence[Found]) -> None:
     """Raise DataError for an image file that is truncated."""
     for path in sorted({found.path for found in files}):
         if path.suffix != ".npy":
-            image_size(path, read_bytes(path))
+            image_header(path, read_bytes(path))
 
 
 def _require_none(missing: Sequence[str], unread: Sequence[str] = ()) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError, unknown
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import read_bytes
-from radiogs_datasets.image_structure import image_size
+from radiogs_datasets.image_structure import image_header
 
 from .codes import CODES, PLAIN
 from .files import Found, find, last_index, resolved, spellings, unread_files
@@ -137,7 +137,7 @@ class _Search:
             return True
         name, first = next(iter(files.items()))
         camera = next(view.camera for view in views if view.name == name)
-        height, width = image_size(first.path, read_bytes(first.path))
+        height, width = image_header(first.path, read_bytes(first.path)).size
         if (height, width) == (camera.height, camera.width):
             return True
         self.wrong_size |= {file.path for file in files.values()}

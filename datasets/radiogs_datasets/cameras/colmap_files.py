@@ -7,7 +7,7 @@ binary files every count is held against the bytes that are left before anything
 import math
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -83,23 +83,33 @@ def _text_beside(place: Path, named: str) -> tuple[str, ...]:
     return (f"{', '.join(names)} in {named} are not used: the binary files are{differ}",)
 
 
-def files_of(folder: Path) -> tuple[Path, Path, Path]:
-    """Cameras, images and points: the binary files where all are there, else text. Raises DataError."""
+def files_of(folder: Path) -> tuple[Path, ...]:
+    """Cameras, images and, where there is a file of them, points. Raises DataError.
+
+    Binary files go before text, and kinds with all three files before others. Points only say where surfels start, so
+    they may be absent, of the other kind or a PLY file.
+    """
+    found = []
     for end in ("bin", "txt"):
-        cameras, images, points = (folder / f"{part}.{end}" for part in PARTS)
-        if all(path.is_file() for path in (cameras, images, points)):
-            return cameras, images, points
-    raise DataError(
-        f"cannot read the model in {folder}: it is incomplete",
-        f"It needs {', '.join(PARTS)}, all as .bin or all as .txt.",
-        "Copy the model again, or export it anew:  colmap model_converter",
-    )
+        *poses, points = (folder / f"{part}.{end}" for part in PARTS)
+        if all(path.is_file() for path in poses):
+            others = (points, *(points.with_suffix(other) for other in (".bin", ".txt", ".ply")))
+            found.append((*poses, *[path for path in others if path.is_file()][:1]))
+    if not found:
+        raise DataError(
+            f"cannot read the model in {folder}: it is incomplete",
+            "It needs cameras and images, both as .bin or both as .txt.",
+            "Copy the model again, or export it anew:  colmap model_converter",
+        )
+    return max(found, key=lambda files: len(files) == 3 and files[0].suffix == files[2].suffix)
 
 
 def read_model(folder: Path) -> SparseModel:
-    """Read and check a model; which photo saw which point is left out. Raises DataError."""
-    cameras, images, points = files_of(folder)
-    rows = _binary_points(points) if points.suffix == ".bin" else _records(points, _point)
+    """Read and check a model; which photo saw which point, and points in PLY, are left out. Raises DataError."""
+    cameras, images, *points = files_of(folder)
+    rows: Iterable[tuple[float, ...]] = ()
+    if points and points[0].suffix != ".ply":
+        rows = _binary_points(points[0]) if points[0].suffix == ".bin" else _records(points[0], _point)
     found = np.array(sorted(rows), np.float64).reshape(-1, 7)
     model = SparseModel(_cameras(cameras), _images(images), found[:, 1:4].copy(), found[:, 4:].astype(np.uint8))
     require_sound(folder, model)

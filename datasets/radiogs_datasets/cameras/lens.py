@@ -96,6 +96,16 @@ class Lens:
         )  # fmt: skip
 
 
+SIZE_TOLERANCE = 1.0
+"""Pixels by which a reduced image may be off the shape of the whole one: sizes are rounded."""
+
+
+def is_reduction(size: tuple[int, ...], whole: tuple[int, ...]) -> bool:
+    """Whether an image of ``size`` (height, width) has the shape of the ``whole`` one, and is no larger."""
+    scale = size[1] / whole[1]
+    return max(scale, size[0] / whole[0]) <= 1 and abs(whole[0] * scale - size[0]) <= SIZE_TOLERANCE
+
+
 def lens_of(model: str, parameters: Sequence[float], width: int, height: int) -> Lens:
     """The lens of one of COLMAP's camera models. Raises KeyError for one not in PARAMETERS, ValueError for bad values.
 

@@ -15,7 +15,17 @@ from typing import Any
 
 from radiogs_core.errors import DataError
 
-from .lens import COEFFICIENTS, LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
+from .lens import (
+    COEFFICIENTS,
+    LARGEST_COEFFICIENT,
+    LENS,
+    ORDER,
+    PARAMETERS,
+    Lens,
+    Projection,
+    coefficients_of,
+    is_reduction,
+)
 
 SIZE = ("w", "h")
 PIXELS = ("fl_x", "fl_y", "cx", "cy")
@@ -146,7 +156,10 @@ def _other_size(what: str, written: tuple[float, float], found: tuple[int, int])
 def _of_pixels(
     what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...], note: Note
 ) -> LensOfSize:
-    """The lens in pixels of an image of one size, or of the images' size if none is given; other sizes are refused."""
+    """The lens in pixels of an image of one size, or of the images' size if none is given.
+
+    A reduced image has the lens of its size; one of another shape, or larger, is refused.
+    """
     given = {name: finite(fields[name]) for name in (*PIXELS, *SIZE) if fields.get(name) is not None}
     given.setdefault("fl_y", given.get("fl_x", math.nan))
     _require_pixels(what, fields, given)
@@ -157,11 +170,12 @@ def _of_pixels(
         note("w or h missing: focal lengths are taken for pixels of the images as they are")
 
     def lens(rows: int, columns: int) -> Lens:
-        width, height = given.get("w", columns), given.get("h", rows)
-        if (height, width) != (rows, columns):
+        width, height = int(given.get("w", columns)), int(given.get("h", rows))
+        if not is_reduction((rows, columns), (height, width)):
             raise _other_size(what, (width, height), (columns, rows))
-        cx, cy = given.get("cx", columns / 2), given.get("cy", rows / 2)
-        return Lens(given["fl_x"], given["fl_y"], cx, cy, columns, rows, projection, bent)
+        cx, cy = given.get("cx", width / 2), given.get("cy", height / 2)
+        whole = Lens(given["fl_x"], given["fl_y"], cx, cy, width, height, projection, bent)
+        return whole if (height, width) == (rows, columns) else whole.at_size(rows, columns)
 
     if given.keys() >= {*SIZE}:
         for sentence in _other_angles(fields, lens(int(given["h"]), int(given["w"]))):
@@ -269,12 +283,15 @@ SAME_CONVENTION = frozenset({"opengl", "blender", "nerf", "nerfstudio", "instant
 CONVENTION = re.compile(r".*(convention|coordinate_?(system|frame)).*", re.IGNORECASE)
 
 CHANGES_IMAGES = re.compile(
-    r"(k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
+    r"(?!.*(velocit|accelerat)|exposure_time$)"
+    r"((k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
     r"|flip|mirror|rotat|orient|convention|coordinate|axis|axes|gamma|exposure|white|colou?r|tonemap|premult|linear"
-    r"|transparent|mask|sharpen|pixel_aspect|downscale|resolution|hdr|time|light|matrix|transform|translation|pose).*",
+    r"|transparent|mask|sharpen|pixel_aspect|downscale|resolution|hdr|time|light|matrix|transform|translation|pose).*)",
     re.IGNORECASE,
 )
-"""Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene."""
+"""Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene.
+
+How fast the camera moved, and how long it exposed, says nothing of the image that it took."""
 
 
 def said_of_fields(what: str, table: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.colour import srgb_decode
 
+from ..view_maps import displayed_light
 from .lens import Lens
 
 COARSE = 512
@@ -78,10 +79,9 @@ def undistorted(
     """A display sRGB photo, straight colour, as ``pinhole_of(lens)`` sees it: linear light between four pixels."""
     light = srgb_decode(image)
     if alpha is None:
-        return srgb_encode(_sampled(light, lens, cv2.INTER_LINEAR)).clamp(0, 1)
+        return displayed_light(_sampled(light, lens, cv2.INTER_LINEAR), None)
     share = _sampled(alpha, lens, cv2.INTER_LINEAR)
-    light = _sampled(light * alpha, lens, cv2.INTER_LINEAR)
-    return srgb_encode(torch.where(share > 0, light / torch.where(share > 0, share, 1.0), 0.0)).clamp(0, 1)
+    return displayed_light(_sampled(light * alpha, lens, cv2.INTER_LINEAR), share)
 
 
 def undistorted_coverage(alpha: Float[Tensor, "height width 1"], lens: Lens) -> Float[Tensor, "rows columns 1"]:

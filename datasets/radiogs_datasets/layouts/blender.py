@@ -3,12 +3,13 @@
     <scene>/transforms_train.json  transforms_test.json (or transforms_val.json)    file_path: ./train/r_0
     <scene>/transforms.json                                                        fl_x, cx, w, ... for all frames
 
-Images are PNG or JPEG, display sRGB, with straight alpha or without; ``mask_path`` and ``depth_file_path`` of a frame
-are read, and a PLY file of sparse points (``ply_file_path``). Nothing else is known of such a scene: no materials, no
-lights. Lens distortion is undone on reading. A file without a split is split by ``train_filenames`` and
-``test_filenames`` where it has them; else, in the order of paths, every eighth view (or ``--hold-out N``) is a test
-view, from the first on, as for MipNeRF360. Such files often list photos that were left out of the folder: they are left
-out of the scene, and named in its repairs.
+Images are PNG, JPEG or WebP, display sRGB, with straight alpha or without, or linear OpenEXR; ``mask_path`` and
+``depth_file_path`` of a frame are read, and a PLY file of sparse points (``ply_file_path``). Where photos are not at
+their paths, they are read from the first of images_2, images_4, images beside them that has all. Nothing else is known
+of such a scene: no materials, no lights. Lens distortion is undone on reading. A file without a split is split by
+``train_filenames`` and ``test_filenames`` where it has them; else, in the order of paths, every eighth view (or
+``--hold-out N``) is a test view, from the first on, as for MipNeRF360. Such files often list photos that were left out
+of the folder: they are left out of the scene, and named in its repairs.
 """
 
 import io
@@ -19,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from plyfile import PlyData, PlyParseError
 
 from radiogs_core.errors import DataError
@@ -26,10 +28,22 @@ from radiogs_core.scene.scene import Points, Scene
 
 from ..bounded_reading import read_bytes
 from ..cameras.colmap_model import LARGEST_COORDINATE
+from ..cameras.lens import is_reduction
 from ..cameras.transforms import Frame, Transforms, read_transforms, said_of_files
+from ..image_structure import Header
 from ..options import AS_STORED, SceneOptions
-from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files, require_same_size, shown
-from .photos import Photo, has_alpha, held_out, inspect_photos, masks_of, said_of_lenses, said_of_masks, view_of
+from .inspection import WrittenPaths, require_distinct, require_files, require_same_size, shown
+from .photos import (
+    IMAGE_ENDINGS,
+    PHOTO_FOLDERS,
+    Photo,
+    held_out,
+    inspect_photos,
+    masks_of,
+    placed,
+    read_depth_map,
+    views_of,
+)
 
 
 def looks_like(folder: Path) -> bool:
@@ -44,20 +58,16 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     repairs: list[str] = []
     written = WrittenPaths(folder, ENDINGS)
     train, test = split_of(written, files, options, repairs)
-    clouds = [WrittenPaths(folder).find(table, each.points_path) for table, each in files.items() if each.points_path]
-    photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), tables, clouds)
+    points, clouds = _points(folder, files, repairs)
+    photos, checksum, headers = _photos(folder, masked(folder, [*train, *test], options), [*tables, *clouds], repairs)
     stated = {each.masks for each in files.values() if each.masks is not None}
     if options.masks is None and stated == {"ignore"}:
         options = replace(options, masks="ignore")
-    photos, said_of_coverage = said_of_masks(photos, options)
-    repairs += said_of_coverage
-    repairs += [*written.said, *said_of_lenses(photos)]
-    repairs += said_of_files(files)
-    views = [view_of(photo) for photo in photos]
-    decode_if_small(views, sizes)
+    views, said_of_views = views_of(photos, headers, options)
+    repairs += [*said_of_views, *written.said, *said_of_files(files)]
     return Scene(
         folder.name, "blender", tuple(views[: len(train)]), tuple(views[len(train) :]), {}, None, checksum,
-        tuple(repairs), points=read_points(clouds[0]) if clouds else None,
+        tuple(repairs), points=points,
     )  # fmt: skip
 
 
@@ -66,7 +76,7 @@ SINGLE = "transforms.json"
 SCORED = ("test", "val")
 """Splits whose views are scored: the test split, or the validation split if there is no test split."""
 
-ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")
+ENDINGS = (*IMAGE_ENDINGS, *(ending.upper() for ending in IMAGE_ENDINGS))
 
 MOST_ABSENT = 0.5
 """Share of a single file's photos that may be absent: with more the folder is taken for incomplete."""
@@ -107,10 +117,23 @@ def listed_in(written: WrittenPaths, table: Path, transforms: Transforms) -> lis
         return None if path is None else written.find(table, path)
 
     unit = transforms.depth_unit
+    images = [_image(written, table, frame) for frame in transforms.frames]
     return [
-        Listed(frame, _image(written, table, frame), place(frame.mask_path), place(frame.depth_path), unit)
-        for frame in transforms.frames
+        Listed(frame, image, place(frame.mask_path), place(frame.depth_path), unit)
+        for frame, image in zip(transforms.frames, _of_other_sizes(written, images), strict=True)
     ]
+
+
+def _of_other_sizes(written: WrittenPaths, images: list[Path]) -> list[Path]:
+    """The images; where some are absent, those in the first folder of other sizes beside theirs that has all."""
+    if all(path.is_file() for path in images):
+        return images
+    for folder in PHOTO_FOLDERS:
+        others = [path.parent.parent / folder / path.name for path in images]
+        if all(path.is_file() and path.is_relative_to(written.folder) for path in others):
+            written.counts[f"in a folder that lacks photos: {folder}/ has all"] += len(others)
+            return others
+    return images
 
 
 def _image(written: WrittenPaths, table: Path, frame: Frame) -> Path:
@@ -194,78 +217,104 @@ def masked(folder: Path, listed: list[Listed], options: SceneOptions) -> list[Li
 
 
 def _photos(
-    folder: Path, listed: list[Listed], tables: list[Path], clouds: list[Path]
-) -> tuple[list[Photo], str, dict[Path, tuple[int, int]]]:
-    """The photos, the checksum over all files of the scene, and the sizes of its images."""
-    images = [each.image for each in listed]
-    require_distinct(folder, images)
+    folder: Path, listed: list[Listed], tables: list[Path], repairs: list[str]
+) -> tuple[list[Photo], str, dict[Path, Header]]:
+    """The photos, the checksum over all files of the scene, and the headers of its images."""
+    require_distinct(folder, [each.image for each in listed])
     every = [path for each in listed for path in (each.image, each.mask, each.depth) if path is not None]
-    require_files(folder, [*every, *clouds])
+    require_files(folder, every)
     masks = {each.image: each.mask for each in listed if each.mask is not None}
-    sizes, checksum = inspect_photos(folder, {*tables, *every, *clouds} - {*masks.values()}, masks)
-    for each in listed:
-        if each.depth in sizes:
-            require_same_size(each.depth, sizes[each.depth], sizes[each.image])
-    transparent = _transparent(images)
-    return [_photo(folder, each, transparent[each.image], sizes[each.image]) for each in listed], checksum, sizes
+    headers, checksum = inspect_photos(folder, {*tables, *every} - {*masks.values()}, masks)
+    photos = [_photo(folder, each, headers[each.image]) for each in listed]
+    coarse = [photo.name for photo in photos if _has_coarse_depth(photo, headers)]
+    if coarse:
+        repairs.append(f"depth maps of {len(coarse)} photos are smaller than they are, and left out: {shown(coarse)}")
+    return [replace(photo, depth=None if photo.name in coarse else photo.depth) for photo in photos], checksum, headers
 
 
-def _transparent(images: list[Path]) -> dict[Path, bool]:
-    """Which images have an alpha channel. Raises DataError where some have and others have not."""
-    found = {path: has_alpha(path) for path in images}
-    if any(found.values()) and not all(found.values()):
-        plain = next(path for path, has in found.items() if not has)
-        raise DataError(
-            f"{plain} has no alpha, other images of the scene have",
-            "Without it there is no telling which of its pixels show the object.",
-            "Export all images with alpha, or all without.",
-        )
-    return found
+def _has_coarse_depth(photo: Photo, headers: Mapping[Path, Header]) -> bool:
+    """Whether the depth of a photo has fewer pixels than the photo. Raises DataError for depth of another shape."""
+    if photo.depth is None:
+        return False
+    size = headers[photo.depth].size if photo.depth in headers else read_depth_map(photo.depth).shape[:2]
+    wanted = (photo.lens.height, photo.lens.width)
+    if photo.turned > 1 and not is_reduction(wanted, size):
+        size = size[::-1]
+    if is_reduction(size, wanted) and size != wanted:
+        return True
+    if not is_reduction(wanted, size) and photo.depth in headers:
+        require_same_size(photo.depth, (size[0], size[1]), wanted)
+    return False
 
 
-def _photo(folder: Path, listed: Listed, has_alpha: bool, size: tuple[int, int]) -> Photo:
+def _photo(folder: Path, listed: Listed, header: Header) -> Photo:
     frame = listed.frame
     try:
-        lens = frame.lens(*size)
+        lens, turned = placed(header, frame.lens)
     except ValueError as error:
         raise DataError(f"the lens of {listed.image} cannot be: {error}", "", "Correct the transforms file.") from error
     return Photo(
         listed.image.relative_to(folder).with_suffix("").as_posix(), listed.image, frame.camera_to_world, lens,
-        has_alpha, listed.mask, listed.depth, listed.depth_unit,
+        header.transparent, listed.mask, listed.depth, listed.depth_unit, turned=turned,
     )  # fmt: skip
 
 
-POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
+def _points(folder: Path, files: Mapping[Path, Transforms], repairs: list[str]) -> tuple[Points | None, list[Path]]:
+    """The points of the first file that names them, and the PLY files; what is absent is added to ``repairs``."""
+    named = [WrittenPaths(folder).find(table, each.points_path) for table, each in files.items() if each.points_path]
+    clouds = [path for path in named if path.is_file()]
+    repairs += [f"{path.name} is not there: surfels start without its points" for path in named if path not in clouds]
+    if not clouds:
+        return None, []
+    points, said = read_points(clouds[0])
+    repairs += said
+    return points, clouds
+
+
+POSITION = ("x", "y", "z")
+COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+"""Names of a vertex's colours in PLY files."""
+
+GREY = 0.5
+"""Display sRGB of points without colours."""
 
 LONGEST_HEADER = 1 << 16
 """Bytes of a PLY file's header: the library reads it character by character."""
 
 
-def read_points(path: Path) -> Points:
-    """World positions, and 8-bit display sRGB colours. Raises DataError for what is no such file."""
+def read_points(path: Path) -> tuple[Points, tuple[str, ...]]:
+    """World positions and display sRGB colours of a PLY file, and a sentence where colours are not as usual.
+
+    Raises DataError for what is no such file, and for positions or colours that cannot be.
+    """
     data = read_bytes(path)
-    if data.find(b"end_header", 0, LONGEST_HEADER) < 0:
-        raise DataError(
-            f"cannot read {path}: it has no PLY header of at most {LONGEST_HEADER} bytes",
-            "The header names the elements and their properties; points need some hundred bytes.",
-            "Export the points again, or take 'ply_file_path' out of the transforms file.",
-        )
     try:
+        if data.find(b"end_header", 0, LONGEST_HEADER) < 0:
+            raise ValueError(f"it has no PLY header of at most {LONGEST_HEADER} bytes")
         vertices = PlyData.read(io.BytesIO(data), mmap=False)["vertex"].data
         positions = np.stack([np.asarray(vertices[name], np.float64) for name in POSITION], -1)
-        colours = np.stack([np.asarray(vertices[name]) for name in COLOUR], -1)
+        if not (np.abs(positions) <= LARGEST_COORDINATE).all():
+            raise ValueError("it holds points that are not finite")
+        colours, said = _colours(path, vertices)
     except (PlyParseError, KeyError, ValueError, OSError, MemoryError, EOFError, UnicodeDecodeError) as error:
         raise DataError(
             f"cannot read {path}: {error}",
-            f"It must be a PLY file whose vertices have {', '.join((*POSITION, *COLOUR))}.",
-            "Export the points again, or take 'ply_file_path' out of the transforms file.",
+            f"It must be a PLY file whose vertices have {', '.join(POSITION)}, and may have {', '.join(COLOURS[0])}.",
+            "Export the points again, or leave them out: they only say where surfels start.",
         ) from error
-    if colours.dtype != np.uint8 or not (np.abs(positions) <= LARGEST_COORDINATE).all():
-        raise DataError(
-            f"{path} holds points that are not finite, or colours that are not of 8 bits",
-            "",
-            "Export the points again, or take 'ply_file_path' out of the transforms file.",
-        )
-    return Points(
-        torch.from_numpy(positions.astype(np.float32)), torch.from_numpy(colours.astype(np.float32) / 255)
-    )  # fmt: skip
+    return Points(torch.from_numpy(positions.astype(np.float32)), torch.from_numpy(colours)), said
+
+
+def _colours(path: Path, vertices: NDArray) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """Colours in [0, 1] from levels of 8 or 16 bits or floats up to 1 or 255; grey without any. Raises ValueError."""
+    names = next((names for names in COLOURS if {*names} <= {*(vertices.dtype.names or ())}), None)
+    if names is None:
+        return np.full((len(vertices), 3), GREY, np.float32), (f"points of {path.name} have no colours: grey is taken",)
+    stored = np.stack([np.asarray(vertices[name]) for name in names], -1)
+    largest = float(stored.max(initial=0))
+    whole = stored.dtype.kind in "iu"
+    most = next((each for each in ((255, 65535) if whole else (1, 255)) if largest <= each), None)
+    if most is None or not float(stored.min(initial=0)) >= 0:
+        raise ValueError(f"its colours run from {float(stored.min()):g} to {largest:g}")
+    said = f"colours of {path.name} are of type {stored.dtype}, and taken for 0 to {most}"
+    return (stored / most).astype(np.float32), () if stored.dtype == np.uint8 else (said,)

@@ -6,10 +6,11 @@
 The model with the most photos is read. Images are those of the first of images_2, images_4, images that has all its
 photos (the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it; LLFF's reduced images,
 which have names of their own, are paired in the order of names. Lens distortion is undone on reading. In the order of
-their names every eighth image (or ``--hold-out N``) is a test view, from the first on. Photos have no alpha: every
-pixel counts, unless there is a folder of masks. The sparse points come along.
+their names every eighth image (or ``--hold-out N``) is a test view, from the first on. Alpha is coverage, as are the
+masks of a folder. The sparse points come along, also from a PLY file; a model without any is read, too.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +20,21 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
 from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
-from ..cameras.colmap_model import StoredCamera, StoredImage
-from ..cameras.lens import Lens, lens_of
+from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
+from ..cameras.lens import Lens, is_reduction, lens_of
 from ..options import AS_STORED, SceneOptions
-from .inspection import WrittenPaths, decode_if_small, require_distinct, require_files
+from .blender import read_points
+from .inspection import WrittenPaths, require_distinct, require_files
 from .photos import (
+    IMAGE_ENDINGS,
     PHOTO_FOLDERS,
-    SIZE_TOLERANCE,
     Photo,
     held_out,
     images_in,
     inspect_photos,
     masks_of,
-    said_of_lenses,
-    said_of_masks,
-    view_of,
+    placed,
+    views_of,
 )
 
 
@@ -55,25 +56,30 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     require_distinct(folder, paths)
     require_files(folder, paths)
     masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
-    sizes, checksum = inspect_photos(folder, paths, masks, files_of(place))
-    photos = [
-        Photo(
-            Path(image.name.replace("\\", "/")).with_suffix("").as_posix(),
-            path,
-            torch.from_numpy(image.camera_to_world()).float(),
-            _lens(place, image, model.cameras[image.camera], sizes[path]),
-            mask=masks.get(path),
-        )
-        for image, path in zip(found, paths, strict=True)
-    ]
-    photos, said_of_coverage = said_of_masks(photos, options)
-    views = [view_of(photo) for photo in photos]
-    decode_if_small(views, sizes)
+    headers, checksum = inspect_photos(folder, paths, masks, files_of(place))
+    photos = []
+    for image, path in zip(found, paths, strict=True):
+        name = Path(image.name.replace("\\", "/")).with_suffix("").as_posix()
+        pose = torch.from_numpy(image.camera_to_world()).float()
+        lens, turned = placed(headers[path], partial(_lens, place, image, model.cameras[image.camera]))
+        photos.append(Photo(name, path, pose, lens, headers[path].transparent, masks.get(path), turned=turned))
+    views, said_of_views = views_of(photos, headers, options)
     train, test, said = held_out(views, options.hold_out)
-    repairs = (*said_of_model, *said_of_images, said, *said_of_coverage, *said_of_lenses(photos))
-    colours = torch.from_numpy(model.colours.astype(np.float32) / 255)
-    points = Points(torch.from_numpy(model.positions.astype(np.float32)), colours)
+    points, said_of_points = _points(place, model)
+    repairs = (*said_of_model, *said_of_images, said, *said_of_views, *said_of_points)
     return Scene(folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=points)
+
+
+def _points(place: Path, model: SparseModel) -> tuple[Points | None, tuple[str, ...]]:
+    """The points at which surfels start, and a sentence where they are not those of COLMAP's own file."""
+    *_, path = files_of(place)
+    if path.suffix == ".ply":
+        points, said = read_points(path)
+        return points, (f"points are read from {path.name}", *said)
+    if path.stem != "points3D":
+        return None, ("the model has no points3D file: surfels start without points",)
+    colours = torch.from_numpy(model.colours.astype(np.float32) / 255)
+    return Points(torch.from_numpy(model.positions.astype(np.float32)), colours), ()
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
@@ -94,7 +100,7 @@ def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], 
 
 def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
     """Images by their names, as they are written or must be meant; else those of other names in the same order."""
-    written = WrittenPaths(folder)
+    written = WrittenPaths(folder, IMAGE_ENDINGS)
     paths = [written.find(place, f"{chosen}/{name}") for name in names]
     if all(path.is_file() for path in paths):
         return paths, written.said
@@ -110,7 +116,7 @@ def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tupl
     )
 
 
-def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int, int]) -> Lens:
+def _lens(place: Path, image: StoredImage, stored: StoredCamera, height: int, width: int) -> Lens:
     try:
         lens = lens_of(stored.model, stored.parameters, stored.width, stored.height)
     except ValueError as error:
@@ -119,12 +125,10 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int
             f"It is of model {stored.model}: {error}.",
             "Copy the model again.",
         ) from error
-    height, width = size
-    across, along = width / stored.width, height / stored.height
-    if max(across, along) > 1 or abs(stored.height * across - height) > SIZE_TOLERANCE:
+    if not is_reduction((height, width), (stored.height, stored.width)):
         raise DataError(
             f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}",
             "The image must be its camera's, or a reduction of it.",
-            "Use the images that the model was made of.",
+            "Use the images that the model was made of; with those of image_undistorter, the model beside them.",
         )
     return lens.at_size(height, width)

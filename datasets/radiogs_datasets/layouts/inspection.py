@@ -4,7 +4,7 @@ import hashlib
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import read_bytes
-from ..image_structure import image_size
+from ..image_structure import Header, image_header, usual_type
 
 SMALL_SCENE = 50_000_000
 """Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
@@ -69,8 +69,7 @@ class WrittenPaths:
         parts = [part for part in written.replace("\\", "/").split("/") if part not in ("", ".")]
         for start in range(len(parts)):
             tail = "/".join(parts[start:])
-            ended = tail.casefold().endswith(self.endings) if self.endings else True
-            names = [tail] if ended else [tail, *(tail + ending for ending in self.endings)]
+            names = [tail, *(tail + ending for ending in self.endings)]  # Windows hides endings: 01.png.png
             fitting = [path for name in names for path in self._files.get(_plain(name), ())]
             if len(fitting) == 1:
                 return fitting[0], self._how(written, tail, start, fitting[0])
@@ -135,20 +134,23 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
         )
 
 
-def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dict[Path, tuple[int, int]], str]:
-    """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order.
+def inspect(
+    files: Mapping[str, Path], tables: Sequence[Path] = (), numbers: Collection[Path] = ()
+) -> tuple[dict[Path, Header], str]:
+    """Headers of every image, and the SHA-256 over names and digests of all files in the names' order.
 
     ``tables`` come first in the digest, by their bare names. They, and ``.json``, ``.npy`` and ``.ply``, are no images.
+    Colour profiles of images in ``numbers``, such as masks, are passed over.
     """
-    sizes, combined = {}, hashlib.sha256()
+    headers, combined = {}, hashlib.sha256()
     for path in tables:
         combined.update(path.name.encode() + b"\0" + hashlib.sha256(read_bytes(path)).digest())
     for name, path in sorted(files.items()):
         data = read_bytes(path)
         combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
         if path.suffix not in (".json", ".npy", ".ply"):
-            sizes[path] = image_size(path, data)
-    return sizes, combined.hexdigest()
+            headers[path] = image_header(path, data, path in numbers)
+    return headers, combined.hexdigest()
 
 
 def require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
@@ -161,12 +163,30 @@ def require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]
         )
 
 
-def decode_if_small(views: Sequence[View], sizes: Mapping[Path, tuple[int, int]]) -> None:
-    """Read every map of a small scene and forget it. Raises DataError for the first damaged one."""
-    if sum(height * width for height, width in sizes.values()) <= SMALL_SCENE:
+def decode_if_small(
+    views: Sequence[View], headers: Mapping[Path, Header], turned: Collection[Path] = ()
+) -> tuple[str, ...]:
+    """Read every map of a small scene and forget it. Raises DataError for the first damaged one.
+
+    Returns sentences on images of another type than their names say, and with an orientation flag; ``turned`` are those
+    that are turned by it.
+    """
+    if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
         for view in views:
             for name in view.sources:
                 view.read(name)
+    found: dict[str, list[str]] = {}
+    for path, header in headers.items():
+        if usual_type(path) != header.type:
+            found.setdefault(f"of type {header.type}, unlike what their names say", []).append(path.name)
+        if header.orientation > 1:
+            applied = "applied: only then do they have the size of their cameras"
+            done = applied if path in turned else "not applied: cameras are taken for pixels as they are stored"
+            found.setdefault(f"of EXIF's orientation {header.orientation}, which is {done}", []).append(path.name)
+    return tuple(
+        f"{len(names)} {'image is' if len(names) == 1 else 'images are'} {what} ({shown(names)})"
+        for what, names in found.items()
+    )
 
 
 def shown(names: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ principal point is the image's centre. Images are those of the first of images_2
 there are poses. In the order of their names every eighth (or ``--hold-out N``) is a test view, from the first on.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,22 +24,11 @@ from radiogs_core.scene.scene import Scene
 
 from ..bounded_reading import read_numpy
 from ..cameras.colmap_model import LARGEST_COORDINATE
-from ..cameras.lens import Lens
+from ..cameras.lens import SIZE_TOLERANCE, Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, require_distinct
-from .photos import (
-    PHOTO_FOLDERS,
-    SIZE_TOLERANCE,
-    Photo,
-    has_alpha,
-    held_out,
-    images_in,
-    inspect_photos,
-    masks_of,
-    said_of_masks,
-    view_of,
-)
+from .inspection import require_distinct
+from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, inspect_photos, masks_of, placed, views_of
 
 TABLE = "poses_bounds.npy"
 
@@ -55,16 +45,15 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     chosen, paths = _images(folder, len(poses))
     require_distinct(folder, paths)
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
-    sizes, checksum = inspect_photos(folder, paths, masks, (table,))
-    photos = [
-        Photo(path.stem, path, camera_to_world, _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
-        for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True)
-    ]
-    photos, said_of_coverage = said_of_masks(photos, options)
-    views = [view_of(photo) for photo in photos]
-    decode_if_small(views, sizes)
+    headers, checksum = inspect_photos(folder, paths, masks, (table,))
+    photos = []
+    for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True):
+        lens, turned = placed(headers[path], partial(_lens, path, pose))
+        alpha = headers[path].transparent
+        photos.append(Photo(path.stem, path, camera_to_world, lens, alpha, masks.get(path), turned=turned))
+    views, said_of_views = views_of(photos, headers, options)
     train, test, said = held_out(views, options.hold_out)
-    repairs = (f"photos are read from {chosen}/", said, *said_of_coverage)
+    repairs = (f"photos are read from {chosen}/", said, *said_of_views)
     return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
 
 
@@ -111,9 +100,8 @@ def _cameras_to_world(poses: Float[ndarray, "views 3 5"]) -> Float[Tensor, "view
     return torch.from_numpy(matrices).float()
 
 
-def _lens(path: Path, pose: Float[ndarray, "3 5"], size: tuple[int, int]) -> Lens:
+def _lens(path: Path, pose: Float[ndarray, "3 5"], height: int, width: int) -> Lens:
     rows, columns, focal = (float(value) for value in pose[:, 4])
-    height, width = size
     if not min(rows, columns, focal) > 0 or abs(rows * width / columns - height) > SIZE_TOLERANCE:
         raise DataError(
             f"{path} is {width} x {height} pixels, its pose is for {columns:g} x {rows:g} and f = {focal:g}",

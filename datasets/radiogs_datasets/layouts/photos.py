@@ -1,4 +1,7 @@
-"""A photo as a view: undistorted when it is read, with the coverage of its alpha and its mask, and its depth."""
+"""A photo as a view: undistorted when it is read, with the coverage of its alpha and its mask, and its depth.
+
+The layouts ``colmap``, ``blender`` and ``llff`` read photos, masks and depth maps here, and so alike.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,34 +9,33 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import View
 
-from ..bounded_reading import as_float32, read_bytes, read_numpy
-from ..cameras.lens import ORDER, Lens
+from ..bounded_reading import as_float32, read_numpy
+from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
-from ..image_files import in_unit_range, levels_wanted, read_image, read_levels
-from ..image_structure import png_layout
+from ..image_files import in_unit_range, levels_wanted, read_stored
+from ..image_structure import LINEAR, Header
 from ..options import TEST_EVERY, SceneOptions
-from ..reduction import WHOLLY
-from ..view_maps import read_alpha, read_colour
-from .inspection import inspect, require_same_size, shown
+from ..reduction import WHOLLY, area_mean
+from ..view_maps import displayed, read_alpha
+from .inspection import decode_if_small, inspect, require_same_size, shown
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
 
-SIZE_TOLERANCE = 1.0
-"""Pixels by which a reduced image may be off the shape of the posed photo: sizes are rounded."""
-
-IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
 """Endings of images, in small letters."""
 
-MASK_ENDINGS = (*IMAGE_ENDINGS, "_mask.png", "_mask.jpg", "_mask.jpeg")
+MASK_ENDINGS = (*IMAGE_ENDINGS, *(f"_mask{ending}" for ending in IMAGE_ENDINGS))
 """Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
 
 DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
@@ -45,10 +47,11 @@ Kept = TypeVar("Kept")
 class Photo:
     """A photo and what belongs to it.
 
-    ``camera_to_world`` has OpenCV axes; ``lens`` is that of the stored image. ``has_alpha``: whether the file has a
-    fourth channel. ``mask`` is an image whose first channel (or alpha) is coverage; where both exist they multiply.
-    With ``ignores`` it is no coverage: its black pixels are left out (map ``valid``). ``depth`` holds z-depth, zero
-    where unknown: 16-bit levels or floats, times ``depth_unit`` world units.
+    ``camera_to_world`` has OpenCV axes; ``lens`` is that of the image once it is turned by the EXIF orientation
+    ``turned`` (1: as stored). ``has_alpha``: whether the file has a fourth channel. ``mask`` is an image whose first
+    channel (or alpha) is coverage; where both exist they multiply. With ``ignores`` it is no coverage: its black pixels
+    are left out (map ``valid``). ``depth`` holds z-depth, zero where unknown: 16-bit levels or floats, times
+    ``depth_unit`` world units. Masks and depth may be larger than the photo, and turned as it is stored.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Photo:
     depth: Path | None = None
     depth_unit: float = 1.0
     ignores: bool = False
+    turned: int = 1
 
     @property
     def covers(self) -> bool:
@@ -69,23 +73,67 @@ class Photo:
 
 def inspect_photos(
     folder: Path, files: Iterable[Path], masks: Mapping[Path, Path], tables: Sequence[Path] = ()
-) -> tuple[dict[Path, tuple[int, int]], str]:
-    """Sizes of a scene's images and the checksum over its files, see ``inspect``; ``masks`` are those of images.
+) -> tuple[dict[Path, Header], str]:
+    """Headers of a scene's images and the checksum over its files, see ``inspect``; ``masks`` are those of images.
 
-    A mask may lie outside the scene's folder; in the checksum it goes by its image. Raises DataError for a mask of
-    another size than its image.
+    A mask may lie outside the scene's folder; in the checksum it goes by its image. Raises DataError for a mask that is
+    smaller than its image, or of another shape.
     """
     named = {path.relative_to(folder).as_posix(): path for path in files}
     named |= {f"masks/{image.relative_to(folder).as_posix()}": mask for image, mask in masks.items()}
-    sizes, checksum = inspect(named, tables)
+    headers, checksum = inspect(named, tables, {*masks.values()})
     for image, mask in masks.items():
-        require_same_size(mask, sizes[mask], sizes[image])
-    return sizes, checksum
+        size = headers[image].size
+        if not (headers[image].orientation in TURNS and is_reduction(size[::-1], headers[mask].size)):
+            _require_fitting(mask, headers[mask].size, size)
+    return headers, checksum
 
 
-def has_alpha(image: Path) -> bool:
-    """Whether an image is transparent in places. Raises DataError for a damaged file."""
-    return image.suffix.lower() == ".png" and png_layout(image, read_bytes(image)).transparent
+TURNS: Mapping[int, Callable[[NDArray], NDArray]] = {
+    5: lambda stored: stored.swapaxes(0, 1),
+    6: lambda stored: np.rot90(stored, -1),
+    7: lambda stored: np.rot90(stored.swapaxes(0, 1), 2),
+    8: np.rot90,
+}
+"""How a stored image is turned for display by EXIF's orientations that exchange its sides."""
+
+
+def placed(header: Header, lens_of: Callable[[int, int], Lens]) -> tuple[Lens, int]:
+    """The lens of a photo, from its height and width, and the EXIF orientation by which the photo is turned.
+
+    Cameras are those of photos as stored (orientation 1), unless only the turned photo has the size of its camera.
+    Raises what ``lens_of`` raises.
+    """
+    try:
+        return lens_of(*header.size), 1
+    except DataError:
+        if header.orientation not in TURNS:
+            raise
+        try:
+            return lens_of(header.width, header.height), header.orientation
+        except DataError:
+            pass
+        raise
+
+
+def views_of(
+    photos: Sequence[Photo], headers: Mapping[Path, Header], options: SceneOptions
+) -> tuple[list[View], tuple[str, ...]]:
+    """The views of photos whose masks mean what the options say, and sentences on photos, coverage and lenses.
+
+    Raises DataError for coverage and lenses that cannot be, and in a small scene for damage.
+    """
+    given, said = said_of_masks(photos, options)
+    views = [view_of(photo) for photo in given]
+    turned = {photo.image for photo in given if photo.turned > 1}
+    said_of_types = decode_if_small(views, headers, turned)
+    reduced = [photo for photo in given if photo.mask and {*headers[photo.mask].size} != {*headers[photo.image].size}]
+    if reduced:
+        said = (*said, f"masks of {len(reduced)} photos are larger than their photos, and reduced to them")
+    linear = [photo.name for photo in given if headers[photo.image].type in LINEAR]
+    if linear:
+        said = (*said, f"{len(linear)} photos hold linear radiance: they are encoded as display sRGB and clipped")
+    return views, (*said, *said_of_lenses(given), *said_of_types)
 
 
 def view_of(photo: Photo) -> View:
@@ -193,8 +241,18 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
         kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
         said.append(f"{kind} 1 in all of its photos, which says nothing")
         given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
+    bare = [photo for photo in given if not photo.has_alpha and photo.mask is None]
     if not any(photo.covers for photo in given):
         said.append("no alpha: every pixel counts")
+    elif bare and any(photo.has_alpha for photo in given):
+        raise DataError(
+            f"{bare[0].image} has no alpha, other images of the scene have",
+            "Without it there is no telling which of its pixels show the object.",
+            "Export all images with alpha, or all without.",
+        )
+    elif bare:
+        names = shown([photo.name for photo in bare])
+        said.append(f"{len(bare)} of {len(given)} photos have no mask, and every pixel of them counts: {names}")
     return given, tuple(said)
 
 
@@ -248,11 +306,12 @@ def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
 
 def _image(photo: Photo) -> Tensor:
     """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
-    if photo.lens.pinhole and levels_wanted() and not photo.has_alpha and not photo.ignores:
-        levels = read_levels(photo.image)
-        if levels.dtype == np.uint8 and levels.shape[2] == 3:
-            return torch.from_numpy(levels)
-    image = read_colour(photo.image)
+    stored = read_stored(photo.image)
+    stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
+    plain = photo.lens.pinhole and not photo.has_alpha and not photo.ignores
+    if plain and levels_wanted() and stored.dtype == np.uint8:
+        return torch.from_numpy(np.array(np.broadcast_to(stored[..., :3], (*stored.shape[:2], 3)), order="C"))
+    image = displayed(stored)
     if not photo.lens.pinhole:
         image = undistorted(image, _stored_coverage(photo) if photo.covers else None, photo.lens)
     return torch.where(_valid(photo) > 0, image, 0.0) if photo.ignores else image
@@ -261,8 +320,8 @@ def _image(photo: Photo) -> Tensor:
 def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
     """1 where the mask is white. Raises DataError where nothing of the photo is left."""
     assert photo.mask is not None
-    white = (read_mask(photo.mask) > 0.5).float()
-    valid = white if photo.lens.pinhole else (undistorted_coverage(white, photo.lens) > WHOLLY).float()
+    white = _brought(photo.mask, (read_mask(photo.mask) > 0.5).float(), photo)
+    valid = ((white if photo.lens.pinhole else undistorted_coverage(white, photo.lens)) > WHOLLY).float()
     if not bool((valid > 0).any()):
         raise DataError(
             f"{photo.mask} leaves out every pixel of its photo",
@@ -285,53 +344,92 @@ def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 
 def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
-    """The coverage of a photo that has one, as stored."""
-    if photo.mask is None or photo.ignores:
-        return read_alpha(photo.image)
-    return read_alpha(photo.image) * read_mask(photo.mask) if photo.has_alpha else read_mask(photo.mask)
+    """The coverage of a photo that has one, before a lens is undone."""
+    masks = [] if photo.mask is None or photo.ignores else [_brought(photo.mask, read_mask(photo.mask), photo)]
+    if photo.has_alpha or not masks:
+        masks.append(_brought(photo.image, read_alpha(photo.image), photo))
+    return masks[0] if len(masks) == 1 else masks[0] * masks[1]
+
+
+def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) -> Float[Tensor, "rows columns 1"]:
+    """Coverage as its photo is: turned, and reduced by area means. Raises DataError where it has another shape."""
+    wanted = (photo.lens.height, photo.lens.width)
+    if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
+        values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))
+    size = (values.shape[0], values.shape[1])
+    _require_fitting(path, size, wanted)
+    return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
+
+
+def _require_fitting(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
+    """Raise DataError for a map that is not as large as its view's image, nor larger in the same shape."""
+    if not is_reduction(wanted, size):
+        require_same_size(path, size, wanted)
+
+
+FLAT_SHARE = 0.2
+"""Share of a mask's pixels above zero from which on areas of one level, neither 0 nor the largest, are labels."""
+
+NEARLY = 8 / 255
+"""How far from the largest level a pixel of a JPEG counts as covered."""
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
     """Coverage in [0, 1]: the alpha of an image that has one which says something, else its grey level.
 
-    An alpha of 1 throughout says nothing: many programs add one when they save grey pictures. Raises DataError.
+    A mask is numbers: its colour profile is passed over. An alpha of 1 throughout says nothing: many programs add one
+    when they save grey pictures. Raises DataError for colours, and for levels that are labels.
     """
-    levels = read_levels(path)
-    by_alpha = levels.shape[2] == 4 and bool((levels[..., 3] < np.iinfo(levels.dtype).max).any())
-    if not by_alpha and any(
-        (levels[..., 0] != levels[..., place]).any() for place in range(1, min(3, levels.shape[2]))
-    ):
+    stored = read_stored(path, numbers=True)
+    image = in_unit_range(stored)
+    by_alpha = image.shape[2] == 4 and bool((image[..., 3] < 1).any())
+    if not by_alpha and any((image[..., 0] != image[..., place]).any() for place in range(1, min(3, image.shape[2]))):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
-    mask = torch.from_numpy(in_unit_range(levels[..., 3:] if by_alpha else levels[..., :1]))
-    if 0 < float(mask.max()) < 1.5 / 255:
+    mask = np.clip(image[..., 3:] if by_alpha else image[..., :1], 0, 1)
+    _require_no_labels(path, mask[..., 0], 65535 if stored.dtype == np.uint16 else 255)
+    return torch.from_numpy(np.ascontiguousarray(mask))
+
+
+def _require_no_labels(path: Path, mask: NDArray[np.float32], most: int) -> None:
+    """Raise DataError where much of a mask lies in areas of one level between 0 and the largest; edges do not.
+
+    ``most``: the largest level, which is 1 in the mask.
+    """
+    level, covered = mask[:-1, :-1], int((mask > 0).sum())
+    flat = (level > 0) & (level < 1 - NEARLY) & (level == mask[1:, 1:])
+    flat &= (level == mask[1:, :-1]) & (level == mask[:-1, 1:])
+    dark = 0 < float(mask.max()) < 1.5 / 255
+    if dark or int(flat.sum()) > FLAT_SHARE * covered:
+        held = np.unique(np.rint(most * level[flat])).astype(int).tolist() or [1]
         raise DataError(
-            f"{path} is a mask of the levels 0 and 1",
-            "Levels run to 255 (or 65535): the object would be all but transparent.",
-            "Multiply its levels by 255.",
+            f"{path} is a mask of the levels 0 and {shown([str(each) for each in held])}",
+            f"Levels run to {most}, where all of a pixel shows the object: labels would make it all but transparent.",
+            f"Write {most} where the object is, and 0 elsewhere.",
         )
-    return mask
 
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     assert photo.depth is not None
-    levels = _stored_depth(photo.depth)
-    wanted = (photo.lens.height, photo.lens.width)
-    if levels.shape[:2] != wanted or float(levels.min()) < 0:
+    levels, wanted = read_depth_map(photo.depth), (photo.lens.height, photo.lens.width)
+    if photo.turned in TURNS and not is_reduction(wanted, levels.shape[:2]):
+        levels = TURNS[photo.turned](levels)
+    if not is_reduction(wanted, levels.shape[:2]) or float(levels.min()) < 0:
         raise DataError(
             f"{photo.depth} is no depth of its photo: {levels.shape[1]} x {levels.shape[0]} pixels, "
             f"from {float(levels.min()):g} on; the photo has {wanted[1]} x {wanted[0]}",
             "Depth is at least zero, which means unknown, for each of the photo's pixels.",
             "Export the depth again, or take its path out of the file.",
         )
-    depth = levels * photo.depth_unit
+    nearest = cv2.resize(np.ascontiguousarray(levels), wanted[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+    depth = torch.from_numpy(nearest)[..., None] * photo.depth_unit
     depth = depth if photo.lens.pinhole else undistorted_depth(depth, photo.lens)
     if photo.covers:
         depth = torch.where(_alpha(photo) > 0, depth, 0.0)
     return depth
 
 
-def _stored_depth(path: Path) -> Float[Tensor, "height width 1"]:
-    """Numbers of a NumPy array, whole levels of a 16-bit PNG, or the first channel of another image."""
+def read_depth_map(path: Path) -> Float[np.ndarray, "height width 1"]:
+    """Numbers of a NumPy array, whole levels of a 16-bit image, or the first channel of linear values."""
     if path.suffix == ".npy":
         values = read_numpy(path)
         values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
@@ -340,12 +438,12 @@ def _stored_depth(path: Path) -> Float[Tensor, "height width 1"]:
                 f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
                 "Export the depth again, or take its path out of the file.",
             )  # fmt: skip
-        return torch.from_numpy(as_float32(path, values))[..., None]
-    if path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).bits != 16:
+        return as_float32(path, values)[..., None]
+    levels = read_stored(path, numbers=True)
+    if levels.dtype == np.uint8:
         raise DataError(
             f"{path} is a depth map of 8 bits",
             "A length in so few levels is a picture of the depth.",
             "Export the depth with 16 bits, or take its path out of the file.",
         )
-    levels = torch.from_numpy(read_image(path))[..., :1].contiguous()
-    return (levels * 65535).round() if path.suffix.lower() == ".png" else levels
+    return levels[..., :1].astype(np.float32)

@@ -21,14 +21,15 @@ from torch import Tensor
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from ..bounded_reading import as_float32, read_json, read_numpy
 from ..cameras.transforms import Transforms, read_splits, read_transforms, said_of_files
-from ..image_files import read_image
+from ..image_files import in_unit_range, read_stored
 from ..lights import read_light
+from ..view_maps import displayed_light, read_colour
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .photos import read_mask
 
@@ -67,16 +68,16 @@ def load_stanford_orb(folder: Path) -> Scene:
     files = {path.relative_to(folder).as_posix(): path for path in (*tables, *every, *masks)}
     true_files = [path for image in test_images for path in _truth_of(truth, image).values()]
     files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in true_files}
-    sizes, checksum = inspect(files | novel_files)
+    headers, checksum = inspect(files | novel_files, numbers=masks)
     train, test = (
         tuple(
-            _view(folder, transforms, place, path, truth if paths is test_images else None, sizes[path])
+            _view(folder, transforms, place, path, truth if paths is test_images else None, headers[path].size)
             for place, path in enumerate(paths)
         )
         for transforms, paths in zip(tables.values(), images.values(), strict=True)
     )
-    decode_if_small([*train, *test, *relight], sizes)
-    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, said_of_files(tables), relight)
+    repairs = (*said_of_files(tables), *decode_if_small([*train, *test, *relight], headers))
+    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, repairs, relight)
 
 
 def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4 4"]) -> EnvironmentMap:
@@ -181,7 +182,7 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         mask = _mask(image)
         if light is None or not all(path.is_file() for path in (image, mask, light)):
             continue  # a capture that was not downloaded
-        pixels = _colours(image).shape
+        pixels = _shown(image).shape
         camera = single.camera(single.frames[0], pixels[0], pixels[1])
         name = f"{capture}/{image.stem}"
         lights[name] = light_in_the_world(read_light(light)[0], camera.camera_to_world)
@@ -195,20 +196,10 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
     return tuple(views), lights, files
 
 
-def _colours(path: Path) -> Float[Tensor, "height width channels"]:
-    image = read_image(path)
-    if image.shape[2] < 3:
-        raise DataError(
-            f"{path} has {image.shape[2]} channels, 3 are needed",
-            "A grey picture among coloured ones would be learnt, or scored, as another object.",
-            "Export the image again, with all its channels.",
-        )
-    return reduced(torch.from_numpy(image))
-
-
 def _shown(path: Path) -> Float[Tensor, "height width 3"]:
-    image = _colours(path)[..., :3]
-    return srgb_encode(image.clamp(min=0)).clamp(0, 1) if path.suffix == ".exr" else image
+    stored = read_stored(path)
+    image = reduced(torch.from_numpy(in_unit_range(stored)))[..., :3].expand(-1, -1, 3)
+    return displayed_light(image, None) if stored.dtype == np.float32 else image
 
 
 def _coverage(path: Path) -> Float[Tensor, "height width 1"]:
@@ -216,7 +207,7 @@ def _coverage(path: Path) -> Float[Tensor, "height width 1"]:
 
 
 def _albedo(path: Path) -> Float[Tensor, "height width 3"]:
-    return srgb_decode(_colours(path)[..., :3])
+    return srgb_decode(reduced(read_colour(path)))
 
 
 def _normal(camera: Camera, mask: Path, path: Path) -> Float[Tensor, "height width 3"]:

@@ -16,18 +16,18 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
 from ..cameras.transforms import Frame, read_splits, said_of_files
 from ..lights import read_light
-from ..view_maps import read_alpha, read_colour, read_value
+from ..view_maps import displayed_light, read_alpha, read_colour, read_photo, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
+from .photos import read_mask
 
 TRAINING_LIGHT = "envmap3"
 
@@ -64,21 +64,21 @@ def load_synthetic4relight(folder: Path) -> Scene:
     require_files(folder, every)
     require_distinct(folder, [image for image, *_ in (*train_files, *test_files)])
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
-    sizes, checksum = inspect(named | {f"{light}.exr": path for light, path in light_files.items()})
+    named |= {f"{light}.exr": path for light, path in light_files.items()}
+    headers, checksum = inspect(named, numbers=[mask for _, mask in train_files])
     for image, *maps in (*train_files, *test_files):
         for path in maps:
-            require_same_size(path, sizes[path], sizes[image])
+            require_same_size(path, headers[path].size, headers[image].size)
     train = tuple(
-        View(_name(frame), train_split.camera(frame, *sizes[image]), _training_maps(image, mask))
+        View(_name(frame), train_split.camera(frame, *headers[image].size), _training_maps(image, mask))
         for frame, (image, mask) in zip(train_split.frames, train_files, strict=True)
     )
     test = tuple(
-        View(_name(frame), test_split.camera(frame, *sizes[image]), _test_maps(folder, stem, lights))
+        View(_name(frame), test_split.camera(frame, *headers[image].size), _test_maps(folder, stem, lights))
         for frame, stem, (image, *_) in zip(test_split.frames, test_stems, test_files, strict=True)
     )
-    decode_if_small([*train, *test], sizes)
     radiance: dict[str, EnvironmentMap] = {}
-    repairs = [*said_of_files(files)]
+    repairs = [*said_of_files(files), *decode_if_small([*train, *test], headers)]
     for light, path in light_files.items():
         radiance[light], said = read_light(path)
         repairs += said
@@ -116,23 +116,20 @@ def _name(frame: Frame) -> str:
 
 
 def _training_maps(image: Path, mask: Path) -> Sources:
-    return {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)}
+    return {"image": partial(_display, image, mask), "alpha": partial(read_mask, mask)}
 
 
 def _test_maps(folder: Path, stem: Path, lights: list[str]) -> Sources:
     image = _with(stem, "_rgba.png")
-    sources: Sources = {"image": partial(read_colour, image), "alpha": partial(read_alpha, image)}
+    sources: Sources = {"image": partial(read_photo, image), "alpha": partial(read_alpha, image)}
     for name, (ending, read) in TEST_MAPS.items():
         if _with(stem, ending).is_file():
             sources[name] = partial(read, _with(stem, ending))
-    return sources | {f"relit/{light}": partial(read_colour, _relit(folder, light, stem)) for light in lights}
+    return sources | {f"relit/{light}": partial(read_photo, _relit(folder, light, stem)) for light in lights}
 
 
 def _display(image: Path, mask: Path) -> Float[Tensor, "height width 3"]:
-    alpha = read_value(mask)
-    linear = read_colour(image).clamp(min=0)
-    straight = torch.where(alpha > 0, linear / torch.where(alpha > 0, alpha, 1.0), 0.0)
-    return srgb_encode(straight).clamp(0, 1)
+    return displayed_light(read_colour(image), read_mask(mask))
 
 
 def _relit(folder: Path, light: str, stem: Path) -> Path:

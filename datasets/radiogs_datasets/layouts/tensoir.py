@@ -29,8 +29,9 @@ from radiogs_core.scene.scene import Scene, View
 from ..bounded_reading import read_json
 from ..cameras.transforms import Transforms, read_splits, said_of_files
 from ..image_files import read_hdr
+from ..image_structure import Header
 from ..lights import latitude_longitude
-from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_value
+from ..view_maps import read_alpha, read_colour, read_depth, read_displayed, read_normal, read_photo, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 
 MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
@@ -76,13 +77,13 @@ def load_tensoir(folder: Path) -> Scene:
     every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
     named |= {f"envmaps/{light}.hdr": path for light, (path, _) in found.items()}
-    sizes, checksum = inspect(named, [path for path in [folder / SHARED_LIGHTS] if path.is_file()])
+    headers, checksum = inspect(named, [path for path in [folder / SHARED_LIGHTS] if path.is_file()])
     lights = {
         light: EnvironmentMap(read_light(path).radiance.roll(columns, 1)) for light, (path, columns) in found.items()
     }
     training_light = lights.pop(TRAINING_LIGHT, None)
-    train, test = (_views(folder, each, images[table], maps[table], sizes) for table, each in files.items())
-    decode_if_small([*train, *test], sizes)
+    train, test = (_views(folder, each, images[table], maps[table], headers) for table, each in files.items())
+    said = decode_if_small([*train, *test], headers)
     return Scene(
         name=folder.name,
         layout="tensoir",
@@ -91,7 +92,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights=lights,
         training_light=training_light,
         checksum=checksum,
-        repairs=said_of_files(files),
+        repairs=(*said_of_files(files), *said),
     )
 
 
@@ -121,13 +122,13 @@ def _with_maps(image: Path, names: list[str]) -> list[Path]:
 
 
 def _views(
-    folder: Path, transforms: Transforms, images: list[Path], maps: list[str], sizes: Mapping[Path, tuple[int, int]]
+    folder: Path, transforms: Transforms, images: list[Path], maps: list[str], headers: Mapping[Path, Header]
 ) -> tuple[View, ...]:
     views = []
     for frame, image in zip(transforms.frames, images, strict=True):
         for path in (image.parent / name for name in maps):
-            require_same_size(path, sizes[path], sizes[image])
-        camera = transforms.camera(frame, *sizes[image])
+            require_same_size(path, headers[path].size, headers[image].size)
+        camera = transforms.camera(frame, *headers[image].size)
         views.append(View(image.parent.relative_to(folder).as_posix(), camera, _sources(image, maps)))
     return tuple(views)
 
@@ -135,7 +136,7 @@ def _views(
 def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
     """How to read each map, by the name that ``radiogs_core.scene.scene.MapName`` gives it."""
     sources: dict[str, Callable[[], Tensor]] = {
-        "image": partial(read_colour, image),
+        "image": partial(read_photo, image),
         "alpha": partial(read_alpha, image),
     }
     for file, (name, read_masked) in MASKED_MAPS.items():
@@ -146,7 +147,7 @@ def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
             sources[name] = partial(read, image.parent / file)
     for file in maps:
         if relit := RELIT_IMAGE.fullmatch(file):
-            sources[f"relit/{relit[1]}"] = partial(read_colour, image.parent / file)
+            sources[f"relit/{relit[1]}"] = partial(read_photo, image.parent / file)
         elif relit := RELIT_INDIRECT.fullmatch(file):
             sources[f"relit/{relit[1]}/indirect"] = partial(read_colour, image.parent / file)
     return sources

@@ -17,7 +17,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
 from ..bounded_reading import read_json
-from ..view_maps import read_alpha, read_colour
+from ..view_maps import read_alpha, read_photo
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files
 
 TABLE, FIELDS = "cameras.json", ("image", "focal", "camera_to_world")
@@ -36,12 +36,12 @@ def load_listed(folder: Path) -> Scene:
     every = [path for paths in images.values() for path in paths]
     require_files(folder, every)
     require_distinct(folder, every)
-    sizes, checksum = inspect({path.relative_to(folder).as_posix(): path for path in every}, [folder / TABLE])
+    headers, checksum = inspect({path.relative_to(folder).as_posix(): path for path in every}, [folder / TABLE])
     train, test = (
-        tuple(_view(view, path, *sizes[path]) for view, path in zip(listed[split], images[split], strict=True))
+        tuple(_view(view, path, *headers[path].size) for view, path in zip(listed[split], images[split], strict=True))
         for split in ("train", "test")
     )
-    decode_if_small([*train, *test], sizes)
+    decode_if_small([*train, *test], headers)
     return Scene(folder.name, "listed", train, test, {}, None, checksum)
 
 
@@ -60,4 +60,4 @@ def _checked(listed: Any) -> dict[str, list[dict[str, Any]]]:
 def _view(listed: dict[str, Any], image: Path, height: int, width: int) -> View:
     pose, focal = torch.tensor(listed["camera_to_world"]), listed["focal"]
     camera = Camera(pose, focal, focal, width / 2, height / 2, width, height)
-    return View(image.stem, camera, {"image": partial(read_colour, image), "alpha": partial(read_alpha, image)})
+    return View(image.stem, camera, {"image": partial(read_photo, image), "alpha": partial(read_alpha, image)})

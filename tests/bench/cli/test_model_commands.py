@@ -14,7 +14,7 @@ from radiogs_bench.cli.main import main
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.store.seal import seal_of
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr, write_png
+from radiogs_datasets.image_files import read_exr, read_image, write_exr, write_hdr, write_png
 from surfel_files import read_ply
 
 CPU = torch.device("cpu")
@@ -49,12 +49,12 @@ def test_training_again_repeats_nothing(folder: Path) -> None:
 def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["render", str(folder)]) == 0
-    seen = read_png(folder / "render" / "image" / "test_000.png")
+    seen = read_image(folder / "render" / "image" / "test_000.png")
     assert read_exr(folder / "render" / "normal" / "test_000.exr").shape == (96, 96, 3)
     for mode in ("pbr", "bounces", "finetuned", "surfels", "path"):
         arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
         assert main(arguments) == 0
-        relit = read_png(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
+        relit = read_image(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
         # Ten steps of fine-tuning dim the surfels only in part.
         assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
     said = capsys.readouterr().out
@@ -113,7 +113,7 @@ def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> 
     assert main([*arguments, "--long-side", "41"]) == 0
     assert read_about(out)["options"] == {"long_side": 41}
     assert main(["render", str(out)]) == 0
-    assert read_png(out / "render" / "image" / "test_000.png").shape == (41, 41, 3)
+    assert read_image(out / "render" / "image" / "test_000.png").shape == (41, 41, 3)
     stages = len(list(out.glob("stages/*")))
     assert main([*arguments, "--reduce", "3", "--force"]) == 0, "another model is there"
     assert len(list(out.glob("stages/*"))) > stages
@@ -212,7 +212,7 @@ def test_relighting_a_scene_without_masks_says_what_it_is_worth(
     photos = tmp_path / "photos"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(photos), "--reduce", "4"]) == 0
     for path in photos.rglob("*.png"):
-        write_png(path, read_png(path)[..., :3])
+        write_png(path, read_image(path)[..., :3])
     write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     out = tmp_path / "model"
     assert main(["train", str(photos), "--preset", "smoke", "--out", str(out)]) == 0

@@ -26,7 +26,7 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.placed_light import placed_light
 from radiogs_core.surfels.stored_tensors import restored_surfels
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr
+from radiogs_datasets.image_files import read_exr, read_image, write_exr, write_hdr
 from radiogs_datasets.lights import read_light
 
 CPU = torch.device("cpu")
@@ -217,7 +217,7 @@ def sun(height: int = 16) -> np.ndarray:
 
 
 def relit(trained: Path, folder: str) -> np.ndarray:
-    return np.stack([read_png(path) for path in sorted((trained / "relight/bounces/relit" / folder).glob("*.png"))])
+    return np.stack([read_image(path) for path in sorted((trained / "relight/bounces/relit" / folder).glob("*.png"))])
 
 
 @pytest.mark.slow

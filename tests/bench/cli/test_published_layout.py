@@ -8,7 +8,7 @@ import pytest
 
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_bench.cli.main import main
-from radiogs_datasets.image_files import read_png
+from radiogs_datasets.image_files import read_image
 
 LAYOUTS = [code for code in CODES if code != "plain"]
 ON_BLACK = [code for code in LAYOUTS if code != "tensoir"]
@@ -85,7 +85,7 @@ def test_a_layout_on_white_scores_new_views_as_a_protocol_on_white_does(trained:
 def test_files_have_the_bits_that_were_asked_for(trained: Path, tmp_path: Path) -> None:
     for bits, levels in ((8, 255), (16, 65535)):
         assert main(["export", str(trained), "--layout-of", "r3dg", "--bits", str(bits), "--file", str(tmp_path)]) == 0
-        values = read_png(next((tmp_path / "eval" / "render").glob("*.png"))) * levels
+        values = read_image(next((tmp_path / "eval" / "render").glob("*.png"))) * levels
         assert abs(values - values.round()).max() < 1e-2
         assert bits == 8 or abs(values / 257 - (values / 257).round()).max() > 0.2, "more than 8 bits are used"
 

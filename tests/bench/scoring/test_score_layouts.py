@@ -16,7 +16,7 @@ from radiogs_bench.scoring.score_maps import coverage, truth
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_png
+from radiogs_datasets.image_files import read_image
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_taking_a_white_ground_away_and_putting_it_back_changes_nothing(scene: S
     # Anything may stand at soft edges and in the ground, also what is darker than the white that is taken away.
     any_image = torch.rand(view.camera.height, view.camera.width, 3, generator=generator)
     png(file, torch.cat([any_image, any_image], 1))
-    stored = torch.from_numpy(read_png(file)[:, : view.camera.width].copy())
+    stored = torch.from_numpy(read_image(file)[:, : view.camera.width].copy())
     on_white = truth(view, "image") + (1 - coverage(view))
     (score,) = score_predictions(read_predictions(tmp_path, scene), scene, [protocol("tensoir")])
     expected = psnr(stored, on_white)
@@ -180,7 +180,7 @@ def test_normals_end_where_the_predicted_coverage_does(scene: Scene, tmp_path: P
     WRITERS["irgs"](tmp_path, noisy(scene))
     before = values(tmp_path, scene, under="irgs")["normal/mae"]
     view, base = scene.test[0], tmp_path / "test/ours_20000"
-    alpha, normal = (torch.from_numpy(read_png(base / f"{kind}/00000.png")) for kind in ("rend_alpha", "rend_normal"))
+    alpha, normal = (torch.from_numpy(read_image(base / f"{kind}/00000.png")) for kind in ("rend_alpha", "rend_normal"))
     outside = coverage(view)[..., 0] == 0
     assert outside.any()
     alpha[outside], normal[outside] = 1.0, torch.tensor([0.5, 0.5, 0.0])

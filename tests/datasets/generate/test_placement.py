@@ -21,7 +21,7 @@ from radiogs_core.surfels.swept_depth import DepthSweep
 from radiogs_core.surfels.swept_points import swept_points
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import Finding, check_scene, grouped
-from radiogs_datasets.image_files import read_png, write_png
+from radiogs_datasets.image_files import read_image, write_png
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 from radiogs_datasets.soundness import (
@@ -147,7 +147,7 @@ def test_a_scene_with_a_name_beyond_bounds_is_refused_when_it_is_opened(corner: 
 
 def painted(corner: Path, name: str, level: float) -> None:
     path = corner / name / "rgba.png"
-    image = read_png(path)
+    image = read_image(path)
     image[..., :3] = level
     write_png(path, image)
 
@@ -156,7 +156,7 @@ def test_little_evidence_is_said_by_check(corner: Path) -> None:
     """Issue 29, item 4: images all black or white, few covered pixels, views twice."""
     painted(corner, "train_001", 0)
     painted(corner, "test_001", 1)
-    image = read_png(corner / "test_002/rgba.png")
+    image = read_image(corner / "test_002/rgba.png")
     image[..., 3] *= np.arange(image[..., 3].size).reshape(image.shape[:2]) == int(image[..., 3].argmax())
     write_png(corner / "test_002/rgba.png", image)
     (corner / "train_003/rgba.png").write_bytes((corner / "train_002/rgba.png").read_bytes())

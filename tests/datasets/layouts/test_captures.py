@@ -352,15 +352,16 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "depth that is missing": (with_frame(depth_file_path="d.png"), "lacks 1 file: d.png"),
     "depth of another size": (beside("d.png", png(WHITE[:, ::2]), depth_file_path="d.png"), "d.png is 160 x 240"),
     "depth of 8 bits": (beside("d.png", png(WHITE), depth_file_path="d.png"), "is a depth map of 8 bits"),
-    "depth of another size in numbers": (lambda f: npy(f, np.ones((4, 5))), "is no depth of its photo"),
+    "depth of another size in numbers": (lambda f: npy(f, np.ones((4, 50))), "is no depth of its photo"),
     "negative depth": (lambda f: npy(f, -np.ones((HEIGHT, WIDTH))), "is no depth of its photo"),
     "NaN depth": (lambda f: npy(f, np.full((HEIGHT, WIDTH), math.nan)), "values that are NaN, infinite"),
     "depth of objects": (lambda f: npy(f, np.full((HEIGHT, WIDTH), None)), "cannot read"),
     "depth in one row": (lambda f: npy(f, np.ones(5)), "is no map of numbers"),
     "a level of no depth": (with_field(depth_unit_scale_factor=0), "'depth_unit_scale_factor' is 0"),
-    "points that are missing": (with_field(ply_file_path="p.ply"), "lacks 1 file: p.ply"),
     "points that are no PLY": (cloud(b"points"), "cannot read"),
-    "points without colour": (cloud(PLY + b"end_header\n0 0 0\n"), "cannot read"),
+    "points of colours beyond 16 bits": (
+        cloud(COLOURED.replace(b"uchar", b"float") + b"0 0 0 70000 1 2\n"), "colours run from 1 to 70000"
+    ),
     "points cut off": (cloud(COLOURED), "cannot read"),
     "a NaN point": (cloud(COLOURED + b"nan 0 0 1 2 3\n"), "not finite"),
     "a split of no frames": (with_field(test_filenames=["images/99.png"]), "names views that are no frames"),
@@ -374,8 +375,8 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda f: [path.unlink() for path in sorted((f / "images").iterdir())[:6]], "lacks 6 files: images/00.png"
     ),
     "a photo of another kind": (
-        lambda f: (f / "images/02.png").rename(f / "images/02.tif") and with_frame(file_path="images/02.tif")(f),
-        "02.tif",
+        lambda f: (f / "images/02.png").write_bytes(cv2.imencode(".tif", np.dstack([WHITE] * 3))[1].tobytes()),
+        "02.png is not an image that can be read: it is of type TIFF",
     ),
 }  # fmt: skip
 

@@ -15,7 +15,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
-from radiogs_datasets.image_files import read_jpeg
+from radiogs_datasets.image_files import read_image
 from radiogs_datasets.options import SceneOptions
 from scenes import look_at
 
@@ -191,12 +191,12 @@ def test_a_photo_with_a_video_behind_it_is_whole(tmp_path: Path, progressive: bo
     (tmp_path / "plain.jpg").write_bytes(photo)
     video = b"\0\0\0\x18ftypmp42" + bytes(range(256)) * 400
     (tmp_path / "motion.jpg").write_bytes(photo + video)
-    assert np.array_equal(read_jpeg(tmp_path / "motion.jpg"), read_jpeg(tmp_path / "plain.jpg"))
+    assert np.array_equal(read_image(tmp_path / "motion.jpg"), read_image(tmp_path / "plain.jpg"))
     for cut in (photo[:-2], photo[: len(photo) // 2]):
         for rest in (b"", video):
             (tmp_path / "cut.jpg").write_bytes(cut + rest)
             with pytest.raises(DataError, match="damaged"):
-                read_jpeg(tmp_path / "cut.jpg")
+                read_image(tmp_path / "cut.jpg")
 
 
 def posed(folder: Path, outwards: bool, along: bool) -> None:

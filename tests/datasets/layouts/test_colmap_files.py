@@ -217,7 +217,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a camera at 1e300": (stored(IMAGES, images_file(motion=(1, 0, 0, 0, 1e300, 0, 0))), "is no rigid motion"),
     "a point at 1e300": (stored(POINTS, points_file(x=1e300)), "1 of its points are not finite"),
     "a point that is NaN": (stored(POINTS, points_file(x=NAN)), "1 of its points are not finite"),
-    "no points file": (lambda f: (f / POINTS).unlink(), "it is incomplete"),
+    "no images file": (lambda f: (f / IMAGES).unlink(), "it is incomplete"),
     "an image larger than its camera": (
         stored(CAMERAS, cameras_file(width=20, height=15)), "40 x 30 pixels, its camera 20 x 15"
     ),

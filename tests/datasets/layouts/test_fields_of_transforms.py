@@ -136,8 +136,10 @@ def test_other_names_of_focal_lengths_and_absent_centres_are_read_and_said(tmp_p
     assert read_transforms(path).said == ("fx, fy, width, height are read as fl_x, fl_y, w, h",)
     found = lens(path, 0)
     assert (found.fx, found.fy, found.cx, found.cy) == (50, 51, 30, 25)
-    with pytest.raises(DataError, match="64 x 48"):
-        lens(path, 0, 24, 32)
+    assert (lens(path, 0, 24, 32).fx, lens(path, 0, 24, 32).cy) == (25, 12.5)
+    for rows, columns in ((48, 32), (96, 128)):
+        with pytest.raises(DataError, match="64 x 48"):
+            lens(path, 0, rows, columns)
     for absent in (("cx", "cy"), ("cy",), ("w", "h")):
         less = {name: value for name, value in PIXELS.items() if name not in absent}
         path = table(tmp_path / "b.json", less)

@@ -12,7 +12,7 @@ from radiogs_bench.scoring.metrics.geometry import normal_mae
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_png, write_png
+from radiogs_datasets.image_files import read_image, write_png
 from radiogs_datasets.registry import TINY
 
 
@@ -58,7 +58,7 @@ def test_albedo_and_masks_of_another_size_are_refused(capture: Path) -> None:
 def test_masks_of_the_levels_zero_and_one_are_refused(capture: Path) -> None:
     """Audit M12: they gave an alpha of .004."""
     path = capture / "train_mask/0000.png"
-    write_png(path, read_png(path) / 255)
+    write_png(path, read_image(path) / 255)
     with pytest.raises(DataError, match="levels 0 and 1"):
         read_all(capture)
 
@@ -75,7 +75,7 @@ def test_grey_normals_are_no_truth(tmp_path: Path) -> None:
     folder = tmp_path / "bowl"
     shutil.copytree(TINY / "bowl", folder)
     path = sorted(folder.glob("test_*/normal.png"))[0]
-    stored = read_png(path)
+    stored = read_image(path)
 
     def reopened() -> View:
         return next(view for view in load_scene(str(folder)).test if view.name == path.parent.name)

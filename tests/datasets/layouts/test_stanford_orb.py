@@ -15,7 +15,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
-from radiogs_datasets.image_files import read_png, write_exr, write_png
+from radiogs_datasets.image_files import read_image, write_exr, write_png
 from radiogs_datasets.layouts.stanford_orb import reduced, true_mesh_file
 
 
@@ -94,7 +94,7 @@ def test_what_is_scored_elsewhere_counts_in_the_checksum(file: str, capture: Pat
     elif path.suffix == ".exr":
         write_exr(path, np.ones((16, 32, 3), np.float32))
     else:
-        write_png(path, np.zeros_like(read_png(path)))
+        write_png(path, np.zeros_like(read_image(path)))
     assert load_scene(str(capture)).checksum != before
     path.unlink()
     assert ".." in file or not load_scene(str(capture)).relight
@@ -175,10 +175,10 @@ def test_a_mistake_is_one_clear_error(mistake: str, capture: Path) -> None:
 def test_the_published_example_decodes(shared_data: Path, tmp_path: Path) -> None:
     """Its masks, albedo, normals and depth are real files; images, cameras and lights it lacks, so no scene loads."""
     place = shared_data / "stanford_orb_example"
-    mask = reduced(torch.from_numpy(read_png(place / "data/teapot_scene001/test_mask/0000.png")))
+    mask = reduced(torch.from_numpy(read_image(place / "data/teapot_scene001/test_mask/0000.png")))
     assert mask.shape == (512, 512, 1)
     assert 0.05 < float(mask.mean()) < 0.3
-    albedo = reduced(torch.from_numpy(read_png(place / "data/teapot_scene001/albedo_maps/0000.png")))
+    albedo = reduced(torch.from_numpy(read_image(place / "data/teapot_scene001/albedo_maps/0000.png")))
     assert 0.1 < float((albedo * mask).sum() / mask.sum() / 3) < 0.6
     results = place / "test/mymethod/teapot_scene001"
     capture = tmp_path / "blender_LDR/teapot_scene001"

@@ -9,7 +9,7 @@ import pytest
 
 from radiogs_bench.cli import main
 from radiogs_datasets.check import check_scene
-from radiogs_datasets.image_files import read_png, write_png
+from radiogs_datasets.image_files import read_image, write_png
 from radiogs_datasets.registry import TINY
 
 
@@ -48,14 +48,14 @@ def test_cameras_that_look_away_and_empty_masks_are_named(corner: Path) -> None:
     matrix[:3, [0, 2]] *= -1  # half a turn about its own vertical axis
     table["frames"][5]["transform_matrix"] = matrix.tolist()
     (corner / "transforms_train.json").write_text(json.dumps(table))
-    image = read_png(corner / "test_003/rgba.png")
+    image = read_image(corner / "test_003/rgba.png")
     image[..., 3] = 0
     write_png(corner / "test_003/rgba.png", image)
     report = check_scene(str(corner))
     words = {finding.place: finding.what for finding in report.findings}
     assert not report.sound
     assert any("fully transparent" in what for what in words.values())
-    write_png(corner / "test_003/rgba.png", read_png(TINY / "corner/test_003/rgba.png"))
+    write_png(corner / "test_003/rgba.png", read_image(TINY / "corner/test_003/rgba.png"))
     words = {finding.place: finding.what for finding in check_scene(str(corner)).findings}
     assert words == {"train_005": "the camera looks away from what the others look at"}
 

@@ -14,7 +14,7 @@ import torch
 from bench.fuzz import small_scene
 from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_png
+from radiogs_datasets.image_files import read_exr, read_image, write_exr, write_png
 
 
 @pytest.fixture
@@ -79,19 +79,19 @@ def with_text(name: str, text: str) -> Callable[[Path], object]:
 
 
 def resized(folder: Path) -> None:
-    write_png(folder / "test_001/albedo.png", read_png(folder / "test_001/albedo.png")[::2, ::2])
+    write_png(folder / "test_001/albedo.png", read_image(folder / "test_001/albedo.png")[::2, ::2])
 
 
 def without_alpha(folder: Path) -> None:
-    write_png(folder / "train_001/rgba.png", read_png(folder / "train_001/rgba.png")[..., :3])
+    write_png(folder / "train_001/rgba.png", read_image(folder / "train_001/rgba.png")[..., :3])
 
 
 def transparent(folder: Path) -> None:
-    write_png(folder / "train_001/rgba.png", 0 * read_png(folder / "train_001/rgba.png"))
+    write_png(folder / "train_001/rgba.png", 0 * read_image(folder / "train_001/rgba.png"))
 
 
 def grey_albedo(folder: Path) -> None:
-    write_png(folder / "test_000/albedo.png", read_png(folder / "test_000/albedo.png")[..., :1])
+    write_png(folder / "test_000/albedo.png", read_image(folder / "test_000/albedo.png")[..., :1])
 
 
 def one_channel_direct(folder: Path) -> None:
@@ -153,7 +153,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "map is cut off": (cut("test_001/indirect.exr"), "test_001/indirect.exr is damaged"),
     "light is cut off": (cut("envmaps/overcast.hdr"), "envmaps/overcast.hdr is damaged"),
     "image is empty": (with_text("test_000/rgba.png", ""), "does not begin like a PNG"),
-    "image is a JPEG": (jpeg_named_png, "does not begin like a PNG"),
+    "image is a JPEG": (jpeg_named_png, "has 3 channels, 4 are needed"),
     "map has another size": (resized, "albedo.png is 48 x 48 pixels, its view's image 96 x 96"),
     "image has no alpha": (without_alpha, "has 3 channels, 4 are needed"),
     "image is transparent": (transparent, "fully transparent"),
@@ -217,7 +217,7 @@ def test_checksum_follows_bytes_and_names_but_not_the_place(corner: Path, tmp_pa
     moved = shutil.copytree(corner, tmp_path / "moved")
     (moved / "notes.txt").write_text("not part of the scene")
     assert load_scene(str(moved)).checksum == original
-    image = read_png(moved / "train_000/rgba.png")
+    image = read_image(moved / "train_000/rgba.png")
     image[5, 5, 0] += 1 / 255
     write_png(moved / "train_000/rgba.png", image)
     assert load_scene(str(moved)).checksum != original
@@ -226,7 +226,7 @@ def test_checksum_follows_bytes_and_names_but_not_the_place(corner: Path, tmp_pa
 def test_indirect_png_of_tensoir_ind_is_read_as_display_colour(corner: Path) -> None:
     linear = load_scene(str(corner)).test[0].read("indirect")
     for view in ("test_000", "test_001"):
-        radiance, alpha = read_exr(corner / view / "indirect.exr"), read_png(corner / view / "rgba.png")[..., 3:]
+        radiance, alpha = read_exr(corner / view / "indirect.exr"), read_image(corner / view / "rgba.png")[..., 3:]
         straight = np.where(alpha > 0, radiance / np.where(alpha > 0, alpha, 1), 0)
         display = np.where(straight <= 0.0031308, 12.92 * straight, 1.055 * straight ** (1 / 2.4) - 0.055)
         write_png(corner / view / "indirect.png", display)

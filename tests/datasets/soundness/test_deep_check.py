@@ -29,7 +29,7 @@ from radiogs_datasets.deep_check.radiance import radiance
 from radiogs_datasets.deep_check.shape_maps import shape_maps
 from radiogs_datasets.deep_check.silhouettes import silhouettes
 from radiogs_datasets.findings import Finding
-from radiogs_datasets.image_files import read_exr, read_hdr, read_png, write_exr, write_hdr, write_png
+from radiogs_datasets.image_files import read_exr, read_hdr, read_image, write_exr, write_hdr, write_png
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 
@@ -50,7 +50,7 @@ def files(folder: Path, pattern: str, change: Callable[[Image], Image]) -> None:
     """Change the pixels of every file of a pattern, in its own format."""
     for path in sorted(folder.glob(pattern)):
         read, write = {
-            ".png": (read_png, write_png), ".exr": (read_exr, write_exr), ".hdr": (read_hdr, write_hdr)
+            ".png": (read_image, write_png), ".exr": (read_exr, write_exr), ".hdr": (read_hdr, write_hdr)
         }[path.suffix]  # fmt: skip
         write(path, np.ascontiguousarray(change(read(path)), dtype=np.float32))
 

@@ -51,7 +51,7 @@ def test_the_model_with_the_most_photos_is_taken_and_the_others_are_named(captur
 
 def test_a_second_model_that_cannot_be_read_is_named(capture: Path) -> None:
     model(capture, "sparse/1", slice(0, 4))
-    (capture / "sparse/1/points3D.txt").unlink()
+    (capture / "sparse/1/images.txt").unlink()
     (line,) = said(capture)
     assert line.startswith("the model in sparse/1 is not used: cannot read the model")
 
