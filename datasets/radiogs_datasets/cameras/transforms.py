@@ -31,7 +31,7 @@ from .transforms_fields import (
     wrong_field,
 )
 
-SPLITS = ("train", "val", "test")
+SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
@@ -60,7 +60,7 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by split, where the file names them; ``masks``: what black means in masks,
+    the poses; ``splits``: lists of images by their fields (``SPLITS``); ``masks``: what black means in masks,
     "object" or "ignore", where the file says it; ``said``: what of the file is not used.
     """
 
@@ -116,7 +116,7 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
-        {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
+        {name: names for name in SPLITS if (names := _names(path, table, name))},
         meaning,
         (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in Counter(notes).items())),
     )

@@ -26,13 +26,12 @@ from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
-from .inspection import decode_if_small, require_distinct
+from .inspection import decode_if_small, names_in, require_distinct, split_lists, split_views
 from .photos import (
     PHOTO_FOLDERS,
     SIZE_TOLERANCE,
     Photo,
     has_alpha,
-    held_out,
     images_in,
     inspect_photos,
     masks_of,
@@ -55,7 +54,8 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     chosen, paths = _images(folder, len(poses))
     require_distinct(folder, paths)
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
-    sizes, checksum = inspect_photos(folder, paths, masks, (table,))
+    lists = split_lists(folder, folder) if options.hold_out is None else {}
+    sizes, checksum = inspect_photos(folder, paths, masks, (table, *lists.values()))
     photos = [
         Photo(path.stem, path, camera_to_world, _lens(path, pose, sizes[path]), has_alpha(path), masks.get(path))
         for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True)
@@ -63,8 +63,8 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     photos, said_of_coverage = said_of_masks(photos, options)
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
-    train, test, said = held_out(views, options.hold_out)
-    repairs = (f"photos are read from {chosen}/", said, *said_of_coverage)
+    train, test, said = split_views(views, lambda view: view.name, names_in(lists), options.hold_out)
+    repairs = (f"photos are read from {chosen}/", *said, *said_of_coverage)
     return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
 
 

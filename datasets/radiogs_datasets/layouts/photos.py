@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import torch
@@ -19,7 +18,7 @@ from ..cameras.lens import ORDER, Lens
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import in_unit_range, levels_wanted, read_image, read_levels
 from ..image_structure import png_layout
-from ..options import TEST_EVERY, SceneOptions
+from ..options import SceneOptions
 from ..reduction import WHOLLY
 from ..view_maps import read_alpha, read_colour
 from .inspection import inspect, require_same_size, shown
@@ -37,8 +36,6 @@ MASK_ENDINGS = (*IMAGE_ENDINGS, "_mask.png", "_mask.jpg", "_mask.jpeg")
 """Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
 
 DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
-
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)
@@ -196,13 +193,6 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     if not any(photo.covers for photo in given):
         said.append("no alpha: every pixel counts")
     return given, tuple(said)
-
-
-def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
-    """Training and test views: every ``step``-th (default: eighth) is scored, from the first on; and a sentence."""
-    every = step or TEST_EVERY
-    train = [each for place, each in enumerate(ordered) if place % every]
-    return train, list(ordered[::every]), f"every {every}th view is scored"
 
 
 def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Path, Path]:

@@ -363,7 +363,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "points without colour": (cloud(PLY + b"end_header\n0 0 0\n"), "cannot read"),
     "points cut off": (cloud(COLOURED), "cannot read"),
     "a NaN point": (cloud(COLOURED + b"nan 0 0 1 2 3\n"), "not finite"),
-    "a split of no frames": (with_field(test_filenames=["images/99.png"]), "names views that are no frames"),
+    "a split of no frames": (with_field(test_filenames=["images/99.png"]), "names no view of the scene"),
     "a split that is a text": (with_field(test_filenames="images/01.png"), "'test_filenames' must be a list"),
     "a view in both splits": (
         with_field(test_filenames=["images/01.png"], train_filenames=["images/01.png", "images/02.png"]),
