@@ -110,6 +110,8 @@ class RunPlan:
         }
         if marks := self.marks:
             made["marks"] = marks
+        if not_new := {name: said for name, scene in self.scenes.items() if (said := not_new_in(scene.repairs))}:
+            made["not_new"] = not_new
         if relighting := relighting_of(self.method(row.method) for row in suite.rows):
             made["relighting"] = relighting
         if any("kind" in about for about in self.stated.values()):

@@ -222,12 +222,20 @@ def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
         )
     rotation = matrix[:3, :3]
     deviation = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
-    affine = matrix[3].tolist() == [0, 0, 0, 1]
-    if not affine or deviation > RIGID_TOLERANCE or float(torch.linalg.det(rotation)) < 0:
+    last, moved = ([f"{number:.4g}" for number in numbers.tolist()] for numbers in (matrix[3], matrix[:3, 3]))
+    told = ""
+    if last != ["0", "0", "0", "1"]:
+        transposed = moved == ["0", "0", "0"] and last[3] == "1"
+        told = f"its last row is {' '.join(last)}, not 0 0 0 1{': it is transposed' if transposed else ''}"
+    elif deviation > RIGID_TOLERANCE:
+        told = f"R R^T is {deviation:.2g} from the identity"
+    elif float(torch.linalg.det(rotation)) < 0:
+        told = "its determinant is -1: it mirrors the world"
+    if told:
         raise DataError(
-            f"{what} is not a rigid motion (R R^T is {deviation:.2g} from the identity)",
+            f"{what} is not a rigid motion ({told})",
             "A scaled, mirrored or projective camera would bend every normal and depth.",
-            "Write camera-to-world matrices without scale, in OpenGL axes, with last row 0 0 0 1.",
+            "Write camera-to-world matrices row by row, without scale, in right-handed OpenGL axes, with last row 0 0 0 1.",
         )
     return matrix
 

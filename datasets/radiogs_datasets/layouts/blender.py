@@ -164,6 +164,13 @@ def split_of(
         train, test = files
         if test.name != "transforms_test.json":
             repairs.append("no test split: the validation split is scored")
+        absent = [each.image.relative_to(folder).as_posix() for each in listed[test] if not each.image.is_file()]
+        if absent and all(each.image.is_file() for each in listed[train]):
+            raise DataError(
+                f"{len(absent)} of the {len(listed[test])} views in {test.name} have no image: {shown(absent)}",
+                "Poses of a path of the camera alone cannot be scored; the training views are all there.",
+                "Render them, or score every eighth training view:  --hold-out 8",
+            )
         return listed[train], listed[test]
     (table,) = files
     views = present(folder, listed[table], repairs) if table.name == SINGLE else listed[table]

@@ -274,9 +274,17 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
     if missing:
         raise DataError(
             f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {shown(missing)}",
-            "Every view must have its image, and a map that one view of a split has, all views of it must have.",
+            "Every view must have its image, and a map that one view of a split has, all views of it must have. "
+            + _instead(folder, folder / missing[0]),
             "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
         )
+
+
+def _instead(folder: Path, path: Path) -> str:
+    """What lies where a file is missing: the names in the nearest folder that there is."""
+    place = next(place for place in path.parents if place.is_dir())
+    there = sorted(each.name for each in place.iterdir() if not each.name.startswith("."))
+    return f"In {place.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}."
 
 
 def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dict[Path, tuple[int, int]], str]:
