@@ -367,7 +367,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a split that is a text": (with_field(test_filenames="images/01.png"), "'test_filenames' must be a list"),
     "a view in both splits": (
         with_field(test_filenames=["images/01.png"], train_filenames=["images/01.png", "images/02.png"]),
-        "lists views twice",
+        "have views in common",
     ),
     "a photo listed twice": (with_frame(file_path="images/01.png"), "lists views twice"),
     "most photos missing": (
