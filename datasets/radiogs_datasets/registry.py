@@ -202,5 +202,5 @@ def _recognised(folder: Path) -> str:
     raise DataError(
         f"{folder} is no scene in a known layout",
         "Looked for: " + "; ".join(f"{layout.marks} ({name})" for name, layout in LAYOUTS.items()) + ".",
-        f"Give the folder of one scene{f', such as {shown(inner)}' if inner else ''}, or name its layout with --layout.",
+        f"Give the folder of one scene{f' ({shown(inner)})' if inner else ''}, or name its layout with --layout.",
     )

@@ -33,8 +33,8 @@ OF_PHOTOS = ("colmap", "blender", "llff")
 """Layouts whose masks and alpha somebody has drawn."""
 
 OUTLIER, GAP, MOST_OUTLIERS = 8.0, 2.5, 0.2
-"""Times the median distance of cameras from their middle at which one is taken for damage, if that is also so many times
-the distance of the next nearer one, as on no path, and if no larger share of the cameras lies out there."""
+"""Times the median distance of cameras from their middle at which one is taken for damage, if that is also so many
+times the distance of the next nearer one, as on no path, and if no larger share of the cameras lies out there."""
 
 FLOAT32_STEP = 2.0**-23
 PIXEL_SHARE = 0.25
@@ -55,8 +55,8 @@ def require_placed(scene: Scene) -> None:
         named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:3])
         raise DataError(
             f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
-            f"The others are about {middle:.3g} world units from their middle: such a pose is one that was not found, and"
-            " it would set the scene's unit of length.",
+            f"The others are about {middle:.3g} world units from their middle. Such a pose was not found, and would set"
+            " the scene's unit of length.",
             "Correct their poses, or take these views out of the scene.",
         )
     extent = scene.extent
@@ -77,7 +77,7 @@ def _distances(views: Sequence[View]) -> torch.Tensor:
 
 
 def _outliers(away: torch.Tensor) -> list[int]:
-    """The cameras beyond the first gap in the distances from which on they are out of proportion, the farthest first."""
+    """The cameras beyond the first gap from which on distances are out of proportion, the farthest first."""
     order = away.argsort()
     near, far = away[order[:-1]], away[order[1:]]
     gaps = ((far > OUTLIER * away.median()) & (far > GAP * near) & (away.median() > 0)).nonzero()[:, 0]
@@ -174,7 +174,9 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
     """A sentence on test views with the pose of a training view; none for a computed scene, which has few poses."""
     if not scene.train or not scene.test or scene.folder is None:
         return ()
-    poses = [torch.stack([view.camera.camera_to_world for view in views]).double() for views in (scene.train, scene.test)]
+    poses = [
+        torch.stack([view.camera.camera_to_world for view in views]).double() for views in (scene.train, scene.test)
+    ]
     (train, axes), (test, turned_axes) = ((pose[:, :3, 3], pose[:, :3, :3].flatten(1)) for pose in poses)
     apart = torch.cdist(train, train)
     near = torch.where(apart > 1e-9 * apart.max(), apart, math.inf).min(-1).values
@@ -186,7 +188,11 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
         for place, row in enumerate(same)
         if bool(row.any())
     ]
-    return (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their pose: {shown(pairs)}",) if pairs else ()
+    return (
+        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their pose: {shown(pairs)}",)
+        if pairs
+        else ()
+    )
 
 
 def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]:
@@ -200,7 +206,11 @@ def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]
         for view in scene.test
         if (digest := _digest(view, digests)) is not None and digest in train
     ]
-    return (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their image: {shown(pairs)}",) if pairs else ()
+    return (
+        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their image: {shown(pairs)}",)
+        if pairs
+        else ()
+    )
 
 
 def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:

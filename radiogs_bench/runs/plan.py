@@ -10,6 +10,7 @@ from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets.registry import scene_facts
+from radiogs_datasets.soundness import not_new_in
 
 from ..methods import (
     FoundMethods,

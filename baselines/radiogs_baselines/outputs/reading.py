@@ -117,7 +117,9 @@ class _Search:
             name, first = next(iter(there.items()))
             self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
         if lossy := [found.path.name for found in there.values() if found.path.suffix.lower() in LOSSY]:
-            self.said.append(f"{what}: {len(lossy)} files are JPEG ({lossy[0]}, ...): what compression lost counts as error")
+            self.said.append(
+                f"{what}: {len(lossy)} files are JPEG ({lossy[0]}, ...): what compression lost counts as error"
+            )
         self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
         return there
 
@@ -172,7 +174,11 @@ def _recognised(folder: Path, scene: Scene) -> str:
             f"; and {more} more kinds" if (more := len(kinds) - KINDS_SHOWN) > 0 else ""
         )
         seen = f"It has the files of no known code. Its images: {lies or 'none'}{_of_other_size(folder, scene)}."
-    inner = [] if candidates else [str(place) for place in sorted(folder.glob("**/")) if place != folder and _holds(place, scene)]
+    inner = (
+        []
+        if candidates
+        else [str(place) for place in sorted(folder.glob("**/")) if place != folder and _holds(place, scene)]
+    )
     raise DataError(
         f"cannot tell which code wrote {folder}",
         seen,
@@ -192,10 +198,13 @@ def _holds(folder: Path, scene: Scene) -> bool:
 
 def _of_other_size(folder: Path, scene: Scene) -> str:
     """The size of the first image of a folder, where the views have another."""
-    images = (path for path in sorted(folder.rglob("*")) if path.suffix.lower() in {*IMAGES} - {".npy"})
-    first, camera = next(images, None), scene.test[0].camera
-    height, width = (camera.height, camera.width) if first is None else image_size(first, read_bytes(first))
-    if (height, width) == (camera.height, camera.width):
-        return ""
-    beside = ", perhaps several images side by side: cut out the renders" if width > camera.width and height == camera.height else ""
-    return f"; {first.name if first else ''} has {width} x {height} pixels, the views {camera.width} x {camera.height}{beside}"
+    camera = scene.test[0].camera
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() in {*IMAGES} - {".npy"}:
+            height, width = image_size(path, read_bytes(path))
+            if (height, width) == (camera.height, camera.width):
+                return ""
+            beside = ": several side by side? Cut out the renders" if width > camera.width else ""
+            sizes = f"{width} x {height} pixels, the views {camera.width} x {camera.height}"
+            return f"; {path.name} has {sizes}{beside}"
+    return ""

@@ -222,11 +222,11 @@ def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
         )
     rotation = matrix[:3, :3]
     deviation = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
-    last, moved = ([f"{number:.4g}" for number in numbers.tolist()] for numbers in (matrix[3], matrix[:3, 3]))
     told = ""
-    if last != ["0", "0", "0", "1"]:
-        transposed = moved == ["0", "0", "0"] and last[3] == "1"
-        told = f"its last row is {' '.join(last)}, not 0 0 0 1{': it is transposed' if transposed else ''}"
+    if matrix[3].tolist() != [0, 0, 0, 1]:
+        transposed = matrix[:3, 3].tolist() == [0, 0, 0] and float(matrix[3, 3]) == 1
+        last = " ".join(f"{number:.4g}" for number in matrix[3].tolist())
+        told = f"its last row is {last}, not 0 0 0 1{': it is transposed' if transposed else ''}"
     elif deviation > RIGID_TOLERANCE:
         told = f"R R^T is {deviation:.2g} from the identity"
     elif float(torch.linalg.det(rotation)) < 0:
@@ -235,7 +235,7 @@ def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
         raise DataError(
             f"{what} is not a rigid motion ({told})",
             "A scaled, mirrored or projective camera would bend every normal and depth.",
-            "Write camera-to-world matrices row by row, without scale, in right-handed OpenGL axes, with last row 0 0 0 1.",
+            "Write camera-to-world by rows, without scale, in right-handed OpenGL axes, with last row 0 0 0 1.",
         )
     return matrix
 

@@ -20,8 +20,8 @@ DIFFERENT = 0.02
 """Mean difference of two images of one pose, display sRGB, from which on one of them belongs elsewhere."""
 
 BRACKETED, SCATTER = 0.2, 0.35
-"""Median ratio of linear colours, natural logarithm, from which on exposures differ, and the share of it by which half of
-the pixels may be off."""
+"""Median ratio of linear colours, natural logarithm, from which on exposures differ, and the share of it by which half
+of the pixels may be off."""
 
 UNCLIPPED, FEWEST = (5, 250), 64
 """Levels that are neither noise nor clipped, and pixels that must have them in both images."""
@@ -45,19 +45,19 @@ def poses(evidence: Evidence) -> Iterator[Finding]:
         if images[0].shape != images[1].shape:
             continue
         if ratio := _exposure(*images):
-            ratios[f"{looks[one].name} and {looks[other].name}"] = ratio
+            ratios[" and ".join(sorted((looks[one].name, looks[other].name)))] = ratio
         elif looks[one].trained == looks[other].trained and cv2.absdiff(*images).mean() > 255 * DIFFERENT:
             what = f"it has the pose of {looks[one].name}, but another image: one of the two poses is wrong"
             yield warning(looks[other].name, what)
     if ratios:
-        named, (least, most) = shown([*ratios]), (min(ratios.values()), max(ratios.values()))
+        named, (least, most) = shown(sorted(ratios)), (min(ratios.values()), max(ratios.values()))
         factor = f"{least:.2g}" if most < 1.1 * least else f"{least:.2g} to {most:.2g}"
-        what = f"views with equal poses have exposures that differ {factor} times ({named}): keep one exposure of each pose"
+        what = f"equal poses with exposures that differ {factor} times ({named}): keep one exposure of each pose"
         yield warning(evidence.scene.name, what)
 
 
 def _exposure(one: Bytes, other: Bytes) -> float:
-    """The ratio of linear colours, at least 1, that makes two images one; 0 where none does, or hardly any is needed."""
+    """The ratio of linear colours, at least 1, that makes two images one; 0 where none does, or one near 1."""
     seen = np.logical_and(*((UNCLIPPED[0] < each) & (each < UNCLIPPED[1]) for each in (one, other)))
     if int(seen.sum()) < FEWEST:
         return 0.0

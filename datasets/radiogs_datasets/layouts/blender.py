@@ -57,7 +57,9 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     lists = split_lists(folder, folder) if alone else {}
     train, test = split_of(written, files, lists, options, repairs)
     clouds = [WrittenPaths(folder).find(table, each.points_path) for table, each in files.items() if each.points_path]
-    photos, checksum, sizes = _photos(folder, masked(folder, [*train, *test], options), [*tables, *lists.values()], clouds)
+    photos, checksum, sizes = _photos(
+        folder, masked(folder, [*train, *test], options), [*tables, *lists.values()], clouds
+    )
     stated = {each.masks for each in files.values() if each.masks is not None}
     if options.masks is None and stated == {"ignore"}:
         options = replace(options, masks="ignore")

@@ -26,10 +26,12 @@ NAMES_SHOWN = 8
 READABLE = frozenset({".png", ".jpg", ".jpeg", ".exr"})
 """Endings of photos that are decoded."""
 
+NO_IMAGES = (".json", ".npy", ".ply", ".txt")
+
 SPLIT_LIST = re.compile(
     r"(?:.*/)?(train|test|val)(?:_(?:list|split|images|names|files|filenames|views))?(?:\.txt)?", re.IGNORECASE
 )
-"""Names of lists of a split's photos, with the split: nerf-on-the-go's ``train_list.txt``, 3DGS's ``sparse/0/test.txt``,
+"""Names of lists of photos, with the split: nerf-on-the-go's ``train_list.txt``, 3DGS's ``sparse/0/test.txt``,
 nerfstudio's field ``test_filenames``."""
 
 Kept = TypeVar("Kept")
@@ -121,7 +123,6 @@ class WrittenPaths:
                 files.setdefault(_plain(path.relative_to(self.folder).as_posix()), []).append(path)
         return files
 
-
     @cached_property
     def _photos(self) -> dict[str, list[Path]]:
         photos: dict[str, list[Path]] = {}
@@ -162,7 +163,9 @@ def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tup
     pairs = dict(zip(sorted(names), sorted(files), strict=True))
     counted = dict(zip(sorted(names, key=by_number), sorted(files, key=lambda path: by_number(path.name)), strict=True))
     counted |= {} if renumbered else equal
-    differ = [f"{name} with {file.name} or {counted[name].name}" for name, file in pairs.items() if file != counted[name]]
+    differ = [
+        f"{name} with {file.name} or {counted[name].name}" for name, file in pairs.items() if file != counted[name]
+    ]
     if differ:
         raise DataError(
             f"the images of {files[0].parent} have other names than the photos with poses, and may belong to others",
@@ -184,7 +187,10 @@ def split_lists(folder: Path, *places: Path) -> dict[str, Path]:
 def names_in(lists: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
     """The names of photos in text files, one on a line; empty lines and those that begin with # are passed over."""
     lines = {label: read_bytes(path).decode(errors="replace").splitlines() for label, path in lists.items()}
-    return {label: tuple(name for line in each if (name := line.strip()) and name[0] != "#") for label, each in lines.items()}
+    return {
+        label: tuple(name for line in each if (name := line.strip()) and name[0] != "#")
+        for label, each in lines.items()
+    }
 
 
 def split_views(
@@ -227,7 +233,9 @@ def _apart(
     both = shown([name_of(ordered[place]) for place in sorted(train & test)])
     if both or not train or not test:
         raise DataError(
-            f"the lists of the scene's splits have views in common: {both}" if both else "a split of the scene is empty",
+            f"the lists of the scene's splits have views in common: {both}"
+            if both
+            else "a split of the scene is empty",
             "A view that is trained on says nothing when it is scored, and both splits need views.",
             "Correct the lists, or hold views out instead:  --hold-out 8",
         )
@@ -290,7 +298,7 @@ def _instead(folder: Path, path: Path) -> str:
 def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dict[Path, tuple[int, int]], str]:
     """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order.
 
-    ``tables`` come first in the digest, by their bare names. They, and ``.json``, ``.npy`` and ``.ply``, are no images.
+    ``tables`` come first in the digest, by their bare names. They, and ``NO_IMAGES``, are no images.
     """
     sizes, combined = {}, hashlib.sha256()
     for path in tables:
@@ -298,7 +306,7 @@ def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dic
     for name, path in sorted(files.items()):
         data = read_bytes(path)
         combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
-        if path.suffix not in (".json", ".npy", ".ply"):
+        if path.suffix not in NO_IMAGES:
             sizes[path] = image_size(path, data)
     return sizes, combined.hexdigest()
 
