@@ -203,6 +203,6 @@ def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:
 
 
 def _sentence(error: ExplainedError) -> str:
-    """What is wrong, why, and what to do next."""
+    """The three parts of an error in one line: what is wrong, why, and what to do next."""
     parts = (part for part in (error.what, error.why, error.remedy) if part)
     return " ".join(part if part[-1] in ".?" else f"{part}." for part in parts).removesuffix(".")

@@ -71,7 +71,7 @@ def require_placed(scene: Scene) -> None:
 
 
 def _distances(views: Sequence[View]) -> torch.Tensor:
-    """Of cameras from their median place, float64 [views]."""
+    """Distances of cameras from their median place, world units, float64 [views]."""
     origins = torch.stack([view.camera.centre for view in views]).double()
     return (origins - origins.median(0).values).norm(dim=-1)
 
@@ -166,7 +166,7 @@ NOT_NEW = "test views are not new"
 
 
 def not_new_in(repairs: Sequence[str]) -> list[str]:
-    """Those of a scene's repairs that say which test views are not new."""
+    """The sentences among a scene's repairs that say which test views are not new."""
     return [said for said in repairs if NOT_NEW in said]
 
 
@@ -214,7 +214,7 @@ def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]
 
 
 def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:
-    """That of the file which a view's image is read from: a path, or a photo with one, that its source was given."""
+    """The digest of the file of a view's image: of the path, or of the photo's path, that its source was given."""
     given = (getattr(each, "image", each) for each in getattr(view.sources.get("image"), "args", ()))
     return next((digests.get(str(path)) for path in given if isinstance(path, Path)), None)
 

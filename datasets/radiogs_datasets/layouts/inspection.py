@@ -137,7 +137,7 @@ def _plain(name: str) -> str:
 
 
 def alike(name: str) -> str:
-    """What names of one photo share: all but ending, case, and zeros before numbers (frame_1.HEIC, frame_0001.jpg)."""
+    """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
     return re.sub(r"0*(\d+)", r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
 
 
@@ -289,7 +289,7 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
 
 
 def _instead(folder: Path, path: Path) -> str:
-    """What lies where a file is missing: the names in the nearest folder that there is."""
+    """A sentence with the names in the nearest folder that exists above a missing file."""
     place = next(place for place in path.parents if place.is_dir())
     there = sorted(each.name for each in place.iterdir() if not each.name.startswith("."))
     return f"In {place.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}."

@@ -1,6 +1,6 @@
 """Sound captures, changed at random in names, splits, sizes, modes and poses: read as they were made, or refused.
 
-What is true is known from the generator alone: the colour of a photo says which view it is, and its camera's place is a
+The truth comes from the generator alone: the colour of a photo says which view it is, and its camera's place is a
 function of that.
 """
 
@@ -101,7 +101,7 @@ KINDS = (
     "far", "transposed", "mirrored",
 )  # fmt: skip
 OF_MATRICES = {"transposed", "mirrored"}
-"""What a quaternion cannot hold."""
+"""Changes that a quaternion cannot hold."""
 
 HARMLESS = {"zeros", "ending", "case", "unposed", "list"}
 """Changes, one at a time, after which names still tell the views apart."""
