@@ -14,6 +14,8 @@ from radiogs_core.scene.scene import Scene, View
 
 from .cameras.transforms import read_transforms
 from .deep_check import deep_findings
+from .deep_check.evidence import gather
+from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
 from .image_files import in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
@@ -70,7 +72,7 @@ def check_scene(
     try:
         scene = load_scene(name_or_path, options=options)
     except DataError as error:
-        if error.what not in {finding.what for finding in findings}:
+        if _sentence(error) not in {finding.what for finding in findings}:
             findings.append(Finding(folder.name, _sentence(error)))
     findings += _mixed_bits(bits)
     if scene is not None:
@@ -83,6 +85,8 @@ def check_scene(
         without = "has images of the test views, but no environment map: it cannot be relit"
         findings += [warning(light, without) for light in sorted(shown - scene.lights.keys())]
         findings += _views(scene, advance)
+        if not deep and len(equal_poses([view.camera for view in (*scene.train, *scene.test)])):
+            findings += poses(gather(scene, maps=False))
         if deep and not any(finding.severity == "error" for finding in findings):
             findings += deep_findings(scene, advance)
     return Report(scene, tuple(grouped(findings)))
@@ -108,7 +112,7 @@ def _damaged_files(folder: Path, bits: Bits, advance: Advance) -> Iterator[Findi
                 if NORMAL_FILE.fullmatch(path.name):
                     yield from _not_unit(place, torch.from_numpy(in_unit_range(image)))
         except DataError as error:
-            yield Finding(place, error.what)
+            yield Finding(place, _sentence(error))
         advance(done, len(tables) + len(images))
 
 
@@ -199,4 +203,6 @@ def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:
 
 
 def _sentence(error: ExplainedError) -> str:
-    return f"{error.what}. {error.why}" if error.why else error.what
+    """The three parts of an error in one line: what is wrong, why, and what to do next."""
+    parts = (part for part in (error.what, error.why, error.remedy) if part)
+    return " ".join(part if part[-1] in ".?" else f"{part}." for part in parts).removesuffix(".")

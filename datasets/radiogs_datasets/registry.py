@@ -16,10 +16,11 @@ from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .hard_scenes import BASE, CONDITIONS, hard_scene
 from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
+from .layouts.inspection import shown
 from .options import AS_STORED, SceneOptions
 from .reduction import resized
 from .same_bytes import SameBytes
-from .soundness import few_views_or_pixels, require_names, require_placed, require_shaped
+from .soundness import few_views_or_pixels, require_names, require_placed, require_shaped, shared_images
 from .unused import unused_files
 
 FORWARD = Path(__file__).parent / "forward"
@@ -173,7 +174,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         else:
             _require_none(options, name_or_path)
             scene = load(place)
-    scene = files.held(replace(scene, repairs=(*scene.repairs, *unused_files(folder, files.digests))))
+    said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests))
+    scene = files.held(replace(scene, repairs=(*scene.repairs, *said)))
     require_names(scene)
     require_shaped(scene)
     require_placed(scene)
@@ -195,8 +197,10 @@ def _recognised(folder: Path) -> str:
     for name, layout in LAYOUTS.items():
         if layout.looks_like(folder):
             return name
+    below = sorted({*folder.glob("*/"), *folder.glob("*/*/")})
+    inner = [str(place) for place in below if place.is_dir() and place.name[0] != "." and _is_scene(place)]
     raise DataError(
         f"{folder} is no scene in a known layout",
         "Looked for: " + "; ".join(f"{layout.marks} ({name})" for name, layout in LAYOUTS.items()) + ".",
-        "Give the folder of one scene, or name its layout with --layout.",
+        f"Give the folder of one scene{f' ({shown(inner)})' if inner else ''}, or name its layout with --layout.",
     )

@@ -7,7 +7,8 @@ sentences: what its images cannot say, metrics of them cannot mean.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -16,6 +17,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 
 from .bounded_reading import require_storable
+from .layouts.inspection import shown
 
 SMALLEST_EXTENT = 5e-2
 LARGEST_EXTENT = 1e7
@@ -30,8 +32,9 @@ are so coarse that no normal is derived from depth; at 90 losses of training are
 OF_PHOTOS = ("colmap", "blender", "llff")
 """Layouts whose masks and alpha somebody has drawn."""
 
-OUTLIER = 1e4
-"""Times the median distance of cameras from their middle at which a camera is taken for damage."""
+OUTLIER, GAP, MOST_OUTLIERS = 8.0, 2.5, 0.2
+"""Times the median distance of cameras from their middle at which one is taken for damage, if that is also so many
+times the distance of the next nearer one, as on no path, and if no larger share of the cameras lies out there."""
 
 FLOAT32_STEP = 2.0**-23
 PIXEL_SHARE = 0.25
@@ -46,15 +49,14 @@ def require_placed(scene: Scene) -> None:
     views = [*scene.train, *scene.test]
     if not scene.train:
         return
-    origins = torch.stack([view.camera.centre for view in views]).double()
-    away = (origins - origins.median(0).values).norm(dim=-1)
-    middle = float(away.median())
-    lost = [place for place, distance in enumerate(away.tolist()) if distance > OUTLIER * middle > 0]
+    away = _distances(views)
+    middle, lost = float(away.median()), _outliers(away)
     if lost:
         named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:3])
         raise DataError(
             f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
-            f"The others are about {middle:.3g} world units from their middle.",
+            f"The others are about {middle:.3g} world units from their middle. Such a pose was not found, and would set"
+            " the scene's unit of length.",
             "Correct their poses, or take these views out of the scene.",
         )
     extent = scene.extent
@@ -66,6 +68,21 @@ def require_placed(scene: Scene) -> None:
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
     _require_near(scene, views)
+
+
+def _distances(views: Sequence[View]) -> torch.Tensor:
+    """Distances of cameras from their median place, world units, float64 [views]."""
+    origins = torch.stack([view.camera.centre for view in views]).double()
+    return (origins - origins.median(0).values).norm(dim=-1)
+
+
+def _outliers(away: torch.Tensor) -> list[int]:
+    """The cameras beyond the first gap from which on distances are out of proportion, the farthest first."""
+    order = away.argsort()
+    near, far = away[order[:-1]], away[order[1:]]
+    gaps = ((far > OUTLIER * away.median()) & (far > GAP * near) & (away.median() > 0)).nonzero()[:, 0]
+    lost = [] if not len(gaps) else order[int(gaps[0]) + 1 :].flip(0).tolist()
+    return lost if len(lost) <= max(1, MOST_OUTLIERS * len(away)) else []
 
 
 def _require_near(scene: Scene, views: list[View]) -> None:
@@ -140,8 +157,70 @@ FEWEST_PIXELS = 64
 """Fewest covered pixels of a view whose metrics mean more than chance."""
 
 
+SAME_POSE = 0.01
+"""Share of the cameras' spacing, and radians, within which two poses are one."""
+
+
+NOT_NEW = "test views are not new"
+"""Words of the sentences on test views that training has, too."""
+
+
+def not_new_in(repairs: Sequence[str]) -> list[str]:
+    """The sentences among a scene's repairs that say which test views are not new."""
+    return [said for said in repairs if NOT_NEW in said]
+
+
+def shared_poses(scene: Scene) -> tuple[str, ...]:
+    """A sentence on test views with the pose of a training view; none for a computed scene, which has few poses."""
+    if not scene.train or not scene.test or scene.folder is None:
+        return ()
+    poses = [
+        torch.stack([view.camera.camera_to_world for view in views]).double() for views in (scene.train, scene.test)
+    ]
+    (train, axes), (test, turned_axes) = ((pose[:, :3, 3], pose[:, :3, :3].flatten(1)) for pose in poses)
+    apart = torch.cdist(train, train)
+    near = torch.where(apart > 1e-9 * apart.max(), apart, math.inf).min(-1).values
+    spacing = float(near[near.isfinite()].median().nan_to_num())
+    turned = torch.cdist(turned_axes, axes) / 2**0.5  # radians, for small turns
+    same = (torch.cdist(test, train) <= SAME_POSE * spacing) & (turned <= SAME_POSE)
+    pairs = [
+        f"{scene.test[place].name} ({scene.train[int(row.nonzero()[0])].name})"
+        for place, row in enumerate(same)
+        if bool(row.any())
+    ]
+    return (
+        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their pose: {shown(pairs)}",)
+        if pairs
+        else ()
+    )
+
+
+def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]:
+    """A sentence on test views whose image file has the content of a training view's.
+
+    ``digests`` are those of files by absolute path; sources of the views are as a layout's loader made them.
+    """
+    train = {digest: view.name for view in scene.train if (digest := _digest(view, digests)) is not None}
+    pairs = [
+        f"{view.name} ({train[digest]})"
+        for view in scene.test
+        if (digest := _digest(view, digests)) is not None and digest in train
+    ]
+    return (
+        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their image: {shown(pairs)}",)
+        if pairs
+        else ()
+    )
+
+
+def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:
+    """The digest of the file of a view's image: of the path, or of the photo's path, that its source was given."""
+    given = (getattr(each, "image", each) for each in getattr(view.sources.get("image"), "args", ()))
+    return next((digests.get(str(path)) for path in given if isinstance(path, Path)), None)
+
+
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
-    """Findings: few training or test views, all cameras at one position, or images smaller than SSIM's window."""
+    """Findings: few or no new views, all cameras at one position, or images smaller than SSIM's window."""
     said = []
     if 0 < len(scene.train) < FEWEST_VIEWS:
         said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")
@@ -154,7 +233,7 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
         said.append(
             f"{_views(len(small))} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there"
         )
-    return tuple(said)
+    return (*said, *shared_poses(scene))
 
 
 def require_trainable(scene: Scene) -> None:

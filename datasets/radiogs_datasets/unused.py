@@ -1,4 +1,4 @@
-"""Files of a scene's folder that are not used: masks, photos without a camera, other sizes and splits, other images.
+"""Files of a scene's folder that are not used: masks, photos without a camera, other sizes, splits and lists, images.
 
 Each kind is one sentence among the scene's repairs, which ``datasets check``, ``train`` and ``run`` print. None is an
 error; but a capture that lost half of its photos, or whose masks are not read, is not what its owner means.
@@ -28,6 +28,12 @@ TABLE = re.compile(r"transforms(?:_(\w+))?\.json")
 """Files of cameras, with the name of their split."""
 
 
+SPLIT = re.compile(
+    r"(.*[_.-])?(train|test|val|eval|split|hold_?out)s?([_.-].*)?\.(txt|csv|tsv|lst|json|npy|ya?ml)", re.IGNORECASE
+)
+"""Names of files that may list the views of a split."""
+
+
 def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     """Sentences on the images and transforms files below a folder that a loader has not read.
 
@@ -45,9 +51,15 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
     lost, left = _without_camera(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
+    listing = [path.relative_to(top).as_posix() for path in every if str(path) not in taken and _may_split(path)]
+    lists = [f"files that may list the views of a split are not used: {shown(listing)}"] if listing else []
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
     others = [f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"] if left else []
-    return (*masks, *moving, *sizes, *splits, *lost, *others)
+    return (*masks, *moving, *sizes, *splits, *lists, *lost, *others)
+
+
+def _may_split(path: Path) -> bool:
+    return SPLIT.fullmatch(path.name) is not None and TABLE.fullmatch(path.name) is None
 
 
 Said = tuple[list[str], list[Path]]

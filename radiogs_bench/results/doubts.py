@@ -63,6 +63,8 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
     if not any("brightness" in depends_on(column, conventions) for column in sweep["columns"]):
         for doubt in (*undetermined(finished, "", BRIGHTNESS), *elsewhere(finished, "", BRIGHTNESS)):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
+    not_new = [(scene, said) for scene, lines in sweep.get("not_new", {}).items() for said in lines]
+    found += [Doubt(column="", rows=[], text=f"{name}: {said}.") for name, said in not_new if name in sweep["scenes"]]
     return found
 
 

@@ -10,6 +10,7 @@ from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets.registry import scene_facts
+from radiogs_datasets.soundness import not_new_in
 
 from ..methods import (
     FoundMethods,
@@ -110,6 +111,8 @@ class RunPlan:
         }
         if marks := self.marks:
             made["marks"] = marks
+        if not_new := {name: said for name, scene in self.scenes.items() if (said := not_new_in(scene.repairs))}:
+            made["not_new"] = not_new
         if relighting := relighting_of(self.method(row.method) for row in suite.rows):
             made["relighting"] = relighting
         if any("kind" in about for about in self.stated.values()):

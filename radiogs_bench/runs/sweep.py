@@ -80,6 +80,8 @@ class Sweep(TypedDict):
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     stated: NotRequired[dict[str, dict[str, str]]]
     """The facts of ``STATED`` in the metadata of each scene; absent like ``kinds``."""
+    not_new: NotRequired[dict[str, list[str]]]
+    """Sentences on test views of a scene that training has, too; absent like ``kinds``."""
     cells: list[CellRef]
     command: NotRequired[list[str]]
     """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""

@@ -181,8 +181,8 @@ PLAIN_MAPS: Mapping[str, Encoding] = {
     "incident": "radiance",
 }
 
-IMAGE_FOLDERS = ("image/", "render/", "renders/", "")
-"""Folders that are tried for images of the plain layout; the last one is the folder itself."""
+IMAGE_FOLDERS = ("image/", "render/", "renders/", "", "test/ours_*/renders/")
+"""Folders that are tried for images of the plain layout: the folder itself, and where 3DGS writes its renders."""
 
 
 def _plain(kind: str, folder: str, encoding: Encoding) -> tuple[Rule, Rule]:

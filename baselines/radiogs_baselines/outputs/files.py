@@ -1,6 +1,7 @@
 """Finds the files of a rule, and lists the files that no rule reads, so that users see what was ignored."""
 
 import glob
+import os
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Set
@@ -11,8 +12,11 @@ from radiogs_core.errors import DataError
 
 from .layout import Rule, Unread
 
-SUFFIXES = (".exr", ".npy", ".png")
+SUFFIXES = (".exr", ".npy", ".png", ".jpg", ".jpeg")
 """Suffixes that are tried, in this order, for a rule without a suffix: the most precise format first."""
+
+LOSSY = (".jpg", ".jpeg")
+"""Suffixes of images that their compression has changed."""
 
 DIGITS = (5, 4, 3, 2, 1, 6, 8)
 """Digits of ``{number}`` that are tried, in this order: public codes of splatting write five."""
@@ -47,10 +51,18 @@ def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Fo
     """
     for path in spellings(rule, index, name, light):
         for suffix in ("",) if Path(path).suffix in SUFFIXES else SUFFIXES:
-            file = _inside(folder, path + suffix)
-            if file.is_file():
+            file = _there(_inside(folder, path + suffix))
+            if file is not None:
                 return Found(file, rule)
     return None
+
+
+def _there(file: Path) -> Path | None:
+    """The file, or the only one of its folder whose name differs from it in case alone; None where there is neither."""
+    if file.is_file() or not file.parent.is_dir():
+        return file if file.is_file() else None
+    named = [each for each in os.listdir(file.parent) if each.casefold() == file.name.casefold()]
+    return file.with_name(named[0]) if len(named) == 1 and file.with_name(named[0]).is_file() else None
 
 
 def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
@@ -67,17 +79,17 @@ def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
     return list(dict.fromkeys(written))
 
 
-def last_index(folder: Path, rule: Rule, light: str = "") -> int:
-    """The largest ``{index}`` or ``{number}`` of the rule's files; -1 if there is none, or if the rule has neither."""
-    largest = -1
+def indices(folder: Path, rule: Rule, light: str = "") -> set[int]:
+    """The ``{index}`` or ``{number}`` of each of the rule's files; empty if the rule has neither."""
+    found = set()
     for lit in _lights(rule, light) if rule.numbered or "{index" in rule.path else ():
         written = rule.path.format(index=_AnyIndex(), number=_AnyIndex(), name="", light=lit)
         ending = f"({'|'.join(map(re.escape, SUFFIXES))})" if rule.numbered else ""
-        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)") + ending)
+        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)") + ending, re.IGNORECASE)
         for file in folder.glob(glob.escape(written).replace(_AnyIndex.MARK, "*") + (".*" if ending else "")):
             if match := pattern.fullmatch(file.relative_to(folder).as_posix()):
-                largest = max(largest, int(match[1]))
-    return largest
+                found.add(int(match[1]))
+    return found
 
 
 class _AnyIndex:
@@ -125,9 +137,9 @@ def unread_files(folder: Path, read: Set[Path], known: Iterable[Unread]) -> list
     for file in sorted(folder.rglob("*")):
         if file in read or not file.is_file() or file.name.startswith("."):
             continue
-        if file.suffix in CHECKPOINTS:
+        if file.suffix.lower() in CHECKPOINTS:
             reason = "checkpoints are not opened"
-        elif file.suffix in IMAGES:
+        elif file.suffix.lower() in IMAGES:
             reason = reasons.get(file, "")
         else:
             continue

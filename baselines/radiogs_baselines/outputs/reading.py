@@ -10,7 +10,7 @@ from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_header
 
 from .codes import CODES, PLAIN
-from .files import Found, find, last_index, resolved, spellings, unread_files
+from .files import IMAGES, LOSSY, Found, find, indices, resolved, spellings, unread_files
 from .layout import Rule
 from .predictions import Predictions, relightable
 
@@ -116,6 +116,10 @@ class _Search:
         if rule.numbered or (rules[-1].numbered and rule is not rules[0]):
             name, first = next(iter(there.items()))
             self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
+        if lossy := [found.path.name for found in there.values() if found.path.suffix.lower() in LOSSY]:
+            self.said.append(
+                f"{what}: {len(lossy)} files are JPEG ({lossy[0]}, ...): what compression lost counts as error"
+            )
         self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
         return there
 
@@ -123,13 +127,16 @@ class _Search:
         return spellings(rule, self._index[view.name], view.name, light)[0]
 
     def _require_no_more_views(self, rule: Rule, light: str) -> None:
-        count, last = len(self.scene.test), last_index(self.folder, rule, light)
-        if last >= count:
+        count, found = len(self.scene.test), indices(self.folder, rule, light)
+        if max(found, default=-1) >= count:
+            from_1 = found == {*range(1, count + 1)}
             raise DataError(
-                f"{self.folder} counts views up to {last}, scene '{self.scene.name}' has {count} test views",
-                f"Files of {rule.path} are numbered by the list of test views; with another list each is compared "
-                "with a wrong view.",
-                "Name the scene that the code was evaluated on, with all its test views.",
+                f"{self.folder} counts views up to {max(found)}, scene '{self.scene.name}' has {count} test views",
+                f"Files of {rule.path} are numbered by the list of test views, from 0 on"
+                + (f"; these run from 1 to {count}." if from_1 else "; with another list each is of a wrong view."),
+                f"Number them from 0 to {count - 1}, or call them as the views are ('{self.scene.test[0].name}', ...)."
+                if from_1
+                else "Name the scene that the code was evaluated on, with all its test views.",
             )
 
     def _has_the_views_size(self, what: str, rule: Rule, files: dict[str, Found], views: Sequence[View]) -> bool:
@@ -159,17 +166,45 @@ def _recognised(folder: Path, scene: Scene) -> str:
     last, view = len(scene.test) - 1, scene.test[0].name
     if candidates:
         seen = f"It has files of {', '.join(candidates)}."
-    elif any(_Search(folder, scene).first("image", PLAIN.rules_of("image"), scene.test)):
+    elif _Search(folder, scene).first("image", PLAIN.rules_of("image"), scene.test):
         return "plain"
     else:
         kinds = unread_files(folder, set(), ())
         lies = "; ".join(kinds[:KINDS_SHOWN]) + (
             f"; and {more} more kinds" if (more := len(kinds) - KINDS_SHOWN) > 0 else ""
         )
-        seen = f"It has the files of no known code. Its images: {lies or 'none'}."
+        seen = f"It has the files of no known code. Its images: {lies or 'none'}{_of_other_size(folder, scene)}."
+    inner = (
+        []
+        if candidates
+        else [str(place) for place in sorted(folder.glob("**/")) if place != folder and _holds(place, scene)]
+    )
     raise DataError(
         f"cannot tell which code wrote {folder}",
         seen,
-        f"Call the images as the test views are ('{view}.png', ...) or number them from 0 to {last} in their order; or"
+        (f"Give the folder that holds them: {', '.join(inner)}. Or call" if inner else "Call")
+        + f" the images as the test views are ('{view}.png', ...) or number them from 0 to {last} in their order; or"
         f" name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
     )
+
+
+def _holds(folder: Path, scene: Scene) -> bool:
+    """Whether a folder has an image for each test view, by name or number."""
+    try:
+        return len(_Search(folder, scene).first("image", PLAIN.rules_of("image"), scene.test)) == len(scene.test)
+    except DataError:
+        return False
+
+
+def _of_other_size(folder: Path, scene: Scene) -> str:
+    """The size of the first image of a folder, where the views have another."""
+    camera = scene.test[0].camera
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() in {*IMAGES} - {".npy"}:
+            height, width = image_size(path, read_bytes(path))
+            if (height, width) == (camera.height, camera.width):
+                return ""
+            beside = ": several side by side? Cut out the renders" if width > camera.width else ""
+            sizes = f"{width} x {height} pixels, the views {camera.width} x {camera.height}"
+            return f"; {path.name} has {sizes}{beside}"
+    return ""

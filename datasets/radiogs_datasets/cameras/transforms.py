@@ -31,7 +31,7 @@ from .transforms_fields import (
     wrong_field,
 )
 
-SPLITS = ("train", "val", "test")
+SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
@@ -60,7 +60,7 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by split, where the file names them; ``masks``: what black means in masks,
+    the poses; ``splits``: lists of images by their fields (``SPLITS``); ``masks``: what black means in masks,
     "object" or "ignore", where the file says it; ``said``: what of the file is not used.
     """
 
@@ -116,7 +116,7 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
-        {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
+        {name: names for name in SPLITS if (names := _names(path, table, name))},
         meaning,
         (*unused, *(f"{text} ({count} frames)" if count > 1 else text for text, count in Counter(notes).items())),
     )
@@ -222,12 +222,20 @@ def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
         )
     rotation = matrix[:3, :3]
     deviation = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
-    affine = matrix[3].tolist() == [0, 0, 0, 1]
-    if not affine or deviation > RIGID_TOLERANCE or float(torch.linalg.det(rotation)) < 0:
+    told = ""
+    if matrix[3].tolist() != [0, 0, 0, 1]:
+        transposed = matrix[:3, 3].tolist() == [0, 0, 0] and float(matrix[3, 3]) == 1
+        last = " ".join(f"{number:.4g}" for number in matrix[3].tolist())
+        told = f"its last row is {last}, not 0 0 0 1{': it is transposed' if transposed else ''}"
+    elif deviation > RIGID_TOLERANCE:
+        told = f"R R^T is {deviation:.2g} from the identity"
+    elif float(torch.linalg.det(rotation)) < 0:
+        told = "its determinant is -1: it mirrors the world"
+    if told:
         raise DataError(
-            f"{what} is not a rigid motion (R R^T is {deviation:.2g} from the identity)",
+            f"{what} is not a rigid motion ({told})",
             "A scaled, mirrored or projective camera would bend every normal and depth.",
-            "Write camera-to-world matrices without scale, in OpenGL axes, with last row 0 0 0 1.",
+            "Write camera-to-world by rows, without scale, in right-handed OpenGL axes, with last row 0 0 0 1.",
         )
     return matrix
 

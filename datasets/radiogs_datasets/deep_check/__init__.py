@@ -9,7 +9,7 @@ from .evidence import Advance, Evidence, gather
 from .exposure import exposure
 from .map_agreement import map_agreement
 from .matches import epipolar_agreement
-from .poses import poses
+from .poses import equal_poses, poses
 from .radiance import radiance
 from .recorded_lights import recorded_lights
 from .reprojection import reprojection
@@ -31,12 +31,14 @@ WHOLE_MAPS = {"depth", "normal"}
 def short_findings(scene: Scene) -> Iterator[Finding]:
     """The part of the deep checks that is done before a training: poses and outlines, which take no maps.
 
-    A scene whose first training view has no coverage has none. Raises DataError for a damaged file.
+    A scene without equal poses whose first training view has no coverage has none. Raises DataError for a damaged file.
     """
-    if scene.train[0].has("alpha"):
+    outlined = scene.train[0].has("alpha")
+    if outlined or len(equal_poses([view.camera for view in (*scene.train, *scene.test)])):
         evidence = gather(scene, maps=False)
         yield from poses(evidence)
-        yield from silhouettes(evidence)
+        if outlined:
+            yield from silhouettes(evidence)
 
 
 def deep_findings(scene: Scene, advance: Advance = lambda done, total: None) -> Iterator[Finding]:

@@ -7,9 +7,9 @@ Images are PNG, JPEG or WebP, display sRGB, with straight alpha or without, or l
 ``depth_file_path`` of a frame are read, and a PLY file of sparse points (``ply_file_path``). Where photos are not at
 their paths, they are read from the first of images_2, images_4, images beside them that has all. Nothing else is known
 of such a scene: no materials, no lights. Lens distortion is undone on reading. A file without a split is split by
-``train_filenames`` and ``test_filenames`` where it has them; else, in the order of paths, every eighth view (or
-``--hold-out N``) is a test view, from the first on, as for MipNeRF360. Such files often list photos that were left out
-of the folder: they are left out of the scene, and named in its repairs.
+``train_filenames`` and ``test_filenames``, or ``train_list.txt`` and ``test_list.txt``, where there are such; else, in
+the order of paths, every eighth view (or ``--hold-out N``) is a test view, from the first on, as for MipNeRF360. Such
+files often list photos that were left out of the folder: they are left out of the scene, and named in its repairs.
 """
 
 import io
@@ -32,18 +32,18 @@ from ..cameras.lens import is_reduction
 from ..cameras.transforms import Frame, Transforms, read_transforms, said_of_files
 from ..image_structure import Header
 from ..options import AS_STORED, SceneOptions
-from .inspection import WrittenPaths, require_distinct, require_files, require_same_size, shown
-from .photos import (
+from .inspection import (
     IMAGE_ENDINGS,
-    PHOTO_FOLDERS,
-    Photo,
-    held_out,
-    inspect_photos,
-    masks_of,
-    placed,
-    read_depth_map,
-    views_of,
+    WrittenPaths,
+    names_in,
+    require_distinct,
+    require_files,
+    require_same_size,
+    shown,
+    split_lists,
+    split_views,
 )
+from .photos import PHOTO_FOLDERS, Photo, inspect_photos, masks_of, placed, read_depth_map, views_of
 
 
 def looks_like(folder: Path) -> bool:
@@ -57,9 +57,12 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     files = {table: read_transforms(table) for table in tables}
     repairs: list[str] = []
     written = WrittenPaths(folder, ENDINGS)
-    train, test = split_of(written, files, options, repairs)
+    alone = len(tables) == 1 and options.hold_out is None and not files[tables[0]].splits
+    lists = split_lists(folder, folder) if alone else {}
+    train, test = split_of(written, files, lists, options, repairs)
     points, clouds = _points(folder, files, repairs)
-    photos, checksum, headers = _photos(folder, masked(folder, [*train, *test], options), [*tables, *clouds], repairs)
+    listed = masked(folder, [*train, *test], options)
+    photos, checksum, headers = _photos(folder, listed, [*tables, *lists.values(), *clouds], repairs)
     stated = {each.masks for each in files.values() if each.masks is not None}
     if options.masks is None and stated == {"ignore"}:
         options = replace(options, masks="ignore")
@@ -143,7 +146,7 @@ def _image(written: WrittenPaths, table: Path, frame: Frame) -> Path:
     if path.suffix.lower() not in ENDINGS and path.is_relative_to(written.folder) and not path.is_file():
         ended = (f"{name}{ending}" for ending in ENDINGS if path.with_name(path.name + ending).is_file())
         name = next(ended, name)
-    path = written.find(table, name)
+    path = written.find_photo(table, name)
     return path if path.suffix.lower() in ENDINGS or path.is_file() else path.with_name(f"{path.name}{ENDINGS[0]}")
 
 
@@ -159,50 +162,41 @@ def present(folder: Path, listed: list[Listed], repairs: list[str]) -> list[List
 
 
 def split_of(
-    written: WrittenPaths, files: Mapping[Path, Transforms], options: SceneOptions, repairs: list[str]
+    written: WrittenPaths,
+    files: Mapping[Path, Transforms],
+    lists: Mapping[str, Path],
+    options: SceneOptions,
+    repairs: list[str],
 ) -> tuple[list[Listed], list[Listed]]:
-    """Training and test views; how they were told apart, and what was left out, is added to ``repairs``."""
+    """Training and test views; how they were told apart, and what was left out, is added to ``repairs``.
+
+    ``lists``: text files that list the views of a split, where no file of cameras does.
+    """
     folder = written.folder
     listed = {table: listed_in(written, table, transforms) for table, transforms in files.items()}
     if len(files) == 2:
         train, test = files
         if test.name != "transforms_test.json":
             repairs.append("no test split: the validation split is scored")
+        absent = [each.image.relative_to(folder).as_posix() for each in listed[test] if not each.image.is_file()]
+        if absent and all(each.image.is_file() for each in listed[train]):
+            raise DataError(
+                f"{len(absent)} of the {len(listed[test])} views in {test.name} have no image: {shown(absent)}",
+                "Poses of a path of the camera alone cannot be scored; the training views are all there.",
+                "Render them, or score every eighth training view:  --hold-out 8",
+            )
         return listed[train], listed[test]
     (table,) = files
     views = present(folder, listed[table], repairs) if table.name == SINGLE else listed[table]
-    named = files[table].splits
-    scored = next((split for split in SCORED if split in named), None)
-    if options.hold_out is None and scored is not None:
-        repairs.append(f"views of {scored}_filenames are scored")
-        test_views = _of_split(folder, table, named[scored], views)
-        rest = [each for each in views if each not in test_views]
-        return (_of_split(folder, table, named["train"], views) if "train" in named else rest), test_views
-    ordered = sorted(views, key=lambda each: each.frame.file_path)
-    if len(ordered) < 2:
+    by_name = sorted(views, key=lambda each: each.frame.file_path)
+    if len(by_name) < 2:
         raise DataError(f"{table} has one view", "One must be left to score.", "Give at least two.")
-    train_views, test_views, said = held_out(ordered, options.hold_out)
-    repairs.append(f"one file without a split: {said}" if table.name == SINGLE else said)
+    splits = files[table].splits or names_in(lists)
+    train_views, test_views, said = split_views(
+        views if splits else by_name, lambda each: each.frame.file_path, splits, options.hold_out
+    )
+    repairs += said if splits or table.name != SINGLE else [f"one file without a split: {said[0]}"]
     return train_views, test_views
-
-
-def _of_split(folder: Path, table: Path, names: tuple[str, ...], listed: list[Listed]) -> list[Listed]:
-    """The views of a list of images; those whose photo is absent are left out as elsewhere."""
-    known = {_plain(each.frame.file_path) for each in listed}
-    absent = [name for name in names if _plain(name) not in known and (folder / _plain(name)).is_file()]
-    chosen = {_plain(name) for name in names}
-    found = [each for each in listed if _plain(each.frame.file_path) in chosen]
-    if absent or not found:
-        raise DataError(
-            f"{table}: a split names views that are no frames: {shown(absent or list(names))}",
-            "Each has its camera among the 'frames'.",
-            "Correct the file, or hold views out instead:  --hold-out 8",
-        )
-    return found
-
-
-def _plain(written: str) -> str:
-    return written.replace("\\", "/").removeprefix("./")
 
 
 def masked(folder: Path, listed: list[Listed], options: SceneOptions) -> list[Listed]:

@@ -4,10 +4,12 @@
     <scene>/images/  images_2/  images_4/  images_8/
 
 The model with the most photos is read. Images are those of the first of images_2, images_4, images that has all its
-photos (the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it; LLFF's reduced images,
-which have names of their own, are paired in the order of names. Lens distortion is undone on reading. In the order of
-their names every eighth image (or ``--hold-out N``) is a test view, from the first on. Alpha is coverage, as are the
-masks of a folder. The sparse points come along, also from a PLY file; a model without any is read, too.
+photos (the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it. Photos are found by
+their names but for endings and zeros before numbers; others, such as LLFF's reduced images, by equal numbers, else in
+the order of names. Lens distortion is undone on reading. The views that a published list names are scored
+(``test_list.txt``, ``sparse/0/test.txt``); else, in the order of names, every eighth (or ``--hold-out N``), from the
+first on. Alpha is coverage, as are the masks of a folder. The sparse points come along, also from a PLY file; a model
+without any is read, too.
 """
 
 from functools import partial
@@ -24,12 +26,19 @@ from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
 from ..cameras.lens import Lens, is_reduction, lens_of
 from ..options import AS_STORED, SceneOptions
 from .blender import read_points
-from .inspection import WrittenPaths, require_distinct, require_files
-from .photos import (
+from .inspection import (
     IMAGE_ENDINGS,
+    WrittenPaths,
+    names_in,
+    paired,
+    require_distinct,
+    require_files,
+    split_lists,
+    split_views,
+)
+from .photos import (
     PHOTO_FOLDERS,
     Photo,
-    held_out,
     images_in,
     inspect_photos,
     masks_of,
@@ -56,7 +65,8 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     require_distinct(folder, paths)
     require_files(folder, paths)
     masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
-    headers, checksum = inspect_photos(folder, paths, masks, files_of(place))
+    lists = split_lists(folder, folder, place) if options.hold_out is None else {}
+    headers, checksum = inspect_photos(folder, paths, masks, (*files_of(place), *lists.values()))
     photos = []
     for image, path in zip(found, paths, strict=True):
         name = Path(image.name.replace("\\", "/")).with_suffix("").as_posix()
@@ -64,9 +74,9 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
         lens, turned = placed(headers[path], partial(_lens, place, image, model.cameras[image.camera]))
         photos.append(Photo(name, path, pose, lens, headers[path].transparent, masks.get(path), turned=turned))
     views, said_of_views = views_of(photos, headers, options)
-    train, test, said = held_out(views, options.hold_out)
+    train, test, said = split_views(views, lambda view: view.name, names_in(lists), options.hold_out)
     points, said_of_points = _points(place, model)
-    repairs = (*said_of_model, *said_of_images, said, *said_of_views, *said_of_points)
+    repairs = (*said_of_model, *said_of_images, *said, *said_of_views, *said_of_points)
     return Scene(folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=points)
 
 
@@ -85,34 +95,36 @@ def _points(place: Path, model: SparseModel) -> tuple[Points | None, tuple[str, 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
     """The image of each photo of a model, in the first folder of ``PHOTO_FOLDERS`` that has all, and sentences.
 
-    Raises DataError that names what the first folder lacks where none has all.
+    The paths in the last folder where none has all. Raises DataError for images there that may be those of others.
     """
     folders = [name for name in PHOTO_FOLDERS if (folder / name).is_dir()] or ["images"]
     lacking: list[str] = []
     for chosen in folders:
-        paths, said = _in_folder(folder, place, chosen, names)
+        try:
+            paths, said = _in_folder(folder, place, chosen, names)
+        except DataError:
+            if chosen == folders[-1]:
+                raise
+            paths, said = [folder / chosen], ()
         if all(path.is_file() for path in paths):
             skipped = (f"{', '.join(lacking)} {'lacks' if len(lacking) == 1 else 'lack'} photos of the model",)
             return paths, (f"photos are read from {chosen}/", *(skipped if lacking else ()), *said)
         lacking.append(chosen)
-    return _in_folder(folder, place, folders[-1], names)
+    return paths, ()
 
 
 def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
-    """Images by their names, as they are written or must be meant; else those of other names in the same order."""
+    """Images by their names, as they are written or must be meant; where none is there, see ``paired``."""
     written = WrittenPaths(folder, IMAGE_ENDINGS)
-    paths = [written.find(place, f"{chosen}/{name}") for name in names]
-    if all(path.is_file() for path in paths):
-        return paths, written.said
+    paths = [written.find_photo(place, f"{chosen}/{name}") for name in names]
     own, whole = images_in(folder / chosen), images_in(folder / "images")
     ordered = [Path(name).name for name in names] if chosen == "images" or not whole else [path.name for path in whole]
     flat = all("/" not in name and "\\" not in name for name in names)
-    if not flat or len(own) != len(ordered) or not {*names} <= {*ordered}:
+    if any(path.is_file() for path in paths) or not flat or len(own) != len(ordered) or not {*names} <= {*ordered}:
         return paths, written.said
-    paired = dict(zip(ordered, own, strict=True))
-    return [paired[name] for name in names], (
-        f"the images of {chosen} have other names than the model's photos: they are paired in the order of names"
-        f" ({names[0]} with {paired[names[0]].name})",
+    pairs, how = paired(ordered, own, renumbered=chosen != "images")
+    return [pairs[name] for name in names], (
+        f"the images of {chosen} have other names than the model's photos: they are paired {how}",
     )
 
 

@@ -2,23 +2,39 @@
 
 import hashlib
 import os
+import re
 import unicodedata
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import read_bytes
 from ..image_structure import Header, image_header, usual_type
+from ..options import TEST_EVERY
 
 SMALL_SCENE = 50_000_000
 """Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
 
 NAMES_SHOWN = 8
 """How many of the files that are wrong an error lists."""
+
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
+"""Endings of photos that are read."""
+
+NO_IMAGES = (".json", ".npy", ".ply", ".txt")
+
+SPLIT_LIST = re.compile(
+    r"(?:.*/)?(train|test|val)(?:_(?:list|split|images|names|files|filenames|views))?(?:\.txt)?", re.IGNORECASE
+)
+"""Names of lists of photos, with the split: nerf-on-the-go's ``train_list.txt``, 3DGS's ``sparse/0/test.txt``,
+nerfstudio's field ``test_filenames``."""
+
+Kept = TypeVar("Kept")
 
 
 def inside(folder: Path, table: Path, file_path: str) -> Path:
@@ -58,6 +74,17 @@ class WrittenPaths:
         self.counts[how] += 1
         return found
 
+    def find_photo(self, table: Path, written: str) -> Path:
+        """As ``find``; else the one image that can be read at that place and is called alike (``alike``)."""
+        path = self.find(table, written)
+        if path.is_file() and path.suffix.lower() in IMAGE_ENDINGS:
+            return path
+        fitting = self._photos.get(alike(path.relative_to(self.folder).as_posix()), ())
+        if len(fitting) != 1:
+            return path
+        self.counts["unlike the photo in its ending, or in zeros before its numbers: the photo is taken"] += 1
+        return fitting[0]
+
     @property
     def said(self) -> tuple[str, ...]:
         """A sentence for each way in which paths were written in other words."""
@@ -95,10 +122,135 @@ class WrittenPaths:
                 files.setdefault(_plain(path.relative_to(self.folder).as_posix()), []).append(path)
         return files
 
+    @cached_property
+    def _photos(self) -> dict[str, list[Path]]:
+        photos: dict[str, list[Path]] = {}
+        for path in (path for paths in self._files.values() for path in paths if path.suffix.lower() in IMAGE_ENDINGS):
+            photos.setdefault(alike(path.relative_to(self.folder).as_posix()), []).append(path)
+        return photos
+
 
 def _plain(name: str) -> str:
     """A name without differences of case and of Unicode normal form."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def alike(name: str) -> str:
+    """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
+    return re.sub(r"0*(\d+)", r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
+
+
+def _numbers(stem: str) -> tuple[str, ...]:
+    return tuple(re.findall(r"0*(\d+)", stem))
+
+
+def by_number(name: str) -> list[tuple[int, str]]:
+    """The key by which names are sorted as people count: frame_2 before frame_10."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", _plain(name))]
+
+
+def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tuple[dict[str, Path], str]:
+    """As many files by other names, and a sentence: those of equal numbers, else in the order of names.
+
+    ``renumbered``: whether files may have been numbered anew, so that an equal number says nothing. Raises DataError
+    where the orders of names as text and by number differ, or where some numbers are equal and others are not.
+    """
+    own = {_numbers(path.stem): path for path in files}
+    equal = {name: own[number] for name in names if (number := _numbers(Path(name).stem)) in own}
+    if len({*equal.values()}) == len(names):
+        return equal, f"by their numbers ({names[0]} with {equal[names[0]].name})"
+    pairs = dict(zip(sorted(names), sorted(files), strict=True))
+    counted = dict(zip(sorted(names, key=by_number), sorted(files, key=lambda path: by_number(path.name)), strict=True))
+    counted |= {} if renumbered else equal
+    differ = [
+        f"{name} with {file.name} or {counted[name].name}" for name, file in pairs.items() if file != counted[name]
+    ]
+    if differ:
+        raise DataError(
+            f"the images of {files[0].parent} have other names than the photos with poses, and may belong to others",
+            f"By text or by number they would be paired otherwise: {shown(differ)}.",
+            "Call the images as the photos with poses are.",
+        )
+    return pairs, f"in the order of names ({names[0]} with {pairs[names[0]].name})"
+
+
+def split_lists(folder: Path, *places: Path) -> dict[str, Path]:
+    """Text files that list the photos of a split, by their paths below the scene's folder: the first of each split."""
+    found: dict[str, Path] = {}
+    for path in (path for place in places for path in sorted(place.glob("*.txt"))):
+        if listed := SPLIT_LIST.fullmatch(path.name):
+            found.setdefault(listed[1].lower(), path)
+    return {path.relative_to(folder).as_posix(): path for path in found.values()}
+
+
+def names_in(lists: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
+    """The names of photos in text files, one on a line; empty lines and those that begin with # are passed over."""
+    lines = {label: read_bytes(path).decode(errors="replace").splitlines() for label, path in lists.items()}
+    return {
+        label: tuple(name for line in each if (name := line.strip()) and name[0] != "#")
+        for label, each in lines.items()
+    }
+
+
+def split_views(
+    ordered: Sequence[Kept], name_of: Callable[[Kept], str], splits: Mapping[str, Sequence[str]], step: int | None
+) -> tuple[list[Kept], list[Kept], tuple[str, ...]]:
+    """Training and test views by the published lists of a split, or every ``step``-th for testing; and sentences.
+
+    ``splits``: names of photos, by names of lists (``SPLIT_LIST``). Without ``step`` and lists every eighth view is
+    scored, from the first on. Raises DataError for a list that names no view, and for a view in both lists.
+    """
+    if step is not None or not splits:
+        every = step or TEST_EVERY
+        train = [each for place, each in enumerate(ordered) if place % every]
+        return train, list(ordered[::every]), (f"every {every}th view is scored",)
+    labels = {listed[1].lower(): label for label in splits if (listed := SPLIT_LIST.fullmatch(label))}
+    keys, said = [alike(name_of(each)).split("/") for each in ordered], []
+    named: dict[str, set[int]] = {}
+    for split, label in labels.items():
+        found = {name: _view_called(name, keys) for name in splits[label]}
+        named[split] = {place for place in found.values() if place is not None}
+        if not named[split]:
+            raise DataError(
+                f"{label} names no view of the scene: {shown(splits[label])}",
+                f"It is taken for a list of a split; views are called {shown([name_of(each) for each in ordered])}.",
+                "Correct or remove it, or hold views out instead:  --hold-out 8",
+            )
+        if lost := [name for name, place in found.items() if place is None]:
+            said.append(f"{len(lost)} of {len(found)} names in {label} are no views of the scene: {shown(lost)}")
+    every_view = {*range(len(ordered))}
+    test = named.get("test") or named.get("val") or every_view - named["train"]
+    train_places = named.get("train", every_view - test)
+    said.insert(0, f"views of {labels.get('test') or labels.get('val') or 'no training list'} are scored")
+    return _apart(ordered, name_of, train_places, test, said)
+
+
+def _apart(
+    ordered: Sequence[Kept], name_of: Callable[[Kept], str], train: set[int], test: set[int], said: list[str]
+) -> tuple[list[Kept], list[Kept], tuple[str, ...]]:
+    """The views of both splits, in their order. Raises DataError for views in both, and for a split without any."""
+    both = shown([name_of(ordered[place]) for place in sorted(train & test)])
+    if both or not train or not test:
+        raise DataError(
+            f"the lists of the scene's splits have views in common: {both}"
+            if both
+            else "a split of the scene is empty",
+            "A view that is trained on says nothing when it is scored, and both splits need views.",
+            "Correct the lists, or hold views out instead:  --hold-out 8",
+        )
+    if left := [name_of(each) for place, each in enumerate(ordered) if place not in train | test]:
+        said.append(f"{len(left)} views are in neither list and are left out: {shown(left)}")
+    return [ordered[place] for place in sorted(train)], [ordered[place] for place in sorted(test)], tuple(said)
+
+
+def _view_called(name: str, keys: Sequence[Sequence[str]]) -> int | None:
+    """The place of the one view that a list means, by the longest part of a path that both share; None for no view."""
+    parts = [part for part in alike(name.replace("\\", "/")).split("/") if part != "."]
+    for length in range(len(parts), 0, -1):
+        fitting = [place for place, key in enumerate(keys) if key[-length:] == parts[-length:]]
+        if fitting:
+            return fitting[0] if len(fitting) == 1 else None
+    return None
 
 
 def require_distinct(folder: Path, places: Sequence[Path]) -> None:
@@ -129,9 +281,17 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
     if missing:
         raise DataError(
             f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {shown(missing)}",
-            "Every view must have its image, and a map that one view of a split has, all views of it must have.",
+            "Every view must have its image, and a map that one view of a split has, all views of it must have. "
+            + _instead(folder, folder / missing[0]),
             "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
         )
+
+
+def _instead(folder: Path, path: Path) -> str:
+    """A sentence with the names in the nearest folder that exists above a missing file."""
+    place = next(place for place in path.parents if place.is_dir())
+    there = sorted(each.name for each in place.iterdir() if not each.name.startswith("."))
+    return f"In {place.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}."
 
 
 def inspect(
@@ -139,7 +299,7 @@ def inspect(
 ) -> tuple[dict[Path, Header], str]:
     """Headers of every image, and the SHA-256 over names and digests of all files in the names' order.
 
-    ``tables`` come first in the digest, by their bare names. They, and ``.json``, ``.npy`` and ``.ply``, are no images.
+    ``tables`` come first in the digest, by their bare names. They, and ``NO_IMAGES``, are no images.
     Colour profiles of images in ``numbers``, such as masks, are passed over.
     """
     headers, combined = {}, hashlib.sha256()
@@ -148,7 +308,7 @@ def inspect(
     for name, path in sorted(files.items()):
         data = read_bytes(path)
         combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
-        if path.suffix not in (".json", ".npy", ".ply"):
+        if path.suffix not in NO_IMAGES:
             headers[path] = image_header(path, data, path in numbers)
     return headers, combined.hexdigest()
 

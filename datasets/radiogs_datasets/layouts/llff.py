@@ -27,8 +27,8 @@ from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import SIZE_TOLERANCE, Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
-from .inspection import require_distinct
-from .photos import PHOTO_FOLDERS, Photo, held_out, images_in, inspect_photos, masks_of, placed, views_of
+from .inspection import names_in, require_distinct, split_lists, split_views
+from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
 
 TABLE = "poses_bounds.npy"
 
@@ -45,15 +45,16 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     chosen, paths = _images(folder, len(poses))
     require_distinct(folder, paths)
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
-    headers, checksum = inspect_photos(folder, paths, masks, (table,))
+    lists = split_lists(folder, folder) if options.hold_out is None else {}
+    headers, checksum = inspect_photos(folder, paths, masks, (table, *lists.values()))
     photos = []
     for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True):
         lens, turned = placed(headers[path], partial(_lens, path, pose))
         alpha = headers[path].transparent
         photos.append(Photo(path.stem, path, camera_to_world, lens, alpha, masks.get(path), turned=turned))
     views, said_of_views = views_of(photos, headers, options)
-    train, test, said = held_out(views, options.hold_out)
-    repairs = (f"photos are read from {chosen}/", said, *said_of_views)
+    train, test, said = split_views(views, lambda view: view.name, names_in(lists), options.hold_out)
+    repairs = (f"photos are read from {chosen}/", *said, *said_of_views)
     return Scene(folder.name, "llff", tuple(train), tuple(test), {}, None, checksum, repairs)
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -24,23 +23,18 @@ from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import in_unit_range, levels_wanted, read_stored
 from ..image_structure import LINEAR, Header
-from ..options import TEST_EVERY, SceneOptions
+from ..options import SceneOptions
 from ..reduction import WHOLLY, area_mean
 from ..view_maps import displayed, read_alpha
-from .inspection import decode_if_small, inspect, require_same_size, shown
+from .inspection import IMAGE_ENDINGS, decode_if_small, inspect, require_same_size, shown
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
-
-IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
-"""Endings of images, in small letters."""
 
 MASK_ENDINGS = (*IMAGE_ENDINGS, *(f"_mask{ending}" for ending in IMAGE_ENDINGS))
 """Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
 
 DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
-
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)
@@ -254,13 +248,6 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
         names = shown([photo.name for photo in bare])
         said.append(f"{len(bare)} of {len(given)} photos have no mask, and every pixel of them counts: {names}")
     return given, tuple(said)
-
-
-def held_out(ordered: Sequence[Kept], step: int | None) -> tuple[list[Kept], list[Kept], str]:
-    """Training and test views: every ``step``-th (default: eighth) is scored, from the first on; and a sentence."""
-    every = step or TEST_EVERY
-    train = [each for place, each in enumerate(ordered) if place % every]
-    return train, list(ordered[::every]), f"every {every}th view is scored"
 
 
 def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Path, Path]:

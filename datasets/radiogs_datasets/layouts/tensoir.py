@@ -9,7 +9,8 @@ Images are display sRGB with straight alpha; albedo is linear; normals are world
 camera-to-world in OpenGL axes. TensoIR_Ind has ``indirect.png``: straight sRGB, taken here for outgoing radiance, which
 nothing public confirms; an ``indirect.exr`` goes before it. ``training.hdr`` is the training light where it is known.
 TensoIR's archive has a folder ``Environment_Maps`` beside the scenes or one level up; ground truth was rendered under
-its 2k maps, training images under ``sunset``. Scenes that share maps name them in ``lights.json``, each with the
+its 2k maps, TensoIR's training images under ``sunset``, those of TensoIR_Ind under a light that is not stated, unless
+by ``envmap`` in a view's ``metadata.json``. Scenes that share maps name them in ``lights.json``, each with the
 columns by which it is turned to the right: ``{"training": {"map": "sunset", "turned": 37}, ...}``.
 """
 
@@ -49,6 +50,7 @@ MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
 }
 
 TRAINING_LIGHT = "training"
+UNSTATED = ("under which map its training images were taken is not stated: recovered light is not scored",)
 SHARED_LIGHTS = "lights.json"
 ARCHIVE_TRAINING_LIGHT = "sunset"
 ARCHIVE_FOLDERS = ("Environment_Maps/high_res_envmaps_2k", "Environment_Maps/high_res_envmaps_1k")
@@ -92,7 +94,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights=lights,
         training_light=training_light,
         checksum=checksum,
-        repairs=(*said_of_files(files), *said),
+        repairs=(*said_of_files(files), *said, *(UNSTATED if lights and training_light is None else ())),
     )
 
 
@@ -165,7 +167,7 @@ def find_lights(folder: Path, relit: Set[str]) -> dict[str, tuple[Path, int]]:
         for archive in (parent / name for parent in (folder.parent, folder.parent.parent) for name in ARCHIVE_FOLDERS):
             found = {path.stem: (path, 0) for path in sorted(archive.glob("*.hdr"))}
             if found:
-                training = found.get(ARCHIVE_TRAINING_LIGHT)
+                training = found.get(_stated_light(folder))
                 wanted = {light: each for light, each in found.items() if light in relit}
                 return wanted | ({TRAINING_LIGHT: training} if training else {})
         return {}
@@ -177,6 +179,19 @@ def find_lights(folder: Path, relit: Set[str]) -> dict[str, tuple[Path, int]]:
         )
     require_files(folder.parent, [path for path, _ in own.values()])
     return own
+
+
+def _stated_light(folder: Path) -> str:
+    """The archive's light of the training images: that of a view's ``metadata.json``, else TensoIR's.
+
+    Empty where it is not stated and there is ``indirect.png``: nothing public says under what TensoIR_Ind was rendered.
+    """
+    about = next(iter(sorted(folder.glob("train_*/metadata.json"))), None)
+    stated = {} if about is None else read_json(about)
+    named = stated.get("envmap") if isinstance(stated, dict) else None
+    if isinstance(named, str) and named:
+        return Path(named).stem
+    return "" if next(folder.glob("*/indirect.png"), None) else ARCHIVE_TRAINING_LIGHT
 
 
 def _shared_lights(table: Path) -> dict[str, tuple[Path, int]]:

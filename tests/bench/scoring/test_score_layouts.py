@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -227,3 +228,67 @@ def test_everything_that_is_left_out_is_named(scene: Scene, tmp_path: Path) -> N
         "chkpnt35000.pth: checkpoints are not opened",
         "test/ours_None/extra/*_odd.png (8 files)",
     )
+
+
+def images_of(scene: Scene) -> list[np.ndarray]:
+    """The true images of the test views on black, 8-bit BGR."""
+    return [
+        np.rint(255 * (view.read("image") * view.read("alpha")).numpy())[..., ::-1].astype(np.uint8)
+        for view in scene.test
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "lossless"),
+    [
+        ("TEST_{k:03}.PNG", True),
+        ("renders/Test_{k:03}.Png", True),
+        ("{k:03}.PNG", True),
+        ("render/test_{k:03}.jpg", False),
+        ("{k:05}.JPEG", False),
+        ("test/ours_30000/renders/{k:05}.png", True),
+        ("test/ours_30000/renders/test_{k:03}.jpg", False),
+    ],
+)
+def test_images_of_any_case_ending_and_iteration_are_paired(
+    name: str, lossless: bool, scene: Scene, tmp_path: Path
+) -> None:
+    for place, image in enumerate(images_of(scene)):
+        for path in (name, name.replace("ours_30000", "ours_7000"))[: 1 + ("ours" in name)]:
+            file = tmp_path / path.format(k=place)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            written = image if path == name else image // 2
+            file.write_bytes(cv2.imencode(file.suffix.lower(), written, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes())
+    predictions = read_predictions(tmp_path, scene)
+    found = values(tmp_path, scene)["nvs/psnr"]
+    assert found is not None
+    assert found > (60 if lossless else 35)
+    assert any("are JPEG" in remark for remark in predictions.remarks) != lossless
+
+
+@pytest.mark.parametrize(
+    ("name", "wide", "first", "said"),
+    [
+        ("renders/{k:04}.png", 1, 1, "these run from 1 to 8.\nNumber them from 0 to 7"),
+        ("{k}.png", 1, 1, "these run from 1 to 8.\nNumber them from 0 to 7"),
+        ("{k:04}.png", 1, 3, "counts views up to 10, .*\n.*with another list each is of a wrong view"),
+        (
+            "renders/val_step29999_{k:04}.png",
+            2,
+            0,
+            "val_step29999_0000.png has 192 x 96 pixels, the views 96 x 96: several",
+        ),
+        ("out/frame_{k}.png", 3, 0, "frame_0.png has 288 x 96 pixels"),
+        ("color/{k:05}.png", 1, 0, "Give the folder that holds them: .*/color. Or call the images"),
+        ("a/b/test_{k:03}.jpg", 1, 0, "Give the folder that holds them: .*/a/b. Or call"),
+    ],
+)
+def test_a_refusal_says_what_lies_there_and_what_to_do(
+    name: str, wide: int, first: int, said: str, scene: Scene, tmp_path: Path
+) -> None:
+    for place, image in enumerate(images_of(scene), start=first):
+        file = tmp_path / name.format(k=place)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(file), np.tile(image, (1, wide, 1)))
+    with pytest.raises(DataError, match=said):
+        read_predictions(tmp_path, scene)

@@ -364,11 +364,11 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "points cut off": (cloud(COLOURED), "cannot read"),
     "a NaN point": (cloud(COLOURED + b"nan 0 0 1 2 3\n"), "not finite"),
-    "a split of no frames": (with_field(test_filenames=["images/99.png"]), "names views that are no frames"),
+    "a split of no frames": (with_field(test_filenames=["images/99.png"]), "names no view of the scene"),
     "a split that is a text": (with_field(test_filenames="images/01.png"), "'test_filenames' must be a list"),
     "a view in both splits": (
         with_field(test_filenames=["images/01.png"], train_filenames=["images/01.png", "images/02.png"]),
-        "lists views twice",
+        "have views in common",
     ),
     "a photo listed twice": (with_frame(file_path="images/01.png"), "lists views twice"),
     "most photos missing": (

@@ -156,7 +156,7 @@ def test_images_without_any_alpha_count_whole_and_it_is_said(folder: Callable[[s
         write_png(path, np.full((64, 64, 3), 0.5, np.float32))
     scene = load_scene(str(place))
     assert not scene.train[0].has("alpha")
-    assert scene.repairs == ("no alpha: every pixel counts",)
+    assert scene.repairs[0] == "no alpha: every pixel counts"
 
 
 def test_a_folder_of_another_kind_is_told_what_was_looked_for(tmp_path: Path) -> None:
