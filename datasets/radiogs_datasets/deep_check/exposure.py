@@ -32,6 +32,9 @@ VARIED = 0.12
 EXPLAINED, SUSPECT = 0.5, 0.03
 """Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
 
+SOUND = 1.5
+"""Times the median difference that an explained view may keep."""
+
 FEWEST_VIEWS = 4
 
 DARK = 0.01
@@ -62,17 +65,18 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
         pairs, alone = _by_matches(evidence), ALONE_IN_CAPTURES
     if len(pairs) < FEWEST_VIEWS:
         return
-    told = set()
-    for place, each in pairs.items():
-        own = each.difference(each.own)
-        if own < SUSPECT:
-            continue
-        fit = best((says, each.difference(read(each.own))) for says, read in DISPLAY)
-        if fit.cost < EXPLAINED * own:
-            told.add(place)
-            what = f"its colours contradict those of other views: {fit.says} explains it"
-            yield warning(evidence.looks[place].name, what)
-    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told}, alone)
+    own = {place: each.difference(each.own) for place, each in pairs.items()}
+    fits = {
+        place: fit
+        for place, each in pairs.items()
+        if own[place] >= SUSPECT
+        and (fit := best((says, each.difference(read(each.own))) for says, read in DISPLAY)).cost < EXPLAINED * own[place]
+    }
+    usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
+    for place, fit in fits.items():
+        what = "its colours contradict those of other views"
+        yield warning(evidence.looks[place].name, fit.explains(what, max(SUSPECT, SOUND * usual)))
+    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in fits}, alone)
 
 
 def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterator[Finding]:

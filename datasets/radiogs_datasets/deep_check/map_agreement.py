@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
+from .cameras import NO_CAUSE, Array, best
 from .colours import LINEAR
 from .evidence import Evidence, Truth
 from .surface import Surface, at_points, seen, surface_of
@@ -53,6 +53,10 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
     cost = [partial(_cost, values, *_shown(surface, truth, place)) for place, truth in enumerate(truths)]
     costs = np.array([cost_of(truth.maps[name]) for cost_of, truth in zip(cost, truths, strict=True)])
     usual = max(float(np.median(costs)), unit / 2)
+    if usual > TIMES * unit:
+        what = f"the maps of the test views contradict one another ({usual:.2g} apart where two views show a point)"
+        yield warning(name, f"{what}, {NO_CAUSE}")
+        return
     for place in np.flatnonzero(costs > TIMES * usual).tolist():
         own = truths[place].maps[name]
         fit = best((says, cost[place](read)) for says, read in _readings(name, own))
@@ -60,8 +64,7 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
             others = [truth for truth in truths if truth is not truths[place] and truth.maps[name].shape == own.shape]
             fit = best((f"the map of {other.name}", cost[place](other.maps[name])) for other in others)
         what = f"its {name} contradicts that of the other views"
-        fits = fit.cost < EXPLAINED * costs[place]
-        yield warning(truths[place].name, f"{what}: {fit.says} fits far better" if fits else what)
+        yield warning(truths[place].name, fit.explains(what, min(EXPLAINED * costs[place], TIMES * usual)))
 
 
 def _shown(surface: Surface, truth: Truth, place: int) -> tuple[Array, NDArray[np.bool_]]:

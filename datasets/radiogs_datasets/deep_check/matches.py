@@ -155,24 +155,28 @@ def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[
     return np.stack([one[0][chosen], other[0][best[chosen]]], 1)
 
 
+def agreement(evidence: Evidence, cameras: Cameras, place: int | None = None) -> float:
+    """Share of the matches, of one view or of all, that agree with cameras of all views; NaN where there are few."""
+    found = matched(evidence) if place is None else matched(evidence).of(place)
+    return 1 - found.missed(cameras) if len(found.views) >= FEWEST else np.nan
+
+
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
     """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
-    if len(evidence.looks) < FEWEST_VIEWS:
-        return
-    found = matched(evidence)
-    if len(found.views) < FEWEST:
-        return
-    share = float(found.agreeing(evidence.cameras).mean())
-    some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
-    better = best_reading(evidence.cameras, some.missed)
-    if 1 - better.cost > share + BETTER / 2 and share < WHOLE_AGREEING:
-        yield warning(
-            "all views",
-            f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
-            f" with {better.says} {100 * (1 - better.cost):.0f} %",
-        )
-        return
-    yield from _single(evidence, found, share)
+    share = agreement(evidence, evidence.cameras) if len(evidence.looks) >= FEWEST_VIEWS else np.nan
+    if share < WHOLE_AGREEING:
+        found = matched(evidence)
+        some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
+        better = best_reading(evidence.cameras, some.missed)
+        if 1 - better.cost > share + BETTER / 2:
+            yield warning(
+                "all views",
+                f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
+                f" with {better.says} {100 * (1 - better.cost):.0f} %",
+            )
+            return
+    if share > 0:
+        yield from _single(evidence, matched(evidence), share)
 
 
 def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Finding]:
@@ -185,10 +189,8 @@ def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Findin
             continue
         better = evidence.better_camera(place, partial(_missed_with, own, evidence.cameras, place))
         if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
-            yield warning(
-                evidence.looks[place].name,
-                f"points that other images show contradict its camera: {better.says} fits far better",
-            )
+            what = "points that other images show contradict its camera"
+            yield warning(evidence.looks[place].name, better.explains(what, 1 - WHOLE_AGREEING))
 
 
 def _missed_with(own: Matches, cameras: Cameras, place: int, camera: Cameras) -> float:

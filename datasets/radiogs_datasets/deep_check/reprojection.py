@@ -37,9 +37,8 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
         look = evidence.looks[place]
         better = evidence.better_camera(place, partial(difference, surface, colour, look))
         if better.cost < EXPLAINED * costs[place]:
-            gain = 20 * np.log10(costs[place] / max(better.cost, 1e-6))
-            what = f"its image contradicts the surface of the test views: {better.says} fits {gain:.0f} dB better"
-            yield warning(look.name, what)
+            what = "its image contradicts the surface of the test views"
+            yield warning(look.name, better.explains(what, SUSPECT * usual + SUSPECT_FROM))
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:

@@ -1,14 +1,15 @@
 """True normals against the camera and the depth, and true depth against the depth of other views."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
+from .cameras import Array, Fit, best, searched
 from .evidence import Evidence, Truth, some_pixels
 from .surface import at_points
 
@@ -24,8 +25,9 @@ FIT = 0.95
 FARTHEST_OFF = 0.1
 """Relative difference of two depths that counts where one view does not show the other's point."""
 
-OFF, TIMES = 0.002, 3.0
-"""Relative difference of depths, and its multiple under another reading, from which depth contradicts other views."""
+OFF, TIMES, UNEXPLAINED = 0.002, 3.0, 0.01
+"""Relative difference of depths from which depth contradicts other views: where it is that multiple of what another
+reading leaves, and that large where none explains it."""
 
 SINGLE_OFF = 0.01
 """The same for the depth of a single view, which has to leave less than OFF under another reading."""
@@ -36,8 +38,9 @@ POINTS, FEWEST = 300, 30
 SHOWN = 0.35
 """Quantile over points, because some are hidden in the other view."""
 
-FACTORS = (0.001, 0.01, 0.1, 0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0, 10.0,
-           100.0, 1000.0)  # fmt: skip
+FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0,
+                     10.0, 100.0, 1000.0]]).T  # fmt: skip
+"""Scales of depth that are tried before the best of them is searched around."""
 
 NAMES = ("x", "y", "z")
 
@@ -81,8 +84,6 @@ class DepthMaps:
         yield "distance along the ray where z-depth is expected", shorter
         longer = [depth * length for depth, length in zip(stored, lengths, strict=True)]
         yield "z-depth divided by the ray's length once too often", longer
-        for factor in FACTORS:
-            yield f"its scale is off: {factor:g} times the recorded depth", [factor * depth for depth in stored]
         yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]
 
     def with_one(self, place: int, **parts: NDArray) -> "DepthMaps":
@@ -91,6 +92,10 @@ class DepthMaps:
         for name, part in parts.items():
             changed[name][place] = part
         return replace(self, **changed)
+
+    def cost_read(self, place: int, maps: Sequence[Array]) -> float:
+        """The cost of one view if its map alone were that of another reading."""
+        return self.with_one(place, maps=maps[place]).cost(place)
 
     def costs(self) -> Array:
         """The cost of each view."""
@@ -126,20 +131,25 @@ def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
     if level <= OFF:
         yield from _depth_of_single(stored, own)
         return
-    fit = best((says, float(np.median(replace(stored, maps=maps).costs()))) for says, maps in stored.readings())
-    if level > TIMES * fit.cost:
-        yield warning(
-            "depth",
-            f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point):"
-            f" {fit.says} leaves {100 * fit.cost:.2g} %",
-        )
+    fit = _best_depth(stored, lambda maps: float(np.median(replace(stored, maps=maps).costs())))
+    if level > TIMES * fit.cost or level > UNEXPLAINED:
+        what = f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point)"
+        yield warning("depth", fit.explains(what, OFF))
+
+
+def _best_depth(stored: DepthMaps, cost: Callable[[Sequence[Array]], float]) -> Fit:
+    """The reading of the depth maps, or the factor on them, with the least cost."""
+    factor, left = searched(lambda factor: cost([factor * depth for depth in stored.maps]), FACTORS, 0.02)
+    says = f"another scale than that of the cameras' positions ({factor[0]:.3g} times the recorded depth)"
+    return best([(says, left), *((says, cost(maps)) for says, maps in stored.readings())])
 
 
 def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
     """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
     truths = stored.truths
     for place in np.flatnonzero(own > SINGLE_OFF).tolist():
-        tried = [(says, stored.with_one(place, maps=maps[place]).cost(place)) for says, maps in stored.readings()]
+        fit = _best_depth(stored, partial(stored.cost_read, place))
+        tried = [(fit.says, fit.cost)]
         for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
             if other != place and depth.shape == stored.maps[place].shape:
                 unknown = np.zeros_like(stored.facing[place])

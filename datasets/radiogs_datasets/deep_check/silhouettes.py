@@ -5,7 +5,7 @@ tangency). The distance of an outline from the other's plane, in pixels, needs n
 is below a tenth of a pixel in rendered scenes. Outlines that reach the border of their image are left out.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,8 +16,9 @@ from scipy.spatial import ConvexHull, QhullError
 from skimage.measure import find_contours
 
 from ..findings import Finding, warning
-from .cameras import Array, Cameras, best_reading
+from .cameras import NO_CAUSE, Array, Cameras, Fit, best_reading, searched
 from .evidence import Evidence, Look, evenly
+from .matches import agreement
 
 CORNERS = 24
 """Corners of an outline's convex hull that are kept."""
@@ -39,7 +40,16 @@ WHOLE_RATIO, VIEW_RATIO = 1.5, 4.0
 which on outlines contradict their cameras."""
 
 EXPLAINED = 0.35
-"""Share of a view's residual that another reading of its camera may leave."""
+"""Share of a view's residual that another reading of its camera may leave to be tried against the images."""
+
+SOUND = 2.0
+"""Times the residual of sound views up to which a reading is the cause."""
+
+WIDER = np.array([[-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0]]).T
+"""Pixels by which a mask may be larger than the object."""
+
+AGREEING, AHEAD = 0.5, 0.1
+"""Share of the matches of images that agree with cameras which are right, and by how much it is ahead of others'."""
 
 TRIED_TOGETHER = 16
 """Views on which readings of all cameras are tried."""
@@ -67,13 +77,13 @@ class Outlines:
 
     def residual(self, cameras: Cameras) -> Array:
         """[views, views, 2]: distance of outlines from one another's outermost planes, pixels; NaN without planes."""
-        return residuals(cameras, self.corners, cameras, self.corners, cameras.looked_at)
+        return np.abs(beyond(cameras, self.corners, cameras, self.corners, cameras.looked_at))
 
 
-def outlined(look: Look, inverted: bool = False) -> Array | None:
+def hull(look: Look, inverted: bool = False) -> Array | None:
     """Corners of the convex hull of what a view covers (``inverted``: of its background), pixels of the reduced image.
 
-    None without an outline, or where it is cut off.
+    None without an outline.
     """
     if look.alpha is None:
         return None
@@ -88,15 +98,21 @@ def outlined(look: Look, inverted: bool = False) -> Array | None:
         return None
     points = np.concatenate(found)[:, ::-1] - 0.5
     try:
-        hull = points[ConvexHull(points).vertices]
+        corners = points[ConvexHull(points).vertices]
     except QhullError:
         return None
-    if ((hull < BORDER) | (hull > np.array(alpha.shape[::-1]) - BORDER)).any():
-        return None
-    if len(hull) > CORNERS:
-        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
-    corners = np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)])
+    if len(corners) > CORNERS:
+        corners = corners[np.linspace(0, len(corners) - 1, CORNERS).round().astype(int)]
+    corners = np.concatenate([corners, np.repeat(corners[:1], CORNERS - len(corners), 0)])
     return corners * np.array([width / alpha.shape[1], height / alpha.shape[0]])
+
+
+def outlined(look: Look, inverted: bool = False) -> Array | None:
+    """The corners of ``hull``; None, too, where they reach the border of the image: the outline is cut off."""
+    corners, border = hull(look, inverted), BORDER * max(1.0, max(look.image.shape) / SIDE)
+    if corners is None or ((corners < border) | (corners > np.array(look.image.shape[1::-1]) - border)).any():
+        return None
+    return corners
 
 
 def outlines(evidence: Evidence, places: Iterable[int], inverted: bool = False) -> Outlines | None:
@@ -127,12 +143,12 @@ def _ranges(cameras: Cameras, corners: Array, others: Cameras, middle: Array) ->
     return low, high, np.hypot(along, across).mean(-1) * cameras.focal.mean(-1)[:, None]
 
 
-def residuals(cameras: Cameras, corners: Array, others: Cameras, other_corners: Array, middle: Array) -> Array:
-    """[views, others, 2]: distance of each outline from the outermost planes of the other, pixels; NaN where the line
-    between two cameras passes through the object, so that no plane touches it."""
+def beyond(cameras: Cameras, corners: Array, others: Cameras, other_corners: Array, middle: Array) -> Array:
+    """[views, others, 2]: how far each outline reaches out of the outermost planes of the other, pixels; NaN where the
+    line between two cameras passes through the object, so that no plane touches it."""
     low, high, scale = _ranges(cameras, corners, others, middle)
     other_low, other_high, other_scale = _ranges(others, other_corners, cameras, middle)
-    apart = np.abs(np.stack([high + other_low.T, low + other_high.T], -1))
+    apart = np.stack([high + other_low.T, -(low + other_high.T)], -1)
     return np.asarray(apart * np.minimum(scale, other_scale.T)[..., None])
 
 
@@ -151,31 +167,47 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
     unit = max(1.0, float(known.cameras.size.max()) / SIDE)
     whole = known.residual(known.cameras)
     level = median(whole)
-    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
-    better = best_reading(some.cameras, lambda cameras: median(some.residual(cameras)))
-    if level > WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit):
-        yield warning(
-            "all views",
-            f"the outlines contradict the cameras: with {better.says} they meet within {better.cost:.2g} pixels"
-            f" instead of {_pixels(level)}",
-        )
-    elif level > UNEXPLAINED * known.cameras.size.max():
-        yield warning(
-            "all views",
-            f"the outlines contradict the cameras: they miss one another by {_pixels(level)} in the median, and no"
-            " usual mistake explains it",
-        )
-    else:
-        yield from _single(evidence, known, whole, max(level, FLOOR * unit))
-        yield from _inverted(evidence, known, max(level, FLOOR * unit))
+    if level > WHOLE_RATIO * 0.7 * FLOOR * unit:
+        some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
+        better = best_reading(evidence.cameras, lambda cameras: median(some.residual(cameras.take(some.places))))
+        if level > min(WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit), UNEXPLAINED * known.cameras.size.max()):
+            what = f"the outlines contradict one another ({_pixels(level)} pixels apart)"
+            yield warning("all views", _caused(what, [better], SOUND * FLOOR * unit, _agreement(evidence, better)))
+            return
+    yield from _single(evidence, known, whole, max(level, FLOOR * unit))
+    yield from _incomplete(evidence, known, max(level, FLOOR * unit))
 
 
 def _pixels(residual: float) -> str:
-    return f"{residual:.2g}" if np.isfinite(residual) else "more than the image"
+    return f"{residual:.2g}" if np.isfinite(residual) else "more than the image's side"
+
+
+def _agreement(evidence: Evidence, better: Fit, place: int | None = None) -> tuple[float, float]:
+    """Shares of the matches that agree with the cameras as recorded, and as read otherwise; NaN where there are few."""
+    read = better.cameras
+    if read is None:
+        return np.nan, np.nan
+    others = read if place is None else evidence.cameras.with_one(place, read)
+    return agreement(evidence, evidence.cameras, place), agreement(evidence, others, place)
+
+
+def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: tuple[float, float]) -> str:
+    """What contradicts, and its cause: the masks where images agree with the cameras, else readings that explain it.
+
+    ``fits``: the best reading of cameras first. ``agreed``: shares of the images' matches that agree with the cameras
+    as recorded, and under that reading.
+    """
+    recorded, read = agreed
+    if recorded > max(AGREEING, read + AHEAD):
+        return f"{what}, while {100 * recorded:.0f} % of the points that images share agree with the cameras: masks are wrong"
+    if read > max(AGREEING, recorded + AHEAD):
+        fits = fits[:1]
+    said = [fit.says for fit in fits if fit.says and fit.cost <= sound]
+    return f"{what}: {' or '.join(said)} fits far better" if said else f"{what}, {NO_CAUSE}"
 
 
 def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:
-    """Views whose outline contradicts the others, and which reading of its camera fits."""
+    """Views whose outline contradicts the others, and which reading of its camera or mask fits."""
     each = np.array([median(row) for row in whole])
     wrong = np.flatnonzero(each > VIEW_RATIO * level)
     rest = known.take(np.flatnonzero(each <= VIEW_RATIO * level))
@@ -184,25 +216,32 @@ def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> 
     for place in wrong:
         view, corners = int(known.places[place]), known.corners[[place]]
         better = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
-        name = evidence.looks[view].name
-        if better.cost < EXPLAINED * each[place]:
-            yield warning(name, f"its outline contradicts the other views: {better.says} fits far better")
-        elif each[place] > UNEXPLAINED * known.cameras.size.max():
-            yield warning(name, "its outline contradicts the other views, and no usual mistake explains it")
+        if better.cost < EXPLAINED * each[place] or each[place] > UNEXPLAINED * known.cameras.size.max():
+            reach = beyond(known.cameras.take([place]), corners, rest.cameras, rest.corners, rest.cameras.looked_at)
+            wider, left = searched(lambda pixels: median(np.abs(reach - pixels[0])), WIDER, 0.5)  # noqa: B023
+            mask = Fit(f"a mask {abs(wider[0]):.2g} pixels too {'large' if wider[0] > 0 else 'small'}", left)
+            what = "its outline contradicts the other views"
+            agreed = _agreement(evidence, better, view)
+            yield warning(evidence.looks[view].name, _caused(what, [better, mask], SOUND * level, agreed))
 
 
 def _misfit(corners: Array, rest: Outlines, camera: Cameras) -> float:
     """Median distance, in pixels, of one outline under a camera from the planes that touch the others."""
-    return median(residuals(camera, corners, rest.cameras, rest.corners, rest.cameras.looked_at))
+    return median(np.abs(beyond(camera, corners, rest.cameras, rest.corners, rest.cameras.looked_at)))
 
 
-def _inverted(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
-    """Views without a complete outline whose background's outline fits the others."""
+def _incomplete(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
+    """Views without a complete outline whose background's outline fits the others, or which cover too much."""
     for place in np.setdiff1d(np.arange(len(evidence.looks)), known.places):
-        look = evidence.looks[place]
-        corners = outlined(look, inverted=True)
-        if corners is not None and _misfit(corners[None], known, evidence.cameras.take([place])) < VIEW_RATIO * level:
+        look, camera = evidence.looks[place], evidence.cameras.take([place])
+        ground, corners = outlined(look, inverted=True), hull(look)
+        if ground is not None and _misfit(ground[None], known, camera) < VIEW_RATIO * level:
             yield warning(look.name, "its mask is inverted: the outline of its background fits the others")
+        elif corners is not None:
+            reach = beyond(camera, corners[None], known.cameras, known.corners, known.cameras.looked_at).max(-1)
+            if (least := median(reach)) > max(VIEW_RATIO * level, UNEXPLAINED * known.cameras.size.max()):
+                what = f"its mask covers {least:.2g} pixels of what the outlines of the other views leave out"
+                yield warning(look.name, what if np.isfinite(least) else "...")
 
 
 def _all_inverted(evidence: Evidence) -> Iterator[Finding]:
