@@ -5,6 +5,7 @@ Reflections of an image are written as cameras with left-handed axes, so that ev
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -59,7 +60,7 @@ class Cameras:
         safe = np.where(np.abs(depth) > 1e-12, depth, 1e-12)
         return local[..., :2] / safe[..., None] * self.focal[:, None] + self.principal[:, None], depth
 
-    @property
+    @cached_property
     def looked_at(self) -> Array:
         """The world point nearest to all optical axes, by least squares."""
         forward = self.axes[:, :, 2]
@@ -94,8 +95,8 @@ NEGATED = {
 MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
 Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
-ROUNDS = 10
-"""Steps of a search for an amount: a factor is found to 0.1 %, a shift to 0.05 % of the side."""
+ROUNDS = 8
+"""Steps of a search for an amount: a factor is found to some 0.2 %, a shift to 0.1 % of the side."""
 
 NEARLY = 0.5
 """Change of axes, and of the position in distances from the world's origin, below which another convention leaves a
@@ -119,6 +120,7 @@ class Family(NamedTuple):
 
 FACTORS = np.array([[0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0]]).T
 ROLLS = np.array([[*range(-45, 0, 5), *range(5, 50, 5), -120, -90, -60, 60, 90, 120, 180, -3, 3]], dtype=float).T
+SHIFTS = np.array(list(product((-12.0, -6.0, -3.0, 0.0, 3.0, 6.0, 12.0), repeat=2)))
 DISTANCE = 2
 FAMILIES = (
     Family("a focal length {:.3g} times the recorded one", [0, 1], FACTORS, 0.02),
@@ -127,7 +129,7 @@ FAMILIES = (
     Family("the distance from the world's middle {:.3g} times the recorded one", [DISTANCE], FACTORS, 0.02),
     Family("the camera turned by {:.2g} degrees about its optical axis", [3], ROLLS, 1.0),
     Family("the principal point (or the image) moved by ({:+.1f} %, {:+.1f} %) of its side", [4, 5],
-           np.zeros((1, 2)), 8.0),
+           SHIFTS, 1.5),
 )  # fmt: skip
 
 
@@ -248,13 +250,15 @@ def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]]
     ]
     tried += [Fit(f"the camera of {name}", cost(camera), camera) for name, camera in others or ()]
     # All distances times a factor are the same scene at another scale.
-    tried += [_fit(own, cost, family) for family in FAMILIES if others is not None or family.places != [DISTANCE]]
+    families = [family for family in FAMILIES if others is not None or family.places != [DISTANCE]]
+    recorded = cost(own)
+    tried += [_fit(own, cost, family, recorded) for family in families]
     least = min(each.cost for each in tried)
     return next(each for each in tried if each.cost <= 1.15 * least)
 
 
-def _fit(own: Cameras, cost: Cost, family: Family) -> Fit:
-    amount, left = searched(lambda amount: cost(adjusted(own, family, amount)), family.starts, family.step)
+def _fit(own: Cameras, cost: Cost, family: Family, worth: float) -> Fit:
+    amount, left = searched(lambda amount: cost(adjusted(own, family, amount)), family.starts, family.step, worth)
     return Fit(family.says.format(*amount), left, adjusted(own, family, amount))
 
 
@@ -263,11 +267,14 @@ def _hardly_moved(own: Cameras, other: Cameras) -> bool:
     return bool(away and np.abs(other.axes - own.axes).max() < NEARLY)
 
 
-def searched(cost: Callable[[Array], float], starts: Array, step: float) -> tuple[Array, float]:
-    """The amount [amounts] of least cost, and the cost: steps from the best start, halved where none is better."""
+def searched(cost: Callable[[Array], float], starts: Array, step: float, worth: float = np.inf) -> tuple[Array, float]:
+    """The amount [numbers] of least cost, and the cost: steps from the best start, halved where none is better.
+
+    A best start that costs more than ``worth`` is not searched around.
+    """
     left, place = min((cost(start), place) for place, start in enumerate(starts))
     amount = starts[place]
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if left <= worth else 0):
         around = [amount + step * np.array(sign) for sign in product((-1, 0, 1), repeat=len(amount)) if any(sign)]
         least, place = min((cost(each), place) for place, each in enumerate(around))
         if least < left:

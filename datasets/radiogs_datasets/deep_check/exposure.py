@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
-from .colours import DISPLAY, decoded
+from .cameras import Array, Fit, best
+from .colours import DISPLAY, decoded, encoded
 from .evidence import Evidence
 from .matches import matched
 from .surface import sampled, seen, surface_of
@@ -37,6 +37,8 @@ SOUND = 1.5
 
 FEWEST_VIEWS = 4
 
+WHAT = "its colours contradict those of other views"
+
 DARK = 0.01
 
 
@@ -57,6 +59,10 @@ class Pairs:
         """Median difference of colours if the view's were others."""
         return float(np.median(np.abs(own - self.other).mean(1)))
 
+    def best_reading(self) -> Fit:
+        """The reading of the view's colours that is most like those of the other views."""
+        return best((says, self.difference(read(self.own))) for says, read in DISPLAY)
+
 
 def exposure(evidence: Evidence) -> Iterator[Finding]:
     """Views brighter, darker or of another tint than the others show the same points, and curves applied twice."""
@@ -66,20 +72,15 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
     if len(pairs) < FEWEST_VIEWS:
         return
     own = {place: each.difference(each.own) for place, each in pairs.items()}
-    fits = {
-        place: fit
-        for place, each in pairs.items()
-        if own[place] >= SUSPECT
-        and (fit := best((says, each.difference(read(each.own))) for says, read in DISPLAY)).cost < EXPLAINED * own[place]
-    }
+    tried = {place: pairs[place].best_reading() for place in pairs if own[place] >= SUSPECT}
+    fits = {place: fit for place, fit in tried.items() if fit.cost < EXPLAINED * own[place]}
     usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
-    for place, fit in fits.items():
-        what = "its colours contradict those of other views"
-        yield warning(evidence.looks[place].name, fit.explains(what, max(SUSPECT, SOUND * usual)))
-    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in fits}, alone)
+    sound = max(SUSPECT, SOUND * usual)
+    yield from (warning(evidence.looks[place].name, fit.explains(WHAT, sound)) for place, fit in fits.items())
+    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in fits}, alone, sound)
 
 
-def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterator[Finding]:
+def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: float) -> Iterator[Finding]:
     if len(pairs) < FEWEST_VIEWS:
         return
     places = list(pairs)
@@ -94,12 +95,14 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterato
         if np.abs(gain).max() > max(alone, TIMES * spread):
             tint = np.abs(gain - gain.mean()).max()
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
-            what = (
-                f"white balance: red, green and blue are {factors} times those of other views"
+            says = (
+                f"another white balance or light (red, green and blue {factors} times those of other views)"
                 if tint > ALONE / 2
-                else f"exposure: it is {np.exp(gain.mean()):.2f} times as bright as other views"
+                else f"another exposure or light ({np.exp(gain.mean()):.2f} times as bright as other views)"
             )
-            yield warning(evidence.looks[place].name, what)
+            each = pairs[place]
+            left = each.difference(encoded(decoded(each.own) / np.exp(each.gain())))
+            yield warning(evidence.looks[place].name, Fit(says, left).explains(WHAT, sound))
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:

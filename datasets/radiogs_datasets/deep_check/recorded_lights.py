@@ -249,7 +249,7 @@ def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughne
             ("roughness is stored as its square root", roughness**2),
         ):
             tried.append((says, cost(replace(materials, specular=lit.specular(other)))))
-    says, least = best(tried)
+    says, least, _ = best(tried)
     name, limit = ("albedo", FITS) if "albedo" in says else ("roughness", ROUGHNESS_FITS)
     if not (least < limit * own and least < WORST and own > LEAST):
         return None
@@ -275,7 +275,7 @@ def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[F
         tried += [(f"the image with {says}", cost(each.radiance, direct)) for says, direct in read_as]
     elif each.indirect.any():
         tried.append(("direct and indirect light exchanged", cost(each.radiance, each.indirect)))
-    says, least = best(tried)
+    says, least, _ = best(tried)
     if least < FITS * own and least < WORST and own > LEAST:
         yield warning(
             each.name,

@@ -38,8 +38,7 @@ POINTS, FEWEST = 300, 30
 SHOWN = 0.35
 """Quantile over points, because some are hidden in the other view."""
 
-FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0,
-                     10.0, 100.0, 1000.0]]).T  # fmt: skip
+FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 10.0, 100.0, 1000.0]]).T
 """Scales of depth that are tried before the best of them is searched around."""
 
 NAMES = ("x", "y", "z")

@@ -199,11 +199,11 @@ def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: tuple[float, f
     """
     recorded, read = agreed
     if recorded > max(AGREEING, read + AHEAD):
-        return f"{what}, while {100 * recorded:.0f} % of the points that images share agree with the cameras: masks are wrong"
-    if read > max(AGREEING, recorded + AHEAD):
-        fits = fits[:1]
-    said = [fit.says for fit in fits if fit.says and fit.cost <= sound]
-    return f"{what}: {' or '.join(said)} fits far better" if said else f"{what}, {NO_CAUSE}"
+        return f"{what}, but {100 * recorded:.0f} % of the images' matches agree with the cameras: masks are wrong"
+    certain = read > max(AGREEING, recorded + AHEAD)
+    said = " or ".join(fit.says for fit in fits[: 1 if certain else None] if fit.says and fit.cost <= sound)
+    either = "" if certain else " (for the cameras, or for the masks alone)"
+    return f"{what}: {said} fits far better{either}" if said else f"{what}, {NO_CAUSE}"
 
 
 def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:
@@ -232,16 +232,16 @@ def _misfit(corners: Array, rest: Outlines, camera: Cameras) -> float:
 
 def _incomplete(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
     """Views without a complete outline whose background's outline fits the others, or which cover too much."""
-    for place in np.setdiff1d(np.arange(len(evidence.looks)), known.places):
+    for place in sorted({*range(len(evidence.looks))} - {*known.places.tolist()}):
         look, camera = evidence.looks[place], evidence.cameras.take([place])
         ground, corners = outlined(look, inverted=True), hull(look)
         if ground is not None and _misfit(ground[None], known, camera) < VIEW_RATIO * level:
             yield warning(look.name, "its mask is inverted: the outline of its background fits the others")
         elif corners is not None:
             reach = beyond(camera, corners[None], known.cameras, known.corners, known.cameras.looked_at).max(-1)
-            if (least := median(reach)) > max(VIEW_RATIO * level, UNEXPLAINED * known.cameras.size.max()):
-                what = f"its mask covers {least:.2g} pixels of what the outlines of the other views leave out"
-                yield warning(look.name, what if np.isfinite(least) else "...")
+            if max(VIEW_RATIO * level, UNEXPLAINED * known.cameras.size.max()) < (outside := median(reach)) < np.inf:
+                what = f"its mask reaches {outside:.2g} pixels into what the outlines of the other views leave out"
+                yield warning(look.name, what)
 
 
 def _all_inverted(evidence: Evidence) -> Iterator[Finding]:
