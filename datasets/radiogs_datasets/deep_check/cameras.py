@@ -98,9 +98,8 @@ Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 ROUNDS = 8
 """Steps of a search for an amount: a factor is found to some 0.2 %, a shift to 0.1 % of the side."""
 
-NEARLY = 0.5
-"""Change of axes, and of the position in distances from the world's origin, below which another convention leaves a
-camera nearly where it was."""
+MOVED = 0.5
+"""Change of axes, or of the position in distances from the world's origin, from which on a camera stands elsewhere."""
 
 NO_CAUSE = "and no usual mistake explains all of it"
 """What is said of a contradiction whose cause is not certain."""
@@ -143,16 +142,6 @@ def adjusted(own: Cameras, family: Family, amount: Array) -> Cameras:
         centre=own.centre * numbers[DISTANCE], focal=own.focal * numbers[:2],
         principal=own.principal + own.size.max() / 100 * numbers[4:],
     )  # fmt: skip
-
-
-def conventions(own: Cameras, whole: bool) -> Iterator[tuple[str, Cameras]]:
-    """Other conventions of files: what each supposes of them, and the cameras under it.
-
-    Of one view, or (``whole``) of all views at once, where a world turned or mirrored as a whole is the same scene.
-    """
-    yield from _images(own)
-    yield from _poses(own)
-    yield from _worlds(own, whole)
 
 
 def _images(own: Cameras) -> Iterator[tuple[str, Cameras]]:
@@ -224,7 +213,6 @@ class Fit(NamedTuple):
     says: str
     """Words for the reading; empty where it is no mistake that can be named."""
     cost: float
-    cameras: Cameras | None = None
 
     def explains(self, what: str, sound: float) -> str:
         """What contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
@@ -237,34 +225,33 @@ def best(tried: Iterable[tuple[str, float]]) -> Fit:
     return min((Fit(*each) for each in tried), key=lambda fit: fit.cost, default=Fit("", np.inf))
 
 
-def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> Fit:
-    """The reading with the least cost; the first one of those that are nearly as good (within 15 %).
+def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> tuple[Fit, Cameras]:
+    """The reading with the least cost, or the first of those that are nearly as good (within 15 %), and its cameras.
 
     ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of
     all views at once. Where a single camera stands so that another convention hardly moves it, any small error of its
     pose looks like that convention: the reading has no name.
     """
+    whole, recorded = others is None, cost(own)
     tried = [
-        Fit("" if others is not None and _hardly_moved(own, cameras) else says, cost(cameras), cameras)
-        for says, cameras in conventions(own, whole=others is None)
+        (Fit(says if whole or _moved(own, cameras) else "", cost(cameras)), cameras)
+        for says, cameras in (*_images(own), *_poses(own), *_worlds(own, whole))
     ]
-    tried += [Fit(f"the camera of {name}", cost(camera), camera) for name, camera in others or ()]
-    # All distances times a factor are the same scene at another scale.
-    families = [family for family in FAMILIES if others is not None or family.places != [DISTANCE]]
-    recorded = cost(own)
-    tried += [_fit(own, cost, family, recorded) for family in families]
-    least = min(each.cost for each in tried)
-    return next(each for each in tried if each.cost <= 1.15 * least)
+    tried += [(Fit(f"the camera of {name}", cost(camera)), camera) for name, camera in others or ()]
+    # A world that is turned, mirrored or scaled as a whole is the same scene.
+    tried += [_fit(own, cost, each, recorded) for each in FAMILIES if not (whole and each.places == [DISTANCE])]
+    least = min(fit.cost for fit, _ in tried)
+    return next(each for each in tried if each[0].cost <= 1.15 * least)
 
 
-def _fit(own: Cameras, cost: Cost, family: Family, worth: float) -> Fit:
+def _fit(own: Cameras, cost: Cost, family: Family, worth: float) -> tuple[Fit, Cameras]:
     amount, left = searched(lambda amount: cost(adjusted(own, family, amount)), family.starts, family.step, worth)
-    return Fit(family.says.format(*amount), left, adjusted(own, family, amount))
+    return Fit(family.says.format(*amount), left), adjusted(own, family, amount)
 
 
-def _hardly_moved(own: Cameras, other: Cameras) -> bool:
-    away = np.linalg.norm(other.centre - own.centre) < NEARLY * np.linalg.norm(own.centre)
-    return bool(away and np.abs(other.axes - own.axes).max() < NEARLY)
+def _moved(own: Cameras, other: Cameras) -> bool:
+    away = np.linalg.norm(other.centre - own.centre) / np.linalg.norm(own.centre)
+    return bool(max(away, np.abs(other.axes - own.axes).max()) > MOVED)
 
 
 def searched(cost: Callable[[Array], float], starts: Array, step: float, worth: float = np.inf) -> tuple[Array, float]:

@@ -1,18 +1,17 @@
 """Exposure, white balance and the transfer curve over views, by the colours of points that several views show."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ..findings import Finding, warning
 from .cameras import Array, Fit, best
 from .colours import DISPLAY, decoded, encoded
 from .evidence import Evidence
 from .matches import matched
-from .surface import sampled, seen, surface_of
+from .surface import at_points, sampled, seen, surface_of
 
 FEWEST = 25
 """Points of a view below which nothing is said of it."""
@@ -20,11 +19,9 @@ FEWEST = 25
 USUAL_SPREAD = 0.03
 """Spread of gains over views, natural logarithm, that shading and few points explain."""
 
-ALONE, TIMES = 0.15, 6.0
-"""Gain of a single view, natural logarithm, and its multiple of the spread, from which on it is named."""
-
-ALONE_IN_CAPTURES = 0.8
-"""The same where the true surface is not known: matches lie at highlights, and cameras expose each photo by itself."""
+ALONE, ALONE_IN_CAPTURES, TIMES = 0.15, 0.8, 6.0
+"""Gain of a single view, natural logarithm, from which on it is named (in captures matches lie at highlights, and
+cameras expose each photo by itself), and its multiple of the spread."""
 
 VARIED = 0.12
 """Median deviation of gains over views from which on exposure varies."""
@@ -33,10 +30,9 @@ EXPLAINED, SUSPECT = 0.5, 0.03
 """Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
 
 SOUND = 1.5
-"""Times the median difference that an explained view may keep."""
+"""Times the median difference of all views that a view may keep under its cause."""
 
 FEWEST_VIEWS = 4
-
 WHAT = "its colours contradict those of other views"
 
 DARK = 0.01
@@ -133,15 +129,7 @@ def _by_matches(evidence: Evidence) -> dict[int, Pairs]:
         own = matches.of(place)
         own = own.some(np.flatnonzero(own.agreeing(evidence.cameras)))
         if len(own.views) >= FEWEST:
-            pairs[place] = Pairs(*(_colours(blurred, own.views[:, side], own.at[:, side]) for side in (0, 1)))
+            shown = [zip(own.views[:, side], own.at[:, side], strict=True) for side in (0, 1)]
+            pairs[place] = Pairs(*(np.concatenate([at_points(blurred[view], at[None]) for view, at in each]) / 255
+                                   for each in shown))  # fmt: skip
     return pairs
-
-
-def _colours(images: Sequence[object], view: NDArray[np.int64], at: Array) -> Array:
-    """Display colours of the pixels that points lie in."""
-    found = np.zeros((len(view), 3))
-    for place in np.unique(view):
-        chosen, image = view == place, np.asarray(images[place])
-        column, row = np.floor(at[chosen]).astype(int).T
-        found[chosen] = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)] / 255.0
-    return found

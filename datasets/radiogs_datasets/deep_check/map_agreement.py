@@ -19,13 +19,8 @@ UNIT = {"albedo": 0.02, "roughness": 0.02, "normal": 0.1}
 TIMES, EXPLAINED = 4.0, 0.4
 """Times the usual difference from which on a map is suspected, and the share that another reading may leave."""
 
-FACTORS = (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0)
-
-FEWEST = 40
-"""Points that two views have to share."""
-
-SAME_DEPTH = 0.01
-"""Relative difference of depths up to which a view shows a point."""
+FEWEST, SAME_DEPTH = 40, 0.01
+"""Points that two views have to share, and relative difference of depths up to which a view shows a point."""
 
 BEYOND = 0.01
 """Share of an albedo map's pixels that may lie outside of [0, 1]."""
@@ -85,7 +80,7 @@ def _readings(name: str, own: Array) -> Iterator[tuple[str, Array]]:
     if name == "albedo":
         yield from ((says, read(own)) for says, read in LINEAR)
     if name != "normal":
-        yield from ((f"{factor:g} times the map", own * factor) for factor in FACTORS)
+        yield from ((f"{factor:g} times the map", own * factor) for factor in (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2))
 
 
 def _cost(values: Array, at: Array, compared: NDArray[np.bool_], read: Array) -> float:

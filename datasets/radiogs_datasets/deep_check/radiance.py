@@ -10,11 +10,8 @@ from .cameras import Array, Fit, best
 from .colours import DISPLAY, decoded
 from .evidence import Evidence, Truth
 
-DARK = 0.01
-"""Radiance below which ratios are noise; it is added to both sides."""
-
-CLIPPED = 0.98
-"""Display value from which on an image may be clipped."""
+DARK, CLIPPED = 0.01, 0.98
+"""Radiance below which ratios are noise (it is added to both sides), and display value from which an image may clip."""
 
 OFF, EXPLAINED = 0.06, 0.4
 """Median ratio (natural logarithm) at which a sum contradicts its image, and the share another reading may leave."""
@@ -92,5 +89,4 @@ def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
     if share > MOST_BEYOND:
         fit = best((says, beyond(read(display))) for says, read in DISPLAY)
         what = f"{name} exceeds the whole radiance of {image} at {100 * share:.0f} % of the pixels"
-        fits = fit.cost < 0.2 * share
-        yield warning(truth.name, f"{what}: it does not if the image has {fit.says}" if fits else what)
+        yield warning(truth.name, fit.explains(what, 0.2 * share))

@@ -16,11 +16,9 @@ MISSED = 0.25
 FEWEST = 40
 """Points below which a view says nothing."""
 
-SUSPECT, SUSPECT_FROM = 2.0, 0.01
-"""Factor on the median difference of all views, and a summand, above which other readings of a camera are tried."""
-
-EXPLAINED = 0.5
-"""Share of a difference that another reading may leave."""
+SUSPECT, SUSPECT_FROM, EXPLAINED = 2.0, 0.01, 0.5
+"""Factor on the median difference of all views, and a summand, above which a view is suspected; and the share of its
+difference that another reading of its camera may leave."""
 
 
 def reprojection(evidence: Evidence) -> Iterator[Finding]:
@@ -35,7 +33,7 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
     usual = float(np.median(costs))
     for place in np.flatnonzero(costs > SUSPECT * usual + SUSPECT_FROM).tolist():
         look = evidence.looks[place]
-        better = evidence.better_camera(place, partial(difference, surface, colour, look))
+        better, _ = evidence.better_camera(place, partial(difference, surface, colour, look))
         if better.cost < EXPLAINED * costs[place]:
             what = "its image contradicts the surface of the test views"
             yield warning(look.name, better.explains(what, SUSPECT * usual + SUSPECT_FROM))

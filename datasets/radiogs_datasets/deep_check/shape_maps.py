@@ -16,21 +16,16 @@ from .surface import at_points
 AWAY, MOST_AWAY = -0.1, 0.03
 """Cosine to the camera below which a visible surface looks away, and the share of a view's pixels that may."""
 
-UNLIKE_DEPTH = 0.8
-"""Mean cosine between stored normals and normals of the depth map below which the two contradict each other."""
-
-FIT = 0.95
-"""Mean cosine that another reading of the normals has to reach to be named."""
+UNLIKE_DEPTH, FIT = 0.8, 0.95
+"""Mean cosine between stored normals and those of the depth map below which the two contradict each other, and mean
+cosine that another reading of the normals has to reach to be named."""
 
 FARTHEST_OFF = 0.1
 """Relative difference of two depths that counts where one view does not show the other's point."""
 
-OFF, TIMES, UNEXPLAINED = 0.002, 3.0, 0.01
+OFF, TIMES, FAR_OFF = 0.002, 3.0, 0.01
 """Relative difference of depths from which depth contradicts other views: where it is that multiple of what another
-reading leaves, and that large where none explains it."""
-
-SINGLE_OFF = 0.01
-"""The same for the depth of a single view, which has to leave less than OFF under another reading."""
+reading leaves; and that of a single view, or of all views where no reading explains it."""
 
 POINTS, FEWEST = 300, 30
 """Points of a view that are compared, and how few say nothing."""
@@ -131,7 +126,7 @@ def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
         yield from _depth_of_single(stored, own)
         return
     fit = _best_depth(stored, lambda maps: float(np.median(replace(stored, maps=maps).costs())))
-    if level > TIMES * fit.cost or level > UNEXPLAINED:
+    if level > TIMES * fit.cost or level > FAR_OFF:
         what = f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point)"
         yield warning("depth", fit.explains(what, OFF))
 
@@ -146,7 +141,7 @@ def _best_depth(stored: DepthMaps, cost: Callable[[Sequence[Array]], float]) -> 
 def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
     """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
     truths = stored.truths
-    for place in np.flatnonzero(own > SINGLE_OFF).tolist():
+    for place in np.flatnonzero(own > FAR_OFF).tolist():
         fit = _best_depth(stored, partial(stored.cost_read, place))
         tried = [(fit.says, fit.cost)]
         for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
@@ -202,18 +197,14 @@ def _normals(truths: Sequence[Truth]) -> Iterator[Finding]:
         yield warning(sample.name, _sentence([sample]))
 
 
-def _best_frame(samples: Sequence[Sample]) -> tuple[str, float]:
-    """The signed exchange of axes, of the world's or the camera's frame, that fits best; and how well."""
-    found = ("", -np.inf)
-    for in_camera in (False, True):
-        for order in permutations(range(3)):
-            for signs in product((1.0, -1.0), repeat=3):
-                matrix = np.zeros((3, 3))
-                matrix[range(3), order] = signs
-                fit = float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
-                if fit > found[1] + 1e-6:
-                    found = (_frame(in_camera, order, signs), fit)
-    return found
+def _best_frame(samples: Sequence[Sample]) -> Fit:
+    """The signed exchange of axes, of the world's or the camera's frame, that fits best; the cost is 1 - cosine."""
+    tried = []
+    for in_camera, order, signs in product((False, True), permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
+        apart = 1 - float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
+        tried.append((_frame(in_camera, order, signs), round(apart, 6)))
+    return best(tried)
 
 
 def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str:
@@ -223,7 +214,7 @@ def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str
         return f"stored in the camera's frame ({named})"
     if axes == "-x, -y, -z":
         return "negated (they point inwards)"
-    return f"stored with the world's axes exchanged or mirrored: ({axes}) are right"
+    return f"stored with the world's axes exchanged or mirrored ({axes})"
 
 
 def _sentence(wrong: Sequence[Sample]) -> str:
@@ -231,7 +222,4 @@ def _sentence(wrong: Sequence[Sample]) -> str:
     against = "the depth" if wrong[0].derived is not None else "the camera"
     now = float(np.mean([sample.fit() for sample in wrong]))
     said = f"normals contradict {against}: {100 * away:.0f} % of them look away from the camera"
-    frame, fit = _best_frame(wrong)
-    if fit > FIT and fit > now + 0.1:
-        return f"{said}; they fit if they are {frame} (mean cosine {fit:.2f} instead of {now:.2f})"
-    return f"{said}, and no exchange of axes explains it"
+    return _best_frame(wrong).explains(said, 1 - max(FIT, now + 0.1))

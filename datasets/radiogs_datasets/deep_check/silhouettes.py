@@ -20,39 +20,29 @@ from .cameras import NO_CAUSE, Array, Cameras, Fit, best_reading, searched
 from .evidence import Evidence, Look, evenly
 from .matches import agreement
 
-CORNERS = 24
-"""Corners of an outline's convex hull that are kept."""
+SIDE, CORNERS = 256, 24
+"""Longest side of the masks that outlines are taken from, pixels, and corners of a convex hull that are kept."""
 
-SIDE = 256
-"""Longest side of the masks that outlines are taken from, pixels."""
+FEWEST, TRIED_TOGETHER = 5, 16
+"""Outlines from which on one can be told from the others, and views on which readings of all cameras are tried."""
 
-FEWEST = 5
-"""Outlines from which on one can be told from the others."""
-
-BORDER = 0.75
-"""Distance from the border of the image, in pixels, below which an outline is cut off."""
-
-FLOOR = 0.1
-"""Residual that edges of pixels alone explain, in pixels of the reduced mask."""
+BORDER, FLOOR = 0.75, 0.1
+"""Distance from the border below which an outline is cut off, and residual that edges of pixels alone explain, in
+pixels of the reduced mask."""
 
 WHOLE_RATIO, VIEW_RATIO = 1.5, 4.0
 """Times the residual that another reading leaves (of all views), or times the median of all views (of one view), from
 which on outlines contradict their cameras."""
 
-EXPLAINED = 0.35
-"""Share of a view's residual that another reading of its camera may leave to be tried against the images."""
-
-SOUND = 2.0
-"""Times the residual of sound views up to which a reading is the cause."""
+EXPLAINED, SOUND = 0.35, 2.0
+"""Share of a view's residual that a reading of its camera leaves where the view is named, and times the residual of
+sound views that it may leave to be the cause."""
 
 WIDER = np.array([[-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0]]).T
 """Pixels by which a mask may be larger than the object."""
 
 AGREEING, AHEAD = 0.5, 0.1
 """Share of the matches of images that agree with cameras which are right, and by how much it is ahead of others'."""
-
-TRIED_TOGETHER = 16
-"""Views on which readings of all cameras are tried."""
 
 INVERTED_SHARE = 0.7
 """Share of the masks that have to look inverted where no outline is complete."""
@@ -169,33 +159,20 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
     level = median(whole)
     if level > WHOLE_RATIO * 0.7 * FLOOR * unit:
         some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
-        better = best_reading(evidence.cameras, lambda cameras: median(some.residual(cameras.take(some.places))))
+        better, read = best_reading(evidence.cameras, lambda cameras: median(some.residual(cameras.take(some.places))))
         if level > min(WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit), UNEXPLAINED * known.cameras.size.max()):
-            what = f"the outlines contradict one another ({_pixels(level)} pixels apart)"
-            yield warning("all views", _caused(what, [better], SOUND * FLOOR * unit, _agreement(evidence, better)))
+            what = "the outlines contradict one another" + f" ({level:.2g} pixels apart)" * (level < np.inf)
+            yield warning("all views", _caused(what, [better], SOUND * FLOOR * unit, agreement(evidence, read)))
             return
     yield from _single(evidence, known, whole, max(level, FLOOR * unit))
     yield from _incomplete(evidence, known, max(level, FLOOR * unit))
 
 
-def _pixels(residual: float) -> str:
-    return f"{residual:.2g}" if np.isfinite(residual) else "more than the image's side"
-
-
-def _agreement(evidence: Evidence, better: Fit, place: int | None = None) -> tuple[float, float]:
-    """Shares of the matches that agree with the cameras as recorded, and as read otherwise; NaN where there are few."""
-    read = better.cameras
-    if read is None:
-        return np.nan, np.nan
-    others = read if place is None else evidence.cameras.with_one(place, read)
-    return agreement(evidence, evidence.cameras, place), agreement(evidence, others, place)
-
-
-def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: tuple[float, float]) -> str:
+def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: Sequence[float]) -> str:
     """What contradicts, and its cause: the masks where images agree with the cameras, else readings that explain it.
 
-    ``fits``: the best reading of cameras first. ``agreed``: shares of the images' matches that agree with the cameras
-    as recorded, and under that reading.
+    ``fits``: the best reading of cameras first. ``agreed``: shares of matches that agree with cameras as recorded and
+    as read.
     """
     recorded, read = agreed
     if recorded > max(AGREEING, read + AHEAD):
@@ -215,13 +192,13 @@ def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> 
         return
     for place in wrong:
         view, corners = int(known.places[place]), known.corners[[place]]
-        better = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
+        better, read = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
         if better.cost < EXPLAINED * each[place] or each[place] > UNEXPLAINED * known.cameras.size.max():
             reach = beyond(known.cameras.take([place]), corners, rest.cameras, rest.corners, rest.cameras.looked_at)
             wider, left = searched(lambda pixels: median(np.abs(reach - pixels[0])), WIDER, 0.5)  # noqa: B023
             mask = Fit(f"a mask {abs(wider[0]):.2g} pixels too {'large' if wider[0] > 0 else 'small'}", left)
             what = "its outline contradicts the other views"
-            agreed = _agreement(evidence, better, view)
+            agreed = agreement(evidence, read, place=view)
             yield warning(evidence.looks[view].name, _caused(what, [better, mask], SOUND * level, agreed))
 
 
