@@ -55,9 +55,9 @@ class Pairs:
         """Median difference of colours if the view's were others."""
         return float(np.median(np.abs(own - self.other).mean(1)))
 
-    def best_reading(self) -> Fit:
-        """The reading of the view's colours that is most like those of the other views."""
-        return best((says, self.difference(read(self.own))) for says, read in DISPLAY)
+    def left(self) -> float:
+        """Median difference of colours without the gain: highlights, unlike exposure, keep most of it."""
+        return self.difference(encoded(decoded(self.own) / np.exp(self.gain())))
 
 
 def exposure(evidence: Evidence) -> Iterator[Finding]:
@@ -68,7 +68,11 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
     if len(pairs) < FEWEST_VIEWS:
         return
     own = {place: each.difference(each.own) for place, each in pairs.items()}
-    tried = {place: pairs[place].best_reading() for place in pairs if own[place] >= SUSPECT}
+    tried = {
+        place: best((says, each.difference(read(each.own))) for says, read in DISPLAY)
+        for place, each in pairs.items()
+        if own[place] >= SUSPECT
+    }
     fits = {place: fit for place, fit in tried.items() if fit.cost < EXPLAINED * own[place]}
     usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
     sound = max(SUSPECT, SOUND * usual)
@@ -87,8 +91,11 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
         what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
         yield warning("all views", what)
         return
-    for place, gain in zip(places, apart, strict=True):
-        if np.abs(gain).max() > max(alone, TIMES * spread):
+    explained = np.array([each.left() < EXPLAINED * each.difference(each.own) for each in pairs.values()])
+    for place, gain, own, alike in zip(places, apart, gains, explained, strict=True):
+        # A view may also stand apart because most of the others are brighter or darker.
+        by_gain = alike if np.abs(own).max() > np.abs(gain).max() / 2 else explained.mean() > 0.5
+        if by_gain and np.abs(gain).max() > max(alone, TIMES * spread):
             tint = np.abs(gain - gain.mean()).max()
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
             says = (
@@ -96,9 +103,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
                 if tint > ALONE / 2
                 else f"another exposure or light ({np.exp(gain.mean()):.2f} times as bright as other views)"
             )
-            each = pairs[place]
-            left = each.difference(encoded(decoded(each.own) / np.exp(each.gain())))
-            yield warning(evidence.looks[place].name, Fit(says, left).explains(WHAT, sound))
+            yield warning(evidence.looks[place].name, Fit(says, pairs[place].left()).explains(WHAT, sound))
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
