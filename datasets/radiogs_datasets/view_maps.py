@@ -52,9 +52,10 @@ def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
     solid = alpha > SOLID
     if int((none & solid).sum()) > MOST_WITHOUT * int(solid.sum()):
         raise DataError(
-            f"{path} is grey where its view shows the object: {int((none & solid).sum())} of {int(solid.sum())} pixels",
-            "Levels of 128 are no direction; scored, they would be normals at random.",
-            "Export the normals again as n / 2 + 1 / 2, or remove the map from all views.",
+            f"{path} and the mask of {image.name} contradict each other: the normal is grey at {int((none & solid).sum())}"
+            f" of {int(solid.sum())} covered pixels",
+            "Levels of 128 are no direction; scored, they would be normals at random. Either file may be of another view.",
+            "See that both show one view, the same way up; or export the normals again as n / 2 + 1 / 2, or remove them.",
         )
     return torch.where((alpha > 0) & ~none, torch.nn.functional.normalize(stored, dim=-1), 0.0)
 

@@ -5,7 +5,7 @@ Reflections of an image are written as cameras with left-handed axes, so that ev
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -42,10 +42,8 @@ class Cameras:
 
     def with_one(self, place: int, other: "Cameras") -> "Cameras":
         """A copy whose camera at ``place`` is the single camera of ``other``."""
-        parts = {name: getattr(self, name).copy() for name in FIELDS}
-        for name in FIELDS:
-            parts[name][place] = getattr(other, name)[0]
-        return Cameras(**parts)
+        parts = ((getattr(self, name), getattr(other, name)) for name in FIELDS)
+        return Cameras(*(np.concatenate([own[:place], new, own[place + 1 :]]) for own, new in parts))
 
     def rays(self, pixels: Array) -> Array:
         """World directions with z-depth 1 through image points [views, points, 2]."""
@@ -232,26 +230,19 @@ def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]]
     all views at once. Where a single camera stands so that another convention hardly moves it, any small error of its
     pose looks like that convention: the reading has no name.
     """
-    whole, recorded = others is None, cost(own)
-    tried = [
-        (Fit(says if whole or _moved(own, cameras) else "", cost(cameras)), cameras)
-        for says, cameras in (*_images(own), *_poses(own), *_worlds(own, whole))
-    ]
+    whole, recorded, reach = others is None, cost(own), np.linalg.norm(own.centre, axis=1).max()
+    tried = []
+    for says, other in (*_images(own), *_poses(own), *_worlds(own, whole)):
+        moved = max(np.abs(other.centre - own.centre).max() / max(reach, 1e-12), np.abs(other.axes - own.axes).max())
+        tried.append((Fit(says if whole or moved > MOVED else "", cost(other)), other))
     tried += [(Fit(f"the camera of {name}", cost(camera)), camera) for name, camera in others or ()]
     # A world that is turned, mirrored or scaled as a whole is the same scene.
-    tried += [_fit(own, cost, each, recorded) for each in FAMILIES if not (whole and each.places == [DISTANCE])]
+    for each in FAMILIES if not whole else [each for each in FAMILIES if each.places != [DISTANCE]]:
+        read = partial(adjusted, own, each)
+        amount, left = searched(lambda amount, read=read: cost(read(amount)), each.starts, each.step, recorded)
+        tried.append((Fit(each.says.format(*amount), left), read(amount)))
     least = min(fit.cost for fit, _ in tried)
-    return next(each for each in tried if each[0].cost <= 1.15 * least)
-
-
-def _fit(own: Cameras, cost: Cost, family: Family, worth: float) -> tuple[Fit, Cameras]:
-    amount, left = searched(lambda amount: cost(adjusted(own, family, amount)), family.starts, family.step, worth)
-    return Fit(family.says.format(*amount), left), adjusted(own, family, amount)
-
-
-def _moved(own: Cameras, other: Cameras) -> bool:
-    away = np.linalg.norm(other.centre - own.centre) / np.linalg.norm(own.centre)
-    return bool(max(away, np.abs(other.axes - own.axes).max()) > MOVED)
+    return next((fit, cameras) for fit, cameras in tried if fit.cost <= 1.15 * least)
 
 
 def searched(cost: Callable[[Array], float], starts: Array, step: float, worth: float = np.inf) -> tuple[Array, float]:

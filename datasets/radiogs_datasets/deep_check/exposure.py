@@ -13,26 +13,20 @@ from .evidence import Evidence
 from .matches import matched
 from .surface import at_points, sampled, seen, surface_of
 
-FEWEST = 25
-"""Points of a view below which nothing is said of it."""
+FEWEST, FEWEST_VIEWS = 25, 4
+"""Points of a view, and views, below which nothing is said."""
 
-USUAL_SPREAD = 0.03
-"""Spread of gains over views, natural logarithm, that shading and few points explain."""
+USUAL_SPREAD, VARIED = 0.03, 0.12
+"""Spreads of gains over views, natural logarithm: what shading and few points explain, and what is too much."""
 
 ALONE, ALONE_IN_CAPTURES, TIMES = 0.15, 0.8, 6.0
 """Gain of a single view, natural logarithm, from which on it is named (in captures matches lie at highlights, and
 cameras expose each photo by itself), and its multiple of the spread."""
 
-VARIED = 0.12
-"""Median deviation of gains over views from which on exposure varies."""
+EXPLAINED, SUSPECT, SOUND = 0.5, 0.03, 1.5
+"""Share of a difference of colours that another reading may leave, the difference below which none is tried, and how
+many times the median difference of all views a view may keep under its cause."""
 
-EXPLAINED, SUSPECT = 0.5, 0.03
-"""Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
-
-SOUND = 1.5
-"""Times the median difference of all views that a view may keep under its cause."""
-
-FEWEST_VIEWS = 4
 WHAT = "its colours contradict those of other views"
 
 DARK = 0.01
@@ -54,10 +48,6 @@ class Pairs:
     def difference(self, own: Array) -> float:
         """Median difference of colours if the view's were others."""
         return float(np.median(np.abs(own - self.other).mean(1)))
-
-    def left(self) -> float:
-        """Median difference of colours without the gain: highlights, unlike exposure, keep most of it."""
-        return self.difference(encoded(decoded(self.own) / np.exp(self.gain())))
 
 
 def exposure(evidence: Evidence) -> Iterator[Finding]:
@@ -91,19 +81,19 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
         what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
         yield warning("all views", what)
         return
-    explained = np.array([each.left() < EXPLAINED * each.difference(each.own) for each in pairs.values()])
-    for place, gain, own, alike in zip(places, apart, gains, explained, strict=True):
+    # Highlights, unlike exposure, keep most of their difference without the gain.
+    left = np.array([pairs[place].difference(encoded(decoded(pairs[place].own) / np.exp(pairs[place].gain())))
+                     for place in places])  # fmt: skip
+    explained = left < EXPLAINED * np.array([each.difference(each.own) for each in pairs.values()])
+    for place, gain, own, alike, cost in zip(places, apart, gains, explained, left.tolist(), strict=True):
         # A view may also stand apart because most of the others are brighter or darker.
         by_gain = alike if np.abs(own).max() > np.abs(gain).max() / 2 else explained.mean() > 0.5
         if by_gain and np.abs(gain).max() > max(alone, TIMES * spread):
-            tint = np.abs(gain - gain.mean()).max()
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
             says = (
-                f"another white balance or light (red, green and blue {factors} times those of other views)"
-                if tint > ALONE / 2
-                else f"another exposure or light ({np.exp(gain.mean()):.2f} times as bright as other views)"
+                f"another exposure, white balance or light (red, green and blue {factors} times those of other views)"
             )
-            yield warning(evidence.looks[place].name, Fit(says, pairs[place].left()).explains(WHAT, sound))
+            yield warning(evidence.looks[place].name, Fit(says, cost).explains(WHAT, sound))
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:

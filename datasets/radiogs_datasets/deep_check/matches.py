@@ -6,7 +6,7 @@ images are enlarged first. Matches need neither masks nor truth; smooth objects 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import combinations
 
 import cv2
@@ -184,12 +184,9 @@ def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Findin
         share = float(own.agreeing(evidence.cameras).mean())
         if share > AGREEING * usual:
             continue
-        better, _ = evidence.better_camera(place, partial(_missed_with, own, evidence.cameras, place))
+        better, _ = evidence.better_camera(
+            place, lambda camera, own=own, place=place: own.missed(evidence.cameras.with_one(place, camera))
+        )
         if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
             what = "points that other images show contradict its camera"
             yield warning(evidence.looks[place].name, better.explains(what, 1 - WHOLE_AGREEING))
-
-
-def _missed_with(own: Matches, cameras: Cameras, place: int, camera: Cameras) -> float:
-    """Share of one view's matches that do not agree with another camera of it."""
-    return own.missed(cameras.with_one(place, camera))

@@ -81,12 +81,9 @@ def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
     if chosen is None:
         return
     display, part = truth.maps[image][chosen], truth.maps[name][chosen]
-
-    def beyond(shown: Array) -> float:
-        return float((part > BEYOND * decoded(shown) + DARK).any(-1).mean())
-
-    share = beyond(display)
-    if share > MOST_BEYOND:
-        fit = best((says, beyond(read(display))) for says, read in DISPLAY)
+    shown = {"": display} | {says: read(display) for says, read in DISPLAY}
+    shares = {says: float((part > BEYOND * decoded(each) + DARK).any(-1).mean()) for says, each in shown.items()}
+    if (share := shares.pop("")) > MOST_BEYOND:
+        fit = best((f"the image with {says}", other) for says, other in shares.items())
         what = f"{name} exceeds the whole radiance of {image} at {100 * share:.0f} % of the pixels"
         yield warning(truth.name, fit.explains(what, 0.2 * share))

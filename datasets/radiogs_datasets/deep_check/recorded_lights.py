@@ -26,11 +26,8 @@ ROWS, COLUMNS = 16, 32
 POINTS_OF_A_VIEW, MOST_POINTS = 90, 480
 """Points that are shaded: of a view, and of all views."""
 
-CELLS = 40
-"""Cells of the longer side of the grid that hides light."""
-
-STRIDE, LEAVING = 1.25, 2.0
-"""Length of a step along a ray, and distance at which a ray starts above its surface, in cells."""
+CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
+"""Cells of the longer side of the grid that hides light; length of a ray's step, and its start above the surface."""
 
 NORMAL_INCIDENCE, SMOOTHEST = 0.04, 0.2
 """Reflectance of the specular lobe at normal incidence, and roughness below which it is narrower than a texel."""

@@ -10,11 +10,9 @@ from .cameras import Array, Cameras
 from .evidence import Evidence, Look
 from .surface import Surface, sampled, seen, surface_of
 
-MISSED = 0.25
-"""Difference of colour, display sRGB, that counts for a point where a view shows nothing; larger ones count as this."""
-
-FEWEST = 40
-"""Points below which a view says nothing."""
+FEWEST, MISSED = 40, 0.25
+"""Points below which a view says nothing, and the difference of colour, display sRGB, that counts for a point where a
+view shows nothing; larger ones count as this."""
 
 SUSPECT, SUSPECT_FROM, EXPLAINED = 2.0, 0.01, 0.5
 """Factor on the median difference of all views, and a summand, above which a view is suspected; and the share of its

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -27,11 +26,8 @@ OFF, TIMES, FAR_OFF = 0.002, 3.0, 0.01
 """Relative difference of depths from which depth contradicts other views: where it is that multiple of what another
 reading leaves; and that of a single view, or of all views where no reading explains it."""
 
-POINTS, FEWEST = 300, 30
-"""Points of a view that are compared, and how few say nothing."""
-
-SHOWN = 0.35
-"""Quantile over points, because some are hidden in the other view."""
+POINTS, FEWEST, SHOWN = 300, 30, 0.35
+"""Points of a view that are compared, how few say nothing, and the quantile over them: the other view hides some."""
 
 FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 10.0, 100.0, 1000.0]]).T
 """Scales of depth that are tried before the best of them is searched around."""
@@ -87,10 +83,6 @@ class DepthMaps:
             changed[name][place] = part
         return replace(self, **changed)
 
-    def cost_read(self, place: int, maps: Sequence[Array]) -> float:
-        """The cost of one view if its map alone were that of another reading."""
-        return self.with_one(place, maps=maps[place]).cost(place)
-
     def costs(self) -> Array:
         """The cost of each view."""
         return np.array([self.cost(place) for place in range(len(self.truths))])
@@ -142,7 +134,7 @@ def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
     """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
     truths = stored.truths
     for place in np.flatnonzero(own > FAR_OFF).tolist():
-        fit = _best_depth(stored, partial(stored.cost_read, place))
+        fit = _best_depth(stored, lambda maps, place=place: stored.with_one(place, maps=maps[place]).cost(place))
         tried = [(fit.says, fit.cost)]
         for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
             if other != place and depth.shape == stored.maps[place].shape:
@@ -165,14 +157,12 @@ class Sample:
         self.derived: Array | None = truth.derived_normals[kept] if "depth" in truth.maps else None
         self.axes: Array = truth.camera.axes.double().numpy()
 
-    def read(self, in_camera: bool, matrix: Array) -> Array:
-        """The normals if they are stored with other axes of the world's or of the camera's frame."""
-        turned = self.stored @ matrix.T
-        return turned @ self.axes.T if in_camera else turned
-
     def fit(self, in_camera: bool = False, matrix: Array = AS_STORED) -> float:
-        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away."""
-        read = self.read(in_camera, matrix)
+        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away.
+
+        ``in_camera``, ``matrix``: frame of the stored normals, and the exchange of axes that undoes what was done.
+        """
+        read = self.stored @ matrix.T @ self.axes.T if in_camera else self.stored @ matrix.T
         if self.derived is not None:
             return float((read * self.derived).sum(1).mean())
         return 1 - 2 * self.away(read)
