@@ -50,12 +50,12 @@ def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
     stored, alpha = 2 * read_colour(path) - 1, read_alpha(image)
     none = stored.norm(dim=-1, keepdim=True) <= NO_DIRECTION
     solid = alpha > SOLID
-    if int((none & solid).sum()) > MOST_WITHOUT * int(solid.sum()):
+    if (without := int((none & solid).sum())) > MOST_WITHOUT * int(solid.sum()):
         raise DataError(
-            f"{path} and the mask of {image.name} contradict each other: the normal is grey at {int((none & solid).sum())}"
-            f" of {int(solid.sum())} covered pixels",
-            "Levels of 128 are no direction; scored, they would be normals at random. Either file may be of another view.",
-            "See that both show one view, the same way up; or export the normals again as n / 2 + 1 / 2, or remove them.",
+            f"{path} and the mask of {image.name} contradict each other: the normal is grey at {without} of"
+            f" {int(solid.sum())} covered pixels",
+            "Levels of 128 are no direction; scored, they would be random normals. One file may be of another view.",
+            "See that both show one view, the same way up; else export n / 2 + 1 / 2 again, or remove the map.",
         )
     return torch.where((alpha > 0) & ~none, torch.nn.functional.normalize(stored, dim=-1), 0.0)
 
