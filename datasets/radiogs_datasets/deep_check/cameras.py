@@ -239,7 +239,7 @@ def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]]
     # A world that is turned, mirrored or scaled as a whole is the same scene.
     for each in FAMILIES if not whole else [each for each in FAMILIES if each.places != [DISTANCE]]:
         read = partial(adjusted, own, each)
-        amount, left = searched(lambda amount, read=read: cost(read(amount)), each.starts, each.step, recorded)
+        amount, left = searched(lambda amount: cost(read(amount)), each.starts, each.step, recorded)  # noqa: B023
         tried.append((Fit(each.says.format(*amount), left), read(amount)))
     least = min(fit.cost for fit, _ in tried)
     return next((fit, cameras) for fit, cameras in tried if fit.cost <= 1.15 * least)

@@ -185,7 +185,8 @@ def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Findin
         if share > AGREEING * usual:
             continue
         better, _ = evidence.better_camera(
-            place, lambda camera, own=own, place=place: own.missed(evidence.cameras.with_one(place, camera))
+            place,
+            lambda camera: own.missed(evidence.cameras.with_one(place, camera)),  # noqa: B023
         )
         if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
             what = "points that other images show contradict its camera"

@@ -134,7 +134,7 @@ def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
     """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
     truths = stored.truths
     for place in np.flatnonzero(own > FAR_OFF).tolist():
-        fit = _best_depth(stored, lambda maps, place=place: stored.with_one(place, maps=maps[place]).cost(place))
+        fit = _best_depth(stored, lambda maps: stored.with_one(place, maps=maps[place]).cost(place))  # noqa: B023
         tried = [(fit.says, fit.cost)]
         for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
             if other != place and depth.shape == stored.maps[place].shape:

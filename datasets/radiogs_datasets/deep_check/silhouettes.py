@@ -194,7 +194,7 @@ def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> 
         view, corners = int(known.places[place]), known.corners[[place]]
         better, read = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
         if better.cost < EXPLAINED * each[place] or each[place] > UNEXPLAINED * known.cameras.size.max():
-            reach = beyond(known.cameras.take([place]), corners, rest.cameras, rest.corners, rest.cameras.looked_at)
+            reach = beyond(evidence.cameras.take([view]), corners, rest.cameras, rest.corners, rest.cameras.looked_at)
             wider, left = searched(lambda pixels: median(np.abs(reach - pixels[0])), WIDER, 0.5)  # noqa: B023
             mask = Fit(f"a mask {abs(wider[0]):.2g} pixels too {'large' if wider[0] > 0 else 'small'}", left)
             what = "its outline contradicts the other views"
