@@ -100,7 +100,7 @@ MOVED = 0.5
 """Change of axes, or of the position in distances from the world's origin, from which on a camera stands elsewhere."""
 
 NO_CAUSE = "and no usual mistake explains all of it"
-"""What is said of a contradiction whose cause is not certain."""
+"""The words for a contradiction whose cause is not certain."""
 
 
 class Family(NamedTuple):
@@ -213,7 +213,7 @@ class Fit(NamedTuple):
     cost: float
 
     def explains(self, what: str, sound: float) -> str:
-        """What contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
+        """Say what contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
         named = self.says and self.cost <= sound
         return f"{what}: {self.says} fits far better" if named else f"{what}, {NO_CAUSE}"
 
