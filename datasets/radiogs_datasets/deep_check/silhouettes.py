@@ -169,7 +169,7 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: Sequence[float]) -> str:
-    """Say what contradicts, and its cause: the masks where images agree with the cameras, else readings that explain it.
+    """Say what contradicts, and its cause: the masks where images agree with the cameras, else what explains it.
 
     ``fits``: the best reading of cameras first. ``agreed``: shares of matches that agree with cameras as recorded and
     as read.
