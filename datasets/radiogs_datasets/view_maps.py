@@ -78,11 +78,12 @@ def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
     stored, alpha = 2 * read_colour(path) - 1, read_alpha(image)
     none = stored.norm(dim=-1, keepdim=True) <= NO_DIRECTION
     solid = alpha > SOLID
-    if int((none & solid).sum()) > MOST_WITHOUT * int(solid.sum()):
+    if (without := int((none & solid).sum())) > MOST_WITHOUT * int(solid.sum()):
         raise DataError(
-            f"{path} is grey where its view shows the object: {int((none & solid).sum())} of {int(solid.sum())} pixels",
-            "Levels of 128 are no direction; scored, they would be normals at random.",
-            "Export the normals again as n / 2 + 1 / 2, or remove the map from all views.",
+            f"{path} and the mask of {image.name} contradict each other: the normal is grey at {without} of"
+            f" {int(solid.sum())} covered pixels",
+            "Levels of 128 are no direction; scored, they would be random normals. One file may be of another view.",
+            "See that both show one view, the same way up; else export n / 2 + 1 / 2 again, or remove the map.",
         )
     return torch.where((alpha > 0) & ~none, torch.nn.functional.normalize(stored, dim=-1), 0.0)
 

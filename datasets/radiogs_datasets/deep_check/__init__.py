@@ -24,7 +24,7 @@ OF_CAMERAS: tuple[Check, ...] = (poses, silhouettes, reprojection, epipolar_agre
 OF_VALUES: tuple[Check, ...] = (shape_maps, exposure, map_agreement, radiance, recorded_lights)
 """Checks of images and maps. A wrong camera would mislead them, so they are left out where all cameras are wrong."""
 
-WHOLE_MAPS = {"depth", "normal"}
+WHOLE_MAPS = {"albedo", "depth", "normal", "roughness"}
 """Places of findings that concern a map of all test views: what is wrong in all of them is no evidence afterwards."""
 
 

@@ -5,6 +5,8 @@ Reflections of an image are written as cameras with left-handed axes, so that ev
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -40,10 +42,8 @@ class Cameras:
 
     def with_one(self, place: int, other: "Cameras") -> "Cameras":
         """A copy whose camera at ``place`` is the single camera of ``other``."""
-        parts = {name: getattr(self, name).copy() for name in FIELDS}
-        for name in FIELDS:
-            parts[name][place] = getattr(other, name)[0]
-        return Cameras(**parts)
+        parts = ((getattr(self, name), getattr(other, name)) for name in FIELDS)
+        return Cameras(*(np.concatenate([own[:place], new, own[place + 1 :]]) for own, new in parts))
 
     def rays(self, pixels: Array) -> Array:
         """World directions with z-depth 1 through image points [views, points, 2]."""
@@ -58,7 +58,7 @@ class Cameras:
         safe = np.where(np.abs(depth) > 1e-12, depth, 1e-12)
         return local[..., :2] / safe[..., None] * self.focal[:, None] + self.principal[:, None], depth
 
-    @property
+    @cached_property
     def looked_at(self) -> Array:
         """The world point nearest to all optical axes, by least squares."""
         forward = self.axes[:, :, 2]
@@ -93,38 +93,53 @@ NEGATED = {
 MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
 Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
-FACTORS = (0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0)
-LENGTHS = {
-    "focal length": (True, True), "horizontal focal length": (True, False), "vertical focal length": (False, True),
-}  # fmt: skip
-"""Which of the focal lengths, horizontal and vertical, a name is for."""
+ROUNDS = 8
+"""Steps of a search for an amount: a factor is found to some 0.2 %, a shift to 0.1 % of the side."""
 
-ROLLS = (*range(-45, 0, 5), *range(5, 50, 5), -120, -90, -60, 60, 90, 120, 180, -3, 3)
-"""Degrees about the optical axis."""
+MOVED = 0.5
+"""Change of axes, or of the position in distances from the world's origin, from which on a camera stands elsewhere."""
+
+NO_CAUSE = "and no usual mistake explains all of it"
+"""The words for a contradiction whose cause is not certain."""
 
 
-def alternatives(own: Cameras, whole: bool) -> Iterator[tuple[str, Cameras]]:
-    """Other readings of cameras: what each supposes of the files, and the cameras under it.
+class Family(NamedTuple):
+    """Readings of cameras that differ by an amount."""
 
-    Readings of one view, or (``whole``) of all views at once, where a world turned or mirrored as a whole is the same
-    scene.
-    """
-    yield from _images(own)
-    yield from _poses(own)
-    yield from _worlds(own, whole)
-    for name, which in LENGTHS.items():
-        for factor in FACTORS:
-            zoomed = replace(own, focal=own.focal * np.where(which, factor, 1.0))
-            yield f"a {name} {factor:g} times the recorded one", zoomed
-    if not whole:
-        middle = own.looked_at if len(own) > 2 else np.zeros(3)
-        for factor in FACTORS:
-            moved = replace(own, centre=middle + (own.centre - middle) * factor)
-            yield f"the distance from the world's middle {factor:g} times the recorded one", moved
-    for degrees in ROLLS:
-        sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
-        rolled = replace(own, axes=own.axes @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]))
-        yield f"the camera turned by {degrees} degrees about its optical axis", rolled
+    says: str
+    """Format of its words, with the amount."""
+    places: list[int]
+    """Which of the numbers that ``adjusted`` takes the amount is."""
+    starts: Array
+    """[starts, numbers]: the amounts that are tried before the best of them is searched around."""
+    step: float
+
+
+FACTORS = np.array([[0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0]]).T
+ROLLS = np.array([[*range(-45, 0, 5), *range(5, 50, 5), -120, -90, -60, 60, 90, 120, 180, -3, 3]], dtype=float).T
+SHIFTS = np.array(list(product((-12.0, -6.0, -3.0, 0.0, 3.0, 6.0, 12.0), repeat=2)))
+DISTANCE = 2
+FAMILIES = (
+    Family("a focal length {:.3g} times the recorded one", [0, 1], FACTORS, 0.02),
+    Family("a horizontal focal length {:.3g} times the recorded one", [0], FACTORS, 0.02),
+    Family("a vertical focal length {:.3g} times the recorded one", [1], FACTORS, 0.02),
+    Family("the distance from the world's middle {:.3g} times the recorded one", [DISTANCE], FACTORS, 0.02),
+    Family("the camera turned by {:.2g} degrees about its optical axis", [3], ROLLS, 1.0),
+    Family("the principal point (or the image) moved by ({:+.1f} %, {:+.1f} %) of its side", [4, 5],
+           SHIFTS, 1.5),
+)  # fmt: skip
+
+
+def adjusted(own: Cameras, family: Family, amount: Array) -> Cameras:
+    """Cameras with factors on both focal lengths and the distance, a roll in degrees, and a shift in % of the side."""
+    numbers = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    numbers[family.places] = amount
+    sine, cosine = np.sin(np.radians(numbers[3])), np.cos(np.radians(numbers[3]))
+    return replace(
+        own, axes=own.axes @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]),
+        centre=own.centre * numbers[DISTANCE], focal=own.focal * numbers[:2],
+        principal=own.principal + own.size.max() / 100 * numbers[4:],
+    )  # fmt: skip
 
 
 def _images(own: Cameras) -> Iterator[tuple[str, Cameras]]:
@@ -194,7 +209,13 @@ class Fit(NamedTuple):
     """Another reading of cameras or values, and how badly it fits."""
 
     says: str
+    """Words for the reading; empty where it is no mistake that can be named."""
     cost: float
+
+    def explains(self, what: str, sound: float) -> str:
+        """Say what contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
+        named = self.says and self.cost <= sound
+        return f"{what}: {self.says} fits far better" if named else f"{what}, {NO_CAUSE}"
 
 
 def best(tried: Iterable[tuple[str, float]]) -> Fit:
@@ -202,30 +223,40 @@ def best(tried: Iterable[tuple[str, float]]) -> Fit:
     return min((Fit(*each) for each in tried), key=lambda fit: fit.cost, default=Fit("", np.inf))
 
 
-def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> Fit:
-    """The alternative with the least cost; the first one of those that are nearly as good (within 15 %).
+def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> tuple[Fit, Cameras]:
+    """The reading with the least cost, or the first of those that are nearly as good (within 15 %), and its cameras.
 
     ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of
-    all views at once.
+    all views at once. Where a single camera stands so that another convention hardly moves it, any small error of its
+    pose looks like that convention: the reading has no name.
     """
-    tried = [Fit(says, cost(cameras)) for says, cameras in alternatives(own, whole=others is None)]
-    tried += [Fit(f"the camera of {name}", cost(camera)) for name, camera in others or ()]
-    tried.append(_best_shift(own, cost))
-    least = min(each.cost for each in tried)
-    return next(each for each in tried if each.cost <= 1.15 * least)
+    whole, recorded, reach = others is None, cost(own), np.linalg.norm(own.centre, axis=1).max()
+    tried = []
+    for says, other in (*_images(own), *_poses(own), *_worlds(own, whole)):
+        moved = max(np.abs(other.centre - own.centre).max() / max(reach, 1e-12), np.abs(other.axes - own.axes).max())
+        tried.append((Fit(says if whole or moved > MOVED else "", cost(other)), other))
+    tried += [(Fit(f"the camera of {name}", cost(camera)), camera) for name, camera in others or ()]
+    # A world that is turned, mirrored or scaled as a whole is the same scene.
+    for each in FAMILIES if not whole else [each for each in FAMILIES if each.places != [DISTANCE]]:
+        read = partial(adjusted, own, each)
+        amount, left = searched(lambda amount: cost(read(amount)), each.starts, each.step, recorded)  # noqa: B023
+        tried.append((Fit(each.says.format(*amount), left), read(amount)))
+    least = min(fit.cost for fit, _ in tried)
+    return next((fit, cameras) for fit, cameras in tried if fit.cost <= 1.15 * least)
 
 
-def _best_shift(own: Cameras, cost: Cost) -> Fit:
-    """The shift of the principal point that fits best, by a search on ever finer grids."""
-    shift, left = np.zeros(2), cost(own)
-    step = 0.08 * float(own.size.max())
-    for _ in range(6):
-        around = [shift + step * np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
-        results = [cost(replace(own, principal=own.principal + pixels)) for pixels in around]
-        place = int(np.argmin(results))
-        if results[place] < left:
-            shift, left = around[place], results[place]
+def searched(cost: Callable[[Array], float], starts: Array, step: float, worth: float = np.inf) -> tuple[Array, float]:
+    """The amount [numbers] of least cost, and the cost: steps from the best start, halved where none is better.
+
+    A best start that costs more than ``worth`` is not searched around.
+    """
+    left, place = min((cost(start), place) for place, start in enumerate(starts))
+    amount = starts[place]
+    for _ in range(ROUNDS if left <= worth else 0):
+        around = [amount + step * np.array(sign) for sign in product((-1, 0, 1), repeat=len(amount)) if any(sign)]
+        least, place = min((cost(each), place) for place, each in enumerate(around))
+        if least < left:
+            amount, left = around[place], least
         else:
             step /= 2
-    across, down = (100 * float(value) for value in shift / own.size.max())
-    return Fit(f"the principal point (or the image) moved by ({across:+.1f} %, {down:+.1f} %) of its side", left)
+    return amount, left

@@ -26,17 +26,11 @@ Pixels = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 Item = TypeVar("Item")
 
-PHOTO_SIDE = 480
-"""Longest side of reduced images, pixels."""
+PHOTO_SIDE, MAP_SIDE = 480, 128
+"""Longest sides of reduced images and of sampled maps, pixels."""
 
-MAP_SIDE = 128
-"""Longest side of sampled maps, pixels."""
-
-MOST_VIEWS = 300
-"""Views that are looked at; of more, evenly spaced ones."""
-
-MOST_TRUE_VIEWS = 16
-"""Test views with maps that are looked at; of more, evenly spaced ones."""
+MOST_VIEWS, MOST_TRUE_VIEWS = 300, 16
+"""Views, and test views with maps, that are looked at; of more, evenly spaced ones."""
 
 JUMP = 0.02
 """Change of depth to the next pixels, in depths, from which on a pixel may lie at an edge."""
@@ -145,7 +139,7 @@ class Evidence:
         """Cameras of ``looks``."""
         return stacked([look.camera for look in self.looks])
 
-    def better_camera(self, place: int, cost: Cost, among: Iterable[int] | None = None) -> Fit:
+    def better_camera(self, place: int, cost: Cost, among: Iterable[int] | None = None) -> tuple[Fit, Cameras]:
         """The reading of one look's camera with the least cost; cameras of other looks (``among``; None: all) count."""
         every = range(len(self.looks)) if among is None else among
         others = [(self.looks[other].name, self.cameras.take([other])) for other in every if other != place]

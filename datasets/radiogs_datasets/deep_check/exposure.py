@@ -1,38 +1,33 @@
 """Exposure, white balance and the transfer curve over views, by the colours of points that several views show."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
-from .colours import DISPLAY, decoded
+from .cameras import Array, Fit, best
+from .colours import DISPLAY, decoded, encoded
 from .evidence import Evidence
 from .matches import matched
-from .surface import sampled, seen, surface_of
+from .surface import at_points, sampled, seen, surface_of
 
-FEWEST = 25
-"""Points of a view below which nothing is said of it."""
+FEWEST, FEWEST_VIEWS = 25, 4
+"""Points of a view, and views, below which nothing is said."""
 
-USUAL_SPREAD = 0.03
-"""Spread of gains over views, natural logarithm, that shading and few points explain."""
+USUAL_SPREAD, VARIED = 0.03, 0.12
+"""Spreads of gains over views, natural logarithm: what shading and few points explain, and what is too much."""
 
-ALONE, TIMES = 0.15, 6.0
-"""Gain of a single view, natural logarithm, and its multiple of the spread, from which on it is named."""
+ALONE, ALONE_IN_CAPTURES, TIMES = 0.15, 0.8, 6.0
+"""Gain of a single view, natural logarithm, from which on it is named (in captures matches lie at highlights, and
+cameras expose each photo by itself), and its multiple of the spread."""
 
-ALONE_IN_CAPTURES = 0.8
-"""The same where the true surface is not known: matches lie at highlights, and cameras expose each photo by itself."""
+EXPLAINED, SUSPECT, SOUND = 0.5, 0.03, 1.5
+"""Share of a difference of colours that another reading may leave, the difference below which none is tried, and how
+many times the median difference of all views a view may keep under its cause."""
 
-VARIED = 0.12
-"""Median deviation of gains over views from which on exposure varies."""
-
-EXPLAINED, SUSPECT = 0.5, 0.03
-"""Share of a difference of colours that another reading may leave, and the difference below which none is tried."""
-
-FEWEST_VIEWS = 4
+WHAT = "its colours contradict those of other views"
 
 DARK = 0.01
 
@@ -62,20 +57,20 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
         pairs, alone = _by_matches(evidence), ALONE_IN_CAPTURES
     if len(pairs) < FEWEST_VIEWS:
         return
-    told = set()
-    for place, each in pairs.items():
-        own = each.difference(each.own)
-        if own < SUSPECT:
-            continue
-        fit = best((says, each.difference(read(each.own))) for says, read in DISPLAY)
-        if fit.cost < EXPLAINED * own:
-            told.add(place)
-            what = f"its colours contradict those of other views: {fit.says} explains it"
-            yield warning(evidence.looks[place].name, what)
-    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in told}, alone)
+    own = {place: each.difference(each.own) for place, each in pairs.items()}
+    tried = {
+        place: best((says, each.difference(read(each.own))) for says, read in DISPLAY)
+        for place, each in pairs.items()
+        if own[place] >= SUSPECT
+    }
+    fits = {place: fit for place, fit in tried.items() if fit.cost < EXPLAINED * own[place]}
+    usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
+    sound = max(SUSPECT, SOUND * usual)
+    yield from (warning(evidence.looks[place].name, fit.explains(WHAT, sound)) for place, fit in fits.items())
+    yield from _gains(evidence, {place: each for place, each in pairs.items() if place not in fits}, alone, sound)
 
 
-def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterator[Finding]:
+def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: float) -> Iterator[Finding]:
     if len(pairs) < FEWEST_VIEWS:
         return
     places = list(pairs)
@@ -86,16 +81,19 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float) -> Iterato
         what = f"exposure or white balance varies over views: by {100 * (np.exp(spread) - 1):.0f} % in the median"
         yield warning("all views", what)
         return
-    for place, gain in zip(places, apart, strict=True):
-        if np.abs(gain).max() > max(alone, TIMES * spread):
-            tint = np.abs(gain - gain.mean()).max()
+    # Highlights, unlike exposure, keep most of their difference without the gain.
+    left = np.array([pairs[place].difference(encoded(decoded(pairs[place].own) / np.exp(pairs[place].gain())))
+                     for place in places])  # fmt: skip
+    explained = left < EXPLAINED * np.array([each.difference(each.own) for each in pairs.values()])
+    for place, gain, own, alike, cost in zip(places, apart, gains, explained, left.tolist(), strict=True):
+        # A view may also stand apart because most of the others are brighter or darker.
+        by_gain = alike if np.abs(own).max() > np.abs(gain).max() / 2 else explained.mean() > 0.5
+        if by_gain and np.abs(gain).max() > max(alone, TIMES * spread):
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
-            what = (
-                f"white balance: red, green and blue are {factors} times those of other views"
-                if tint > ALONE / 2
-                else f"exposure: it is {np.exp(gain.mean()):.2f} times as bright as other views"
+            says = (
+                f"another exposure, white balance or light (red, green and blue {factors} times those of other views)"
             )
-            yield warning(evidence.looks[place].name, what)
+            yield warning(evidence.looks[place].name, Fit(says, cost).explains(WHAT, sound))
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
@@ -126,15 +124,7 @@ def _by_matches(evidence: Evidence) -> dict[int, Pairs]:
         own = matches.of(place)
         own = own.some(np.flatnonzero(own.agreeing(evidence.cameras)))
         if len(own.views) >= FEWEST:
-            pairs[place] = Pairs(*(_colours(blurred, own.views[:, side], own.at[:, side]) for side in (0, 1)))
+            shown = [zip(own.views[:, side], own.at[:, side], strict=True) for side in (0, 1)]
+            pairs[place] = Pairs(*(np.concatenate([at_points(blurred[view], at[None]) for view, at in each]) / 255
+                                   for each in shown))  # fmt: skip
     return pairs
-
-
-def _colours(images: Sequence[object], view: NDArray[np.int64], at: Array) -> Array:
-    """Display colours of the pixels that points lie in."""
-    found = np.zeros((len(view), 3))
-    for place in np.unique(view):
-        chosen, image = view == place, np.asarray(images[place])
-        column, row = np.floor(at[chosen]).astype(int).T
-        found[chosen] = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)] / 255.0
-    return found

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
+from .cameras import NO_CAUSE, Array, best
 from .colours import LINEAR
 from .evidence import Evidence, Truth
 from .surface import Surface, at_points, seen, surface_of
@@ -19,13 +19,8 @@ UNIT = {"albedo": 0.02, "roughness": 0.02, "normal": 0.1}
 TIMES, EXPLAINED = 4.0, 0.4
 """Times the usual difference from which on a map is suspected, and the share that another reading may leave."""
 
-FACTORS = (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0)
-
-FEWEST = 40
-"""Points that two views have to share."""
-
-SAME_DEPTH = 0.01
-"""Relative difference of depths up to which a view shows a point."""
+FEWEST, SAME_DEPTH = 40, 0.01
+"""Points that two views have to share, and relative difference of depths up to which a view shows a point."""
 
 BEYOND = 0.01
 """Share of an albedo map's pixels that may lie outside of [0, 1]."""
@@ -53,6 +48,10 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
     cost = [partial(_cost, values, *_shown(surface, truth, place)) for place, truth in enumerate(truths)]
     costs = np.array([cost_of(truth.maps[name]) for cost_of, truth in zip(cost, truths, strict=True)])
     usual = max(float(np.median(costs)), unit / 2)
+    if usual > TIMES * unit:
+        what = f"the maps of the test views contradict one another ({usual:.2g} apart where two views show a point)"
+        yield warning(name, f"{what}, {NO_CAUSE}")
+        return
     for place in np.flatnonzero(costs > TIMES * usual).tolist():
         own = truths[place].maps[name]
         fit = best((says, cost[place](read)) for says, read in _readings(name, own))
@@ -60,8 +59,7 @@ def _disagreeing(truths: Sequence[Truth], surface: Surface, name: str, unit: flo
             others = [truth for truth in truths if truth is not truths[place] and truth.maps[name].shape == own.shape]
             fit = best((f"the map of {other.name}", cost[place](other.maps[name])) for other in others)
         what = f"its {name} contradicts that of the other views"
-        fits = fit.cost < EXPLAINED * costs[place]
-        yield warning(truths[place].name, f"{what}: {fit.says} fits far better" if fits else what)
+        yield warning(truths[place].name, fit.explains(what, min(EXPLAINED * costs[place], TIMES * usual)))
 
 
 def _shown(surface: Surface, truth: Truth, place: int) -> tuple[Array, NDArray[np.bool_]]:
@@ -82,7 +80,7 @@ def _readings(name: str, own: Array) -> Iterator[tuple[str, Array]]:
     if name == "albedo":
         yield from ((says, read(own)) for says, read in LINEAR)
     if name != "normal":
-        yield from ((f"{factor:g} times the map", own * factor) for factor in FACTORS)
+        yield from ((f"{factor:g} times the map", own * factor) for factor in (0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2))
 
 
 def _cost(values: Array, at: Array, compared: NDArray[np.bool_], read: Array) -> float:

@@ -6,7 +6,7 @@ images are enlarged first. Matches need neither masks nor truth; smooth objects 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import combinations
 
 import cv2
@@ -33,26 +33,18 @@ PARTNERS, FEWEST_SHARED = 5, 8
 NEAR, NEAR_PIXELS = 1 / 300, 0.5
 """Largest distance of a match from its epipolar line: in longer sides of the image, and at least in pixels."""
 
-FEWEST = 40
-"""Matches of a view, or of all of them, below which nothing is said."""
-
-FEWEST_VIEWS = 4
-"""Views below which one pair, perhaps of one place, would decide."""
+FEWEST, FEWEST_VIEWS = 40, 4
+"""Matches of a view or of all, and views (one pair, perhaps of one place, would decide), below which it is silent."""
 
 TRIED_TOGETHER = 1500
 """Matches on which readings of all cameras are tried."""
 
-AGREEING = 0.45
-"""Share of the usual agreement of a view's matches below which other readings of its camera are tried."""
+AGREEING, WHOLE_AGREEING = 0.45, 0.65
+"""Agreement below which other readings are tried: of a view's matches, in shares of the usual one, and of all views."""
 
-WHOLE_AGREEING = 0.65
-"""The same for all views at once."""
-
-BETTER = 0.35
-"""Share of a view's matches by which another reading has to be ahead; half as much for all views."""
-
-NEARLY_USUAL = 0.75
-"""Share of the usual agreement that another reading of a view has to reach."""
+BETTER, NEARLY_USUAL = 0.35, 0.75
+"""Share of a view's matches by which another reading has to be ahead (half as much for all views), and share of the
+usual agreement that it has to reach."""
 
 
 @dataclass(frozen=True)
@@ -155,24 +147,33 @@ def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[
     return np.stack([one[0][chosen], other[0][best[chosen]]], 1)
 
 
+def agreement(evidence: Evidence, *read: Cameras, place: int | None = None) -> list[float]:
+    """Shares of the matches, of one view or of all, that agree with the cameras as recorded and as ``read``.
+
+    NaN where there are few matches.
+    """
+    found, own = matched(evidence), evidence.cameras
+    if place is not None:
+        found, read = found.of(place), tuple(own.with_one(place, each) for each in read)
+    return [1 - found.missed(each) if len(found.views) >= FEWEST else np.nan for each in (own, *read)]
+
+
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
     """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
-    if len(evidence.looks) < FEWEST_VIEWS:
-        return
-    found = matched(evidence)
-    if len(found.views) < FEWEST:
-        return
-    share = float(found.agreeing(evidence.cameras).mean())
-    some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
-    better = best_reading(evidence.cameras, some.missed)
-    if 1 - better.cost > share + BETTER / 2 and share < WHOLE_AGREEING:
-        yield warning(
-            "all views",
-            f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
-            f" with {better.says} {100 * (1 - better.cost):.0f} %",
-        )
-        return
-    yield from _single(evidence, found, share)
+    (share,) = agreement(evidence) if len(evidence.looks) >= FEWEST_VIEWS else [np.nan]
+    if share < WHOLE_AGREEING:
+        found = matched(evidence)
+        some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
+        better, _ = best_reading(evidence.cameras, some.missed)
+        if 1 - better.cost > share + BETTER / 2:
+            yield warning(
+                "all views",
+                f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
+                f" with {better.says} {100 * (1 - better.cost):.0f} %",
+            )
+            return
+    if share > 0:
+        yield from _single(evidence, matched(evidence), share)
 
 
 def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Finding]:
@@ -183,14 +184,10 @@ def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Findin
         share = float(own.agreeing(evidence.cameras).mean())
         if share > AGREEING * usual:
             continue
-        better = evidence.better_camera(place, partial(_missed_with, own, evidence.cameras, place))
+        better, _ = evidence.better_camera(
+            place,
+            lambda camera: own.missed(evidence.cameras.with_one(place, camera)),  # noqa: B023
+        )
         if 1 - better.cost > share + BETTER and 1 - better.cost > NEARLY_USUAL * usual:
-            yield warning(
-                evidence.looks[place].name,
-                f"points that other images show contradict its camera: {better.says} fits far better",
-            )
-
-
-def _missed_with(own: Matches, cameras: Cameras, place: int, camera: Cameras) -> float:
-    """Share of one view's matches that do not agree with another camera of it."""
-    return own.missed(cameras.with_one(place, camera))
+            what = "points that other images show contradict its camera"
+            yield warning(evidence.looks[place].name, better.explains(what, 1 - WHOLE_AGREEING))

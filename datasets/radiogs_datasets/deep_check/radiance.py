@@ -6,15 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
+from .cameras import Array, Fit, best
 from .colours import DISPLAY, decoded
 from .evidence import Evidence, Truth
 
-DARK = 0.01
-"""Radiance below which ratios are noise; it is added to both sides."""
-
-CLIPPED = 0.98
-"""Display value from which on an image may be clipped."""
+DARK, CLIPPED = 0.01, 0.98
+"""Radiance below which ratios are noise (it is added to both sides), and display value from which an image may clip."""
 
 OFF, EXPLAINED = 0.06, 0.4
 """Median ratio (natural logarithm) at which a sum contradicts its image, and the share another reading may leave."""
@@ -62,6 +59,7 @@ def _sum(truth: Truth, others: Sequence[Truth]) -> Iterator[Finding]:
     tried = [(f"the image has {says}", _apart(decoded(read(display)), whole)) for says, read in DISPLAY]
     tried += [
         ("direct light holds the whole radiance already", _apart(shown, direct)),
+        ("indirect light holds the whole radiance already", _apart(shown, indirect)),
         ("direct and indirect light are stored as display sRGB",
          _apart(shown, decoded(direct.clip(0, 1)) + decoded(indirect.clip(0, 1)))),
         ("red and blue of direct and indirect light exchanged", _apart(shown, whole[..., ::-1])),
@@ -72,9 +70,10 @@ def _sum(truth: Truth, others: Sequence[Truth]) -> Iterator[Finding]:
             theirs = other.maps["direct"][chosen] + other.maps["indirect"][chosen]
             tried.append((f"the image of {other.name}", _apart(decoded(other.maps["image"][chosen]), whole)))
             tried.append((f"the radiance of {other.name}", _apart(shown, theirs)))
-    fit = best(tried)
     what = f"direct and indirect light do not sum to its image ({100 * (np.exp(own) - 1):.0f} % off in the median)"
-    yield warning(truth.name, f"{what}: {fit.says} fits" if fit.cost < EXPLAINED * own else what)
+    # Where indirect light is faint, either of its parts may be the whole, and either side have the wrong curve.
+    fits = " or ".join(says for says, cost in tried if cost < min(OFF, EXPLAINED * own))
+    yield warning(truth.name, Fit(fits, 0.0).explains(what, OFF))
 
 
 def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
@@ -82,13 +81,9 @@ def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
     if chosen is None:
         return
     display, part = truth.maps[image][chosen], truth.maps[name][chosen]
-
-    def beyond(shown: Array) -> float:
-        return float((part > BEYOND * decoded(shown) + DARK).any(-1).mean())
-
-    share = beyond(display)
-    if share > MOST_BEYOND:
-        fit = best((says, beyond(read(display))) for says, read in DISPLAY)
+    shown = {"": display} | {says: read(display) for says, read in DISPLAY}
+    shares = {says: float((part > BEYOND * decoded(each) + DARK).any(-1).mean()) for says, each in shown.items()}
+    if (share := shares.pop("")) > MOST_BEYOND:
+        fit = best((f"the image with {says}", other) for says, other in shares.items())
         what = f"{name} exceeds the whole radiance of {image} at {100 * share:.0f} % of the pixels"
-        fits = fit.cost < 0.2 * share
-        yield warning(truth.name, f"{what}: it does not if the image has {fit.says}" if fits else what)
+        yield warning(truth.name, fit.explains(what, 0.2 * share))

@@ -23,23 +23,14 @@ from .surface import Points
 ROWS, COLUMNS = 16, 32
 """Texels of the reduced maps of light."""
 
-POINTS_OF_A_VIEW = 90
-"""Points of a view that are shaded; fewer where there are many views."""
+POINTS_OF_A_VIEW, MOST_POINTS = 90, 480
+"""Points that are shaded: of a view, and of all views."""
 
-MOST_POINTS = 480
-"""Points of all views that are shaded."""
+CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
+"""Cells of the longer side of the grid that hides light; length of a ray's step, and its start above the surface."""
 
-CELLS = 40
-"""Cells of the longer side of the grid that hides light."""
-
-STRIDE, LEAVING = 1.25, 2.0
-"""Length of a step along a ray, and distance at which a ray starts above its surface, in cells."""
-
-NORMAL_INCIDENCE = 0.04
-"""Reflectance of the specular lobe at normal incidence."""
-
-SMOOTHEST = 0.2
-"""Roughness below which a lobe is narrower than a texel of the light."""
+NORMAL_INCIDENCE, SMOOTHEST = 0.04, 0.2
+"""Reflectance of the specular lobe at normal incidence, and roughness below which it is narrower than a texel."""
 
 
 @dataclass(frozen=True)
@@ -131,23 +122,15 @@ def _hidden(position: Array, normal: Array, facing: NDArray[np.bool_], shown: Ar
     return hidden
 
 
-DARK = 0.02
-"""Radiance below which ratios are noise, as a share of the mean; it is added to both sides."""
+DARK, MOST = 0.02, 1.0
+"""Radiance below which ratios are noise, as a share of the mean (it is added to both sides), and the natural logarithm
+of a ratio that counts at most."""
 
-MOST = 1.0
-"""Ratio of radiance, natural logarithm, that counts at most."""
+FITS, ROUGHNESS_FITS = 0.72, 0.62
+"""Share of the difference that another reading may leave; that of roughness, which decides less of an image."""
 
-FITS = 0.72
-"""Share of the difference that another reading may leave."""
-
-WORST = 0.4
-"""Difference that is too large for this model of light to say anything, even with the reading that fits best."""
-
-LEAST = 0.03
-"""Difference that coarse light explains."""
-
-ROUGHNESS_FITS = 0.62
-"""As FITS, for roughness, which decides less of an image."""
+WORST, LEAST = 0.4, 0.03
+"""Differences between which this model of light says something: coarse light explains less, and more no reading."""
 
 
 @dataclass(frozen=True)

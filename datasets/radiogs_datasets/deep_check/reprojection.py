@@ -10,17 +10,13 @@ from .cameras import Array, Cameras
 from .evidence import Evidence, Look
 from .surface import Surface, sampled, seen, surface_of
 
-MISSED = 0.25
-"""Difference of colour, display sRGB, that counts for a point where a view shows nothing; larger ones count as this."""
+FEWEST, MISSED = 40, 0.25
+"""Points below which a view says nothing, and the difference of colour, display sRGB, that counts for a point where a
+view shows nothing; larger ones count as this."""
 
-FEWEST = 40
-"""Points below which a view says nothing."""
-
-SUSPECT, SUSPECT_FROM = 2.0, 0.01
-"""Factor on the median difference of all views, and a summand, above which other readings of a camera are tried."""
-
-EXPLAINED = 0.5
-"""Share of a difference that another reading may leave."""
+SUSPECT, SUSPECT_FROM, EXPLAINED = 2.0, 0.01, 0.5
+"""Factor on the median difference of all views, and a summand, above which a view is suspected; and the share of its
+difference that another reading of its camera may leave."""
 
 
 def reprojection(evidence: Evidence) -> Iterator[Finding]:
@@ -35,11 +31,10 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
     usual = float(np.median(costs))
     for place in np.flatnonzero(costs > SUSPECT * usual + SUSPECT_FROM).tolist():
         look = evidence.looks[place]
-        better = evidence.better_camera(place, partial(difference, surface, colour, look))
+        better, _ = evidence.better_camera(place, partial(difference, surface, colour, look))
         if better.cost < EXPLAINED * costs[place]:
-            gain = 20 * np.log10(costs[place] / max(better.cost, 1e-6))
-            what = f"its image contradicts the surface of the test views: {better.says} fits {gain:.0f} dB better"
-            yield warning(look.name, what)
+            what = "its image contradicts the surface of the test views"
+            yield warning(look.name, better.explains(what, SUSPECT * usual + SUSPECT_FROM))
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:

@@ -1,6 +1,6 @@
 """True normals against the camera and the depth, and true depth against the depth of other views."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
@@ -8,36 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..findings import Finding, warning
-from .cameras import Array, best
+from .cameras import Array, Fit, best, searched
 from .evidence import Evidence, Truth, some_pixels
 from .surface import at_points
 
 AWAY, MOST_AWAY = -0.1, 0.03
 """Cosine to the camera below which a visible surface looks away, and the share of a view's pixels that may."""
 
-UNLIKE_DEPTH = 0.8
-"""Mean cosine between stored normals and normals of the depth map below which the two contradict each other."""
-
-FIT = 0.95
-"""Mean cosine that another reading of the normals has to reach to be named."""
+UNLIKE_DEPTH, FIT = 0.8, 0.95
+"""Mean cosine between stored normals and those of the depth map below which the two contradict each other, and mean
+cosine that another reading of the normals has to reach to be named."""
 
 FARTHEST_OFF = 0.1
 """Relative difference of two depths that counts where one view does not show the other's point."""
 
-OFF, TIMES = 0.002, 3.0
-"""Relative difference of depths, and its multiple under another reading, from which depth contradicts other views."""
+OFF, TIMES, FAR_OFF = 0.002, 3.0, 0.01
+"""Relative difference of depths from which depth contradicts other views: where it is that multiple of what another
+reading leaves; and that of a single view, or of all views where no reading explains it."""
 
-SINGLE_OFF = 0.01
-"""The same for the depth of a single view, which has to leave less than OFF under another reading."""
+POINTS, FEWEST, SHOWN = 300, 30, 0.35
+"""Points of a view that are compared, how few say nothing, and the quantile over them: the other view hides some."""
 
-POINTS, FEWEST = 300, 30
-"""Points of a view that are compared, and how few say nothing."""
-
-SHOWN = 0.35
-"""Quantile over points, because some are hidden in the other view."""
-
-FACTORS = (0.001, 0.01, 0.1, 0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0, 10.0,
-           100.0, 1000.0)  # fmt: skip
+FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 10.0, 100.0, 1000.0]]).T
+"""Scales of depth that are tried before the best of them is searched around."""
 
 NAMES = ("x", "y", "z")
 
@@ -81,8 +74,6 @@ class DepthMaps:
         yield "distance along the ray where z-depth is expected", shorter
         longer = [depth * length for depth, length in zip(stored, lengths, strict=True)]
         yield "z-depth divided by the ray's length once too often", longer
-        for factor in FACTORS:
-            yield f"its scale is off: {factor:g} times the recorded depth", [factor * depth for depth in stored]
         yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]
 
     def with_one(self, place: int, **parts: NDArray) -> "DepthMaps":
@@ -126,20 +117,25 @@ def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
     if level <= OFF:
         yield from _depth_of_single(stored, own)
         return
-    fit = best((says, float(np.median(replace(stored, maps=maps).costs()))) for says, maps in stored.readings())
-    if level > TIMES * fit.cost:
-        yield warning(
-            "depth",
-            f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point):"
-            f" {fit.says} leaves {100 * fit.cost:.2g} %",
-        )
+    fit = _best_depth(stored, lambda maps: float(np.median(replace(stored, maps=maps).costs())))
+    if level > TIMES * fit.cost or level > FAR_OFF:
+        what = f"the depth maps contradict one another ({100 * level:.2g} % apart where two views show a point)"
+        yield warning("depth", fit.explains(what, OFF))
+
+
+def _best_depth(stored: DepthMaps, cost: Callable[[Sequence[Array]], float]) -> Fit:
+    """The reading of the depth maps, or the factor on them, with the least cost."""
+    factor, left = searched(lambda factor: cost([factor * depth for depth in stored.maps]), FACTORS, 0.02)
+    says = f"another scale than that of the cameras' positions ({factor[0]:.3g} times the recorded depth)"
+    return best([(says, left), *((says, cost(maps)) for says, maps in stored.readings())])
 
 
 def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
     """Views whose depth contradicts the other views while another reading, or another view's map, agrees with them."""
     truths = stored.truths
-    for place in np.flatnonzero(own > SINGLE_OFF).tolist():
-        tried = [(says, stored.with_one(place, maps=maps[place]).cost(place)) for says, maps in stored.readings()]
+    for place in np.flatnonzero(own > FAR_OFF).tolist():
+        fit = _best_depth(stored, lambda maps: stored.with_one(place, maps=maps[place]).cost(place))  # noqa: B023
+        tried = [(fit.says, fit.cost)]
         for other, (depth, kept) in enumerate(zip(stored.maps, stored.kept, strict=True)):
             if other != place and depth.shape == stored.maps[place].shape:
                 unknown = np.zeros_like(stored.facing[place])
@@ -161,14 +157,12 @@ class Sample:
         self.derived: Array | None = truth.derived_normals[kept] if "depth" in truth.maps else None
         self.axes: Array = truth.camera.axes.double().numpy()
 
-    def read(self, in_camera: bool, matrix: Array) -> Array:
-        """The normals if they are stored with other axes of the world's or of the camera's frame."""
-        turned = self.stored @ matrix.T
-        return turned @ self.axes.T if in_camera else turned
-
     def fit(self, in_camera: bool = False, matrix: Array = AS_STORED) -> float:
-        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away."""
-        read = self.read(in_camera, matrix)
+        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away.
+
+        ``in_camera``, ``matrix``: frame of the stored normals, and the exchange of axes that undoes what was done.
+        """
+        read = self.stored @ matrix.T @ self.axes.T if in_camera else self.stored @ matrix.T
         if self.derived is not None:
             return float((read * self.derived).sum(1).mean())
         return 1 - 2 * self.away(read)
@@ -193,18 +187,14 @@ def _normals(truths: Sequence[Truth]) -> Iterator[Finding]:
         yield warning(sample.name, _sentence([sample]))
 
 
-def _best_frame(samples: Sequence[Sample]) -> tuple[str, float]:
-    """The signed exchange of axes, of the world's or the camera's frame, that fits best; and how well."""
-    found = ("", -np.inf)
-    for in_camera in (False, True):
-        for order in permutations(range(3)):
-            for signs in product((1.0, -1.0), repeat=3):
-                matrix = np.zeros((3, 3))
-                matrix[range(3), order] = signs
-                fit = float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
-                if fit > found[1] + 1e-6:
-                    found = (_frame(in_camera, order, signs), fit)
-    return found
+def _best_frame(samples: Sequence[Sample]) -> Fit:
+    """The signed exchange of axes, of the world's or the camera's frame, that fits best; the cost is 1 - cosine."""
+    tried = []
+    for in_camera, order, signs in product((False, True), permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
+        apart = 1 - float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
+        tried.append((_frame(in_camera, order, signs), round(apart, 6)))
+    return best(tried)
 
 
 def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str:
@@ -214,7 +204,7 @@ def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str
         return f"stored in the camera's frame ({named})"
     if axes == "-x, -y, -z":
         return "negated (they point inwards)"
-    return f"stored with the world's axes exchanged or mirrored: ({axes}) are right"
+    return f"stored with the world's axes exchanged or mirrored ({axes})"
 
 
 def _sentence(wrong: Sequence[Sample]) -> str:
@@ -222,7 +212,4 @@ def _sentence(wrong: Sequence[Sample]) -> str:
     against = "the depth" if wrong[0].derived is not None else "the camera"
     now = float(np.mean([sample.fit() for sample in wrong]))
     said = f"normals contradict {against}: {100 * away:.0f} % of them look away from the camera"
-    frame, fit = _best_frame(wrong)
-    if fit > FIT and fit > now + 0.1:
-        return f"{said}; they fit if they are {frame} (mean cosine {fit:.2f} instead of {now:.2f})"
-    return f"{said}, and no exchange of axes explains it"
+    return _best_frame(wrong).explains(said, 1 - max(FIT, now + 0.1))

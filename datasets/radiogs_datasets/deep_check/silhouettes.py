@@ -5,7 +5,7 @@ tangency). The distance of an outline from the other's plane, in pixels, needs n
 is below a tenth of a pixel in rendered scenes. Outlines that reach the border of their image are left out.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,33 +16,33 @@ from scipy.spatial import ConvexHull, QhullError
 from skimage.measure import find_contours
 
 from ..findings import Finding, warning
-from .cameras import Array, Cameras, best_reading
+from .cameras import NO_CAUSE, Array, Cameras, Fit, best_reading, searched
 from .evidence import Evidence, Look, evenly
+from .matches import agreement
 
-CORNERS = 24
-"""Corners of an outline's convex hull that are kept."""
+SIDE, CORNERS = 256, 24
+"""Longest side of the masks that outlines are taken from, pixels, and corners of a convex hull that are kept."""
 
-SIDE = 256
-"""Longest side of the masks that outlines are taken from, pixels."""
+FEWEST, TRIED_TOGETHER = 5, 16
+"""Outlines from which on one can be told from the others, and views on which readings of all cameras are tried."""
 
-FEWEST = 5
-"""Outlines from which on one can be told from the others."""
-
-BORDER = 0.75
-"""Distance from the border of the image, in pixels, below which an outline is cut off."""
-
-FLOOR = 0.1
-"""Residual that edges of pixels alone explain, in pixels of the reduced mask."""
+BORDER, FLOOR = 0.75, 0.1
+"""Distance from the border below which an outline is cut off, and residual that edges of pixels alone explain, in
+pixels of the reduced mask."""
 
 WHOLE_RATIO, VIEW_RATIO = 1.5, 4.0
 """Times the residual that another reading leaves (of all views), or times the median of all views (of one view), from
 which on outlines contradict their cameras."""
 
-EXPLAINED = 0.35
-"""Share of a view's residual that another reading of its camera may leave."""
+EXPLAINED, SOUND = 0.35, 2.0
+"""Share of a view's residual that a reading of its camera leaves where the view is named, and times the residual of
+sound views that it may leave to be the cause."""
 
-TRIED_TOGETHER = 16
-"""Views on which readings of all cameras are tried."""
+WIDER = np.array([[-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0]]).T
+"""Pixels by which a mask may be larger than the object."""
+
+AGREEING, AHEAD = 0.5, 0.1
+"""Share of the matches of images that agree with cameras which are right, and by how much it is ahead of others'."""
 
 INVERTED_SHARE = 0.7
 """Share of the masks that have to look inverted where no outline is complete."""
@@ -67,13 +67,13 @@ class Outlines:
 
     def residual(self, cameras: Cameras) -> Array:
         """[views, views, 2]: distance of outlines from one another's outermost planes, pixels; NaN without planes."""
-        return residuals(cameras, self.corners, cameras, self.corners, cameras.looked_at)
+        return np.abs(beyond(cameras, self.corners, cameras, self.corners, cameras.looked_at))
 
 
-def outlined(look: Look, inverted: bool = False) -> Array | None:
+def hull(look: Look, inverted: bool = False) -> Array | None:
     """Corners of the convex hull of what a view covers (``inverted``: of its background), pixels of the reduced image.
 
-    None without an outline, or where it is cut off.
+    None without an outline.
     """
     if look.alpha is None:
         return None
@@ -88,15 +88,21 @@ def outlined(look: Look, inverted: bool = False) -> Array | None:
         return None
     points = np.concatenate(found)[:, ::-1] - 0.5
     try:
-        hull = points[ConvexHull(points).vertices]
+        corners = points[ConvexHull(points).vertices]
     except QhullError:
         return None
-    if ((hull < BORDER) | (hull > np.array(alpha.shape[::-1]) - BORDER)).any():
-        return None
-    if len(hull) > CORNERS:
-        hull = hull[np.linspace(0, len(hull) - 1, CORNERS).round().astype(int)]
-    corners = np.concatenate([hull, np.repeat(hull[:1], CORNERS - len(hull), 0)])
+    if len(corners) > CORNERS:
+        corners = corners[np.linspace(0, len(corners) - 1, CORNERS).round().astype(int)]
+    corners = np.concatenate([corners, np.repeat(corners[:1], CORNERS - len(corners), 0)])
     return corners * np.array([width / alpha.shape[1], height / alpha.shape[0]])
+
+
+def outlined(look: Look, inverted: bool = False) -> Array | None:
+    """The corners of ``hull``; None, too, where they reach the border of the image: the outline is cut off."""
+    corners, border = hull(look, inverted), BORDER * max(1.0, max(look.image.shape) / SIDE)
+    if corners is None or ((corners < border) | (corners > np.array(look.image.shape[1::-1]) - border)).any():
+        return None
+    return corners
 
 
 def outlines(evidence: Evidence, places: Iterable[int], inverted: bool = False) -> Outlines | None:
@@ -127,12 +133,12 @@ def _ranges(cameras: Cameras, corners: Array, others: Cameras, middle: Array) ->
     return low, high, np.hypot(along, across).mean(-1) * cameras.focal.mean(-1)[:, None]
 
 
-def residuals(cameras: Cameras, corners: Array, others: Cameras, other_corners: Array, middle: Array) -> Array:
-    """[views, others, 2]: distance of each outline from the outermost planes of the other, pixels; NaN where the line
-    between two cameras passes through the object, so that no plane touches it."""
+def beyond(cameras: Cameras, corners: Array, others: Cameras, other_corners: Array, middle: Array) -> Array:
+    """[views, others, 2]: how far each outline reaches out of the outermost planes of the other, pixels; NaN where the
+    line between two cameras passes through the object, so that no plane touches it."""
     low, high, scale = _ranges(cameras, corners, others, middle)
     other_low, other_high, other_scale = _ranges(others, other_corners, cameras, middle)
-    apart = np.abs(np.stack([high + other_low.T, low + other_high.T], -1))
+    apart = np.stack([high + other_low.T, -(low + other_high.T)], -1)
     return np.asarray(apart * np.minimum(scale, other_scale.T)[..., None])
 
 
@@ -151,31 +157,34 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
     unit = max(1.0, float(known.cameras.size.max()) / SIDE)
     whole = known.residual(known.cameras)
     level = median(whole)
-    some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
-    better = best_reading(some.cameras, lambda cameras: median(some.residual(cameras)))
-    if level > WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit):
-        yield warning(
-            "all views",
-            f"the outlines contradict the cameras: with {better.says} they meet within {better.cost:.2g} pixels"
-            f" instead of {_pixels(level)}",
-        )
-    elif level > UNEXPLAINED * known.cameras.size.max():
-        yield warning(
-            "all views",
-            f"the outlines contradict the cameras: they miss one another by {_pixels(level)} in the median, and no"
-            " usual mistake explains it",
-        )
-    else:
-        yield from _single(evidence, known, whole, max(level, FLOOR * unit))
-        yield from _inverted(evidence, known, max(level, FLOOR * unit))
+    if level > WHOLE_RATIO * 0.7 * FLOOR * unit:
+        some = known.take(np.array(evenly(range(len(known.places)), TRIED_TOGETHER)))
+        better, read = best_reading(evidence.cameras, lambda cameras: median(some.residual(cameras.take(some.places))))
+        if level > min(WHOLE_RATIO * max(better.cost, 0.7 * FLOOR * unit), UNEXPLAINED * known.cameras.size.max()):
+            what = "the outlines contradict one another" + f" ({level:.2g} pixels apart)" * (level < np.inf)
+            yield warning("all views", _caused(what, [better], SOUND * FLOOR * unit, agreement(evidence, read)))
+            return
+    yield from _single(evidence, known, whole, max(level, FLOOR * unit))
+    yield from _incomplete(evidence, known, max(level, FLOOR * unit))
 
 
-def _pixels(residual: float) -> str:
-    return f"{residual:.2g}" if np.isfinite(residual) else "more than the image"
+def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: Sequence[float]) -> str:
+    """Say what contradicts, and its cause: the masks where images agree with the cameras, else what explains it.
+
+    ``fits``: the best reading of cameras first. ``agreed``: shares of matches that agree with cameras as recorded and
+    as read.
+    """
+    recorded, read = agreed
+    if recorded > max(AGREEING, read + AHEAD):
+        return f"{what}, but {100 * recorded:.0f} % of the images' matches agree with the cameras: masks are wrong"
+    certain = read > max(AGREEING, recorded + AHEAD)
+    said = " or ".join(fit.says for fit in fits[: 1 if certain else None] if fit.says and fit.cost <= sound)
+    either = "" if certain else " (for the cameras, or for the masks alone)"
+    return f"{what}: {said} fits far better{either}" if said else f"{what}, {NO_CAUSE}"
 
 
 def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> Iterator[Finding]:
-    """Views whose outline contradicts the others, and which reading of its camera fits."""
+    """Views whose outline contradicts the others, and which reading of its camera or mask fits."""
     each = np.array([median(row) for row in whole])
     wrong = np.flatnonzero(each > VIEW_RATIO * level)
     rest = known.take(np.flatnonzero(each <= VIEW_RATIO * level))
@@ -183,26 +192,33 @@ def _single(evidence: Evidence, known: Outlines, whole: Array, level: float) -> 
         return
     for place in wrong:
         view, corners = int(known.places[place]), known.corners[[place]]
-        better = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
-        name = evidence.looks[view].name
-        if better.cost < EXPLAINED * each[place]:
-            yield warning(name, f"its outline contradicts the other views: {better.says} fits far better")
-        elif each[place] > UNEXPLAINED * known.cameras.size.max():
-            yield warning(name, "its outline contradicts the other views, and no usual mistake explains it")
+        better, read = evidence.better_camera(view, partial(_misfit, corners, rest), known.places.tolist())
+        if better.cost < EXPLAINED * each[place] or each[place] > UNEXPLAINED * known.cameras.size.max():
+            reach = beyond(evidence.cameras.take([view]), corners, rest.cameras, rest.corners, rest.cameras.looked_at)
+            wider, left = searched(lambda pixels: median(np.abs(reach - pixels[0])), WIDER, 0.5)  # noqa: B023
+            mask = Fit(f"a mask {abs(wider[0]):.2g} pixels too {'large' if wider[0] > 0 else 'small'}", left)
+            what = "its outline contradicts the other views"
+            agreed = agreement(evidence, read, place=view)
+            yield warning(evidence.looks[view].name, _caused(what, [better, mask], SOUND * level, agreed))
 
 
 def _misfit(corners: Array, rest: Outlines, camera: Cameras) -> float:
     """Median distance, in pixels, of one outline under a camera from the planes that touch the others."""
-    return median(residuals(camera, corners, rest.cameras, rest.corners, rest.cameras.looked_at))
+    return median(np.abs(beyond(camera, corners, rest.cameras, rest.corners, rest.cameras.looked_at)))
 
 
-def _inverted(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
-    """Views without a complete outline whose background's outline fits the others."""
-    for place in np.setdiff1d(np.arange(len(evidence.looks)), known.places):
-        look = evidence.looks[place]
-        corners = outlined(look, inverted=True)
-        if corners is not None and _misfit(corners[None], known, evidence.cameras.take([place])) < VIEW_RATIO * level:
+def _incomplete(evidence: Evidence, known: Outlines, level: float) -> Iterator[Finding]:
+    """Views without a complete outline whose background's outline fits the others, or which cover too much."""
+    for place in sorted({*range(len(evidence.looks))} - {*known.places.tolist()}):
+        look, camera = evidence.looks[place], evidence.cameras.take([place])
+        ground, corners = outlined(look, inverted=True), hull(look)
+        if ground is not None and _misfit(ground[None], known, camera) < VIEW_RATIO * level:
             yield warning(look.name, "its mask is inverted: the outline of its background fits the others")
+        elif corners is not None:
+            reach = beyond(camera, corners[None], known.cameras, known.corners, known.cameras.looked_at).max(-1)
+            if max(VIEW_RATIO * level, UNEXPLAINED * known.cameras.size.max()) < (outside := median(reach)) < np.inf:
+                what = f"its mask reaches {outside:.2g} pixels into what the outlines of the other views leave out"
+                yield warning(look.name, what)
 
 
 def _all_inverted(evidence: Evidence) -> Iterator[Finding]:

@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 from .cameras import Array, Cameras
 from .evidence import Look, Pixels, Truth, some_pixels
 
-POINTS_OF_A_VIEW = 700
-"""Most points of a view's map."""
+POINTS_OF_A_VIEW, FEWEST = 700, 300
+"""Most points of a view's map, and points of all views below which a surface says nothing."""
 
-CELLS = 40
-"""Cells of a side of the image in which the nearest point hides others."""
-
-SLACK = 0.02
-"""Distance behind the nearest point of a cell, in depths, up to which a point is seen."""
-
-FEWEST = 300
-"""Points below which a surface says nothing."""
+CELLS, SLACK = 40, 0.02
+"""Cells of a side of the image in which the nearest point hides others, but for those less far behind it, in depths."""
 
 
 @dataclass(frozen=True)

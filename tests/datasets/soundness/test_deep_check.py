@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from captured import write_capture
+from datasets.injuries import colour, exposed, files, rewrite, swap
 from radiogs_bench import api
 from radiogs_bench.cli import main
 from radiogs_bench.runs import preflight
@@ -21,7 +21,7 @@ from radiogs_bench.runs.preflight import say_contradictions
 from radiogs_core.errors import UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.deep_check import deep_findings
-from radiogs_datasets.deep_check.colours import decoded, encoded
+from radiogs_datasets.deep_check.colours import encoded
 from radiogs_datasets.deep_check.evidence import Evidence, gather
 from radiogs_datasets.deep_check.matches import epipolar_agreement
 from radiogs_datasets.deep_check.poses import poses
@@ -29,43 +29,11 @@ from radiogs_datasets.deep_check.radiance import radiance
 from radiogs_datasets.deep_check.shape_maps import shape_maps
 from radiogs_datasets.deep_check.silhouettes import silhouettes
 from radiogs_datasets.findings import Finding
-from radiogs_datasets.image_files import read_exr, read_hdr, read_image, write_exr, write_hdr, write_png
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 
 Check = Callable[[Evidence], Iterator[Finding]]
-Image = NDArray[np.float32]
 ONE, OTHER = "train_005", "train_012"
-
-
-def rewrite(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
-    """Change the fields of both transforms files."""
-    for table in sorted(folder.glob("transforms_*.json")):
-        content = json.loads(table.read_text())
-        change(content)
-        table.write_text(json.dumps(content))
-
-
-def files(folder: Path, pattern: str, change: Callable[[Image], Image]) -> None:
-    """Change the pixels of every file of a pattern, in its own format."""
-    for path in sorted(folder.glob(pattern)):
-        read, write = {
-            ".png": (read_image, write_png), ".exr": (read_exr, write_exr), ".hdr": (read_hdr, write_hdr)
-        }[path.suffix]  # fmt: skip
-        write(path, np.ascontiguousarray(change(read(path)), dtype=np.float32))
-
-
-def colour(change: Callable[[Image], Image]) -> Callable[[Image], Image]:
-    """The change of the first three channels alone."""
-    return lambda image: np.concatenate([change(image[..., :3]).clip(0, 1), image[..., 3:]], -1)
-
-
-def swap(folder: Path, first: str, second: str) -> None:
-    """Exchange two files."""
-    one, other, aside = folder / first, folder / second, folder / "aside"
-    one.rename(aside)
-    other.rename(one)
-    aside.rename(other)
 
 
 def zoomed(content: dict[str, Any]) -> None:
@@ -109,10 +77,7 @@ INJURIES: Mapping[str, tuple[Change, str]] = {
         lambda f: files(f, "*/rgba.png", colour(lambda display: encoded(display.astype(float)))),
         r"curve applied twice"),
     "one image of another white balance": (
-        lambda f: files(
-            f, f"{ONE}/rgba.png",
-            colour(lambda display: encoded(decoded(display.astype(float)) * np.array((1.3, 1.0, 0.75))))),
-        rf"{ONE}.*white balance"),
+        lambda f: files(f, f"{ONE}/rgba.png", exposed(1.3, 1.0, 0.75)), rf"{ONE}.*white balance"),
     "training light turned by 90 degrees": (
         lambda f: files(f, "envmaps/training.hdr", lambda radiance: np.roll(radiance, radiance.shape[1] // 4, axis=1)),
         r"image.*turned by -90"),
