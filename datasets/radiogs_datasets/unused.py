@@ -43,7 +43,7 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     moving, left = _moving(left)
     sizes, left = _sizes(left, read)
     splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
-    lost, left = _without_camera(left, read)
+    lost, left = _without_view(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
     others = [f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"] if left else []
@@ -119,7 +119,7 @@ def _splits(files: list[Path], left: list[Path]) -> Said:
     return said, left
 
 
-def _without_camera(left: list[Path], read: list[Path]) -> Said:
+def _without_view(left: list[Path], read: list[Path]) -> Said:
     """Images beside those of the views that have their names but for the digits, or lie in a folder of photos."""
     alike = {_kind(path) for path in read}
     places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
@@ -127,7 +127,9 @@ def _without_camera(left: list[Path], read: list[Path]) -> Said:
     if not lost:
         return [], left
     total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
-    said = f"{len(lost)} of {total} photos have no camera and are not used: {shown([p.as_posix() for p in lost])}"
+    said = (
+        f"{len(lost)} of {total} photos are not used, as no view here has them: {shown([p.as_posix() for p in lost])}"
+    )
     return [said], [path for path in left if path not in {*lost}]
 
 
