@@ -11,7 +11,7 @@ from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title,
 from ..wording import count_of, heading
 from .comparisons import better_or_worse, resolved, upwards
 from .report import Grid, Report, estimate_fields, estimate_item, name_item, plain_item
-from .samples import changed_fields, flat, made_from, runs_of, values_of
+from .samples import changed_fields, flat, level_in, made_from, runs_of, values_of
 
 MOST_CHANGES = 8
 """Settings of a row that are named; more are counted."""
@@ -79,11 +79,11 @@ def beside_report(summary: Summary) -> Report | None:
 
 def compared_values(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
     """The values of a column in the rows that share a scene and seed with the other run."""
-    found = {}
+    found, over = {}, level_in(summary, column["key"])
     for row in row_texts(summary):
         here, there = _shared(summary, other, row, column["key"])
-        difference = paired_difference(here, there)
-        gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)))
+        difference = paired_difference(here, there, over)
+        gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)), over)
         if difference is not None and gain is not None:
             found[row] = here, there, difference, gain
     told = resolved({row: gain for row, (*_, gain) in found.items()})

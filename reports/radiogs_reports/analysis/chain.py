@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
-from ..statistics import Estimate, Sample, mean_of, paired_difference
+from ..statistics import Estimate, Sample, level_of, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import resolved
@@ -70,7 +70,8 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
     worth = []
     for column, values in found:
         if any(values.values()):
-            steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
+            over = level_of(*values.values())
+            steps = {row: paired_difference(values[row], values[before], over) for before, row in pairwise(rows)}
             doubted = doubted_rows(summary, column["key"])
             trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}
             told = frozenset(resolved(steps) & trusted)

@@ -8,7 +8,7 @@ from collections.abc import Hashable, Mapping
 from itertools import combinations
 from typing import Literal, NamedTuple, TypeVar
 
-from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, mean_of, paired_difference, spread
+from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, level_of, mean_of, paired_difference, spread
 from ..summary import Verdict
 
 Direction = Literal["up", "down", "zero", "none"]
@@ -52,11 +52,11 @@ def resolved(found: Mapping[Key, Estimate | None]) -> set[Key]:
 
 
 def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
-    """Every other row that shares a scene and seed with the reference row, compared with it."""
-    base, found = samples[reference], {}
+    """Every other row that shares a scene and seed with the reference row, compared with it over the column's units."""
+    base, found, over = samples[reference], {}, level_of(*samples.values())
     for row, sample in samples.items():
-        difference = paired_difference(sample, base)
-        gain = paired_difference(upwards(sample, direction), upwards(base, direction))
+        difference = paired_difference(sample, base, over)
+        gain = paired_difference(upwards(sample, direction), upwards(base, direction), over)
         if row != reference and difference is not None and gain is not None:
             found[row] = difference, gain
     adjusted = adjusted_p_values({row: gain for row, (_, gain) in found.items()})
@@ -81,12 +81,18 @@ def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, f
     return {key: -abs(value) if direction == "zero" else -value for key, value in values.items()}
 
 
-def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
-    """The rows that are resolved to be worse than each row; None for counts, and if no pair can be tested."""
+def beaten(
+    samples: Mapping[str, Sample], direction: Direction, over: Level | None = None
+) -> dict[str, set[str]] | None:
+    """The rows that are resolved to be worse than each row; None for counts, and if no pair can be tested.
+
+    ``over``: the units of the column, if it has other values than these samples.
+    """
     if direction == "none":
         return None
+    over = over or level_of(*samples.values())
     upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
-    pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
+    pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]], over) for pair in combinations(upward, 2)}
     if not adjusted_p_values(pairs):
         return None
     found: dict[str, set[str]] = {row: set() for row in upward}

@@ -11,7 +11,7 @@ from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, ro
 from ..wording import heading, label_with_unit, signed
 from .comparisons import resolved
 from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, name_item
-from .samples import changed_fields, flat, made_from, values_of
+from .samples import changed_fields, flat, level_in, made_from, values_of
 
 FEWEST = 2
 """Pairs of rows that a setting has to differ in alone."""
@@ -84,7 +84,9 @@ def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any
 
 def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[str, str], Estimate]:
     """First row less second row, for each pair that shares a scene and seed."""
-    found = {pair: paired_difference(*(values_of(summary, row, column) for row in pair)) for pair in crossed.pairs}
+    over = level_in(summary, column)
+    samples = {row: values_of(summary, row, column) for pair in crossed.pairs for row in pair}
+    found = {(row, other): paired_difference(samples[row], samples[other], over) for row, other in crossed.pairs}
     return {pair: difference for pair, difference in found.items() if difference is not None}
 
 
