@@ -21,6 +21,10 @@ BAND = 4.0
 noise of a rerun is not known; of a rerun where there is a single seed."""
 
 POWER = 0.8
+"""The share of runs in which a stated loss is found, if a rerun's spread were known."""
+
+SIMULATED_POWER = 0.75
+"""That share of simulated runs: a rerun's spread is itself an estimate, from a few seeds."""
 
 
 @dataclass(frozen=True)
