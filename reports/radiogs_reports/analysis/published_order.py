@@ -2,12 +2,12 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
+from numpy.typing import NDArray
 from scipy.stats import kendalltau
 
 from ..statistics import Estimate, mean_of, paired_difference
@@ -15,7 +15,7 @@ from ..summary import ColumnSummary, Summary, row_texts
 from ..wording import heading, label_with_unit, signed
 from .comparisons import beaten, upwards
 from .report import Grid, Record, Report, name_item, number_item
-from .samples import level_in, values_of
+from .samples import values_of
 
 FEWEST = 3
 """The fewest methods of a rank correlation."""
@@ -94,62 +94,43 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
         return None
     alike = {row: {origin: sample[origin] for origin in shared} for row, sample in samples.items()}
     means = [mean.mean for sample in alike.values() if (mean := mean_of(sample)) is not None]
-    names, goals, over = list(alike), list(published.values()), level_in(summary, column["key"])
-    told = {(better, each) for better, worse in (beaten(alike, "up", over) or {}).items() for each in worse}
-    confirmed = sum(published[better] > published[each] for better, each in told)
+    rows, worse = list(alike), beaten(alike, "up") or {}
+    told = [(better, each) for better in rows for each in rows if each in worse.get(better, ())]
     printed = {row: summary["published"][row][column["key"]] for row in published}
     reversals = [
         Reversal(better, other, gain, (printed[better], printed[other]))
-        for better, other in sorted(told, key=lambda pair: [*map(names.index, pair)])
-        if published[better] < published[other] and (gain := paired_difference(alike[better], alike[other], over))
+        for better, other in told
+        if published[better] < published[other] and (gain := paired_difference(alike[better], alike[other]))
     ]
-    low, high = _bounds(goals, {(names.index(better), names.index(other)) for better, other in told})
-    tau = float(kendalltau(means, goals).statistic)
-    return Order(column, len(alike), tau, low, high, _by_chance(means, goals), confirmed, reversals)
+    confirmed = sum(published[better] > published[other] for better, other in told)
+    signs, measured = (np.sign(np.subtract.outer(side, side)).astype(int) for side in ([*published.values()], means))
+    every = _scores(signs, [size for _, size in sorted(Counter(means).items())], [set[int]() for _ in rows])
+    by_chance = sum(count for score, count in every.items() if 2 * score >= (signs * measured).sum()) / every.total()
+    agreeing = _scores(signs, [1 for _ in rows], [{rows.index(each) for each in worse.get(row, ())} for row in rows])
+    scale = math.sqrt(math.comb(len(rows), 2) * np.count_nonzero(signs) / 2)  # of tau-b
+    tau = float(kendalltau(means, list(published.values())).statistic)
+    ends = min(agreeing) / scale, max(agreeing) / scale
+    return Order(column, len(rows), tau, *ends, by_chance, confirmed, reversals)
 
 
-def _bounds(published: Sequence[float], resolved: Collection[tuple[int, int]]) -> tuple[float, float]:
-    """The lowest and the highest tau-b of orders in which the first of each resolved pair comes before the second.
+def _scores(signs: NDArray[np.int_], sizes: Sequence[int], worse: Sequence[set[int]]) -> Counter[int]:
+    """The number of orders of the methods by their pairs that come as published less those that come reversed.
 
-    A linear program over whole numbers: x of a pair is 1 where its first comes first, and of three methods none may
-    come in a circle (Grötschel, Jünger and Reinelt, "A cutting plane algorithm for the linear ordering problem", 1984).
+    ``signs``: of published differences, [method, method]. ``sizes``: of groups of equal places, the worst first.
+    ``worse``: the methods that have to be placed before each. Exact, over 2^n sets of placed methods, not n! orders.
     """
-    pairs = list(combinations(range(len(published)), 2))
-    place = {pair: each for each, pair in enumerate(pairs)}
-    worth = np.sign([published[one] - published[other] for one, other in pairs])
-    circles = np.zeros((math.comb(len(published), 3), len(pairs)))
-    for row, (one, two, three) in zip(circles, combinations(range(len(published)), 3), strict=True):
-        row[[place[one, two], place[two, three], place[one, three]]] = 1, 1, -1
-    bounds = Bounds([pair in resolved for pair in pairs], [pair[::-1] not in resolved for pair in pairs])
-    ends = (
-        sign * milp(sign * worth, integrality=1, bounds=bounds, constraints=LinearConstraint(circles, 0, 1)).fun
-        for sign in (1, -1)
-    )
-    scale = math.sqrt(len(pairs) * np.count_nonzero(worth))
-    low, high = ((2 * end - worth.sum()) / scale for end in ends)
-    return float(low), float(high)
-
-
-def _by_chance(measured: Sequence[float], published: Sequence[float]) -> float:
-    """The share of all orders of the published values whose tau with the measured ones is at least as large.
-
-    Exact, also where values of either side are equal: values are given to ever better methods, those of equal means at
-    once, and the ways to give each set of them are counted by the pairs in order less those out of order.
-    """
-    ways: dict[tuple[float, ...], Counter[int]] = {(): Counter({0: 1})}
-    for _, size in sorted(Counter(measured).items()):
-        grown: dict[tuple[float, ...], Counter[int]] = defaultdict(Counter)
-        for given, counts in ways.items():
-            left = sorted((Counter(published) - Counter(given)).elements())
-            for chosen in combinations(left, size):
-                gained = sum((new > old) - (new < old) for new in chosen for old in given)
+    ways = {frozenset[int](): Counter({0: 1})}
+    for size in sizes:
+        grown: dict[frozenset[int], Counter[int]] = defaultdict(Counter)
+        for placed, counts in ways.items():
+            free = [each for each, before in enumerate(worse) if each not in placed and before <= placed]
+            for chosen in combinations(free, size):
+                gained = int(signs[np.ix_(chosen, [*placed])].sum())
                 for score, count in counts.items():
-                    grown[tuple(sorted(given + chosen))][score + gained] += count
+                    grown[placed.union(chosen)][score + gained] += count
         ways = grown
     (counts,) = ways.values()
-    pairs = combinations(zip(measured, published, strict=True), 2)
-    found = sum(((a > c) - (a < c)) * ((b > d) - (b < d)) for (a, b), (c, d) in pairs)
-    return sum(count for score, count in counts.items() if score >= found) / counts.total()
+    return counts
 
 
 def _sentence(order: Order, reversal: Reversal, texts: Mapping[str, str]) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..statistics import Level, Origin, level_of
+from ..statistics import Origin
 from ..summary import EVALUATION, RunSummary, Summary, origin_in
 
 COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays traced in training"}
@@ -22,11 +22,6 @@ def runs_of(summary: Summary, row: str) -> dict[Origin, RunSummary]:
 def values_of(summary: Summary, row: str, column: str) -> dict[Origin, float]:
     """A row's values in a column, where it has any."""
     return known(runs_of(summary, row), lambda run: run["metrics"].get(column))
-
-
-def level_in(summary: Summary, column: str) -> Level:
-    """The units over which the rows of a column are compared."""
-    return level_of(*(values_of(summary, row["key"], column) for row in summary["rows"]))
 
 
 def costs_of(summary: Summary, row: str, cost: str) -> dict[Origin, float]:
