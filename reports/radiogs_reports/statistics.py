@@ -71,16 +71,8 @@ def estimate(units: Sequence[float]) -> Estimate | None:
     deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in units) / (count - 1))
     error = deviation / math.sqrt(count)
     half_width = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
-    return Estimate(
-        mean, mean - half_width, mean + half_width, count, "seeds", count, deviation, _p_value(mean, error, count)
-    )
-
-
-def _p_value(mean: float, error: float, count: int) -> float:
-    """Two-sided p value of Student's t test; without any spread, 0 unless the mean is zero."""
-    if error == 0:
-        return float(mean == 0)
-    return 2 * float(stdtr(count - 1, -abs(mean) / error))
+    p_value = 2 * float(stdtr(count - 1, -abs(mean) / error)) if error else float(mean == 0)
+    return Estimate(mean, mean - half_width, mean + half_width, count, "seeds", count, deviation, p_value)
 
 
 def mean_of(sample: Sample, over: Level | None = None) -> Estimate | None:

@@ -70,8 +70,7 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
     worth = []
     for column, values in found:
         if any(values.values()):
-            pairs = {row: (values[row], values[before]) for before, row in pairwise(rows)}
-            judged = compared(pairs, column["direction"])
+            judged = compared({row: (values[row], values[at]) for at, row in pairwise(rows)}, column["direction"])
             steps = {row: each.difference for row, each in judged.items()}
             doubted = doubted_rows(summary, column["key"])
             trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}

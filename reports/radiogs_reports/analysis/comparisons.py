@@ -73,14 +73,14 @@ def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, f
     return {key: -abs(value) if direction == "zero" else -value for key, value in values.items()}
 
 
-def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
+def beaten(samples: Mapping[Key, Sample], direction: Direction) -> dict[Key, set[Key]] | None:
     """The rows that are resolved to be worse than each row; None for counts, and if no pair can be tested."""
     if direction == "none":
         return None
     judged = compared({pair: (samples[pair[0]], samples[pair[1]]) for pair in combinations(samples, 2)}, direction)
     if all(each.p_value is None for each in judged.values()):
         return None
-    found: dict[str, set[str]] = {row: set() for row, sample in samples.items() if sample}
+    found: dict[Key, set[Key]] = {row: set() for row, sample in samples.items() if sample}
     for pair, each in judged.items():
         if each.verdict is not None:
             better, worse = pair if each.verdict == "better" else pair[::-1]

@@ -44,9 +44,8 @@ def efficiencies(summary: Summary) -> dict[tuple[str, str], Estimate]:
         for row in (each["key"] for each in summary["rows"]):
             seconds, decibels = costs_of(summary, row, "seconds"), values_of(summary, row, key)
             samples[row] = {at: 10 ** (decibels[at] / 10) / seconds[at] for at in decibels if at in seconds}
-        over = level_of(*samples.values())
         for row, sample in samples.items():
-            ratio = paired_ratio(sample, samples[reference_of(summary)], over)
+            ratio = paired_ratio(sample, samples[reference_of(summary)], level_of(*samples.values()))
             if ratio is not None:
                 found[row, key] = ratio
     return found

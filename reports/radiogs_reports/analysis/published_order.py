@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -37,8 +37,6 @@ class Reversal(NamedTuple):
     worse: str
     gain: Estimate
     """Difference of ``better`` and ``worse`` here, in the direction of better values."""
-    published: tuple[float, float]
-    """Published values of ``better`` and ``worse``."""
 
 
 class Order(NamedTuple):
@@ -65,8 +63,7 @@ def order_report(summary: Summary) -> Report | None:
     orders = orders_of(summary)
     if not orders:
         return None
-    texts = row_texts(summary)
-    sentences = [HOW_TO_READ, *(_sentence(order, each, texts) for order in orders for each in order.reversals)]
+    sentences = [HOW_TO_READ, *(_sentence(summary, order, each) for order in orders for each in order.reversals)]
     return Report(sentences, [_grid(orders)], [_record(order) for order in orders])
 
 
@@ -96,9 +93,8 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
     means = [mean.mean for sample in alike.values() if (mean := mean_of(sample)) is not None]
     rows, worse = list(alike), beaten(alike, "up") or {}
     told = [(better, each) for better in rows for each in rows if each in worse.get(better, ())]
-    printed = {row: summary["published"][row][column["key"]] for row in published}
     reversals = [
-        Reversal(better, other, gain, (printed[better], printed[other]))
+        Reversal(better, other, gain)
         for better, other in told
         if published[better] < published[other] and (gain := paired_difference(alike[better], alike[other]))
     ]
@@ -108,9 +104,9 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
     by_chance = sum(count for score, count in every.items() if 2 * score >= (signs * measured).sum()) / every.total()
     agreeing = _scores(signs, [1 for _ in rows], [{rows.index(each) for each in worse.get(row, ())} for row in rows])
     scale = math.sqrt(math.comb(len(rows), 2) * np.count_nonzero(signs) / 2)  # of tau-b
-    tau = float(kendalltau(means, list(published.values())).statistic)
-    ends = min(agreeing) / scale, max(agreeing) / scale
-    return Order(column, len(rows), tau, *ends, by_chance, confirmed, reversals)
+    tau = float(kendalltau(means, [*published.values()]).statistic)
+    low, high = min(agreeing) / scale, max(agreeing) / scale
+    return Order(column, len(rows), tau, low, high, by_chance, confirmed, reversals)
 
 
 def _scores(signs: NDArray[np.int_], sizes: Sequence[int], worse: Sequence[set[int]]) -> Counter[int]:
@@ -133,10 +129,11 @@ def _scores(signs: NDArray[np.int_], sizes: Sequence[int], worse: Sequence[set[i
     return counts
 
 
-def _sentence(order: Order, reversal: Reversal, texts: Mapping[str, str]) -> str:
-    decimals, gain = order.column["decimals"], reversal.gain
+def _sentence(summary: Summary, order: Order, reversal: Reversal) -> str:
+    decimals, gain, texts = order.column["decimals"], reversal.gain, row_texts(summary)
     ends = f"{signed(gain.low or 0.0, decimals)} to {signed(gain.high or 0.0, decimals)}"
-    mine, theirs = (f"{value:.{decimals}f}" for value in reversal.published)
+    published = (summary["published"][row][order.column["key"]] for row in (reversal.better, reversal.worse))
+    mine, theirs = (f"{value:.{decimals}f}" for value in published)
     return (
         f"{label_with_unit(order.column)}: {texts[reversal.better]} is better than {texts[reversal.worse]} here, by"
         f" {signed(gain.mean, decimals)} ({ends}); published the other way round, {mine} and {theirs}."

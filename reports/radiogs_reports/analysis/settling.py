@@ -104,7 +104,10 @@ def settling_report(summary: Summary) -> Report | None:
     lines = [
         [
             name_item(row["text"]),
-            *(plain_item(_estimate(found[row["key"]].get(column["key"])), 1, UNSCORED) for column in columns),
+            *(
+                plain_item(each and Estimate(each["seconds"], each["low"], each["high"], 1), 1, UNSCORED)
+                for each in (found[row["key"]].get(column["key"]) for column in columns)
+            ),
             number_item(row["seconds"], 1),
         ]
         for row in rows
@@ -124,10 +127,6 @@ def settling_report(summary: Summary) -> Report | None:
         for column, settled in columns.items()
     ]
     return Report(sentences, [grid], records)
-
-
-def _estimate(settled: Settled | None) -> Estimate | None:
-    return None if settled is None else Estimate(settled["seconds"], settled["low"], settled["high"], 1)
 
 
 def _bands() -> str:

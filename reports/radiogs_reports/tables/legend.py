@@ -29,8 +29,8 @@ def legend(table: Table, scenes: Sequence[str], shown: str) -> list[str]:
     tested = [each for each in intervals if each["p_value"] is not None]
     if not tested:
         return [
-            "One scene with one seed: differences have no intervals. More seeds speak of this scene, more scenes of"
-            " scenes like these."
+            "One scene with one seed, or one of several scenes: differences have no intervals. More seeds speak of a"
+            " scene, more scenes of scenes like these."
         ]
     scene = scenes[0] if len(scenes) == 1 else "one scene"
     over = [population(*units, scene) for units in sorted({(each["over"], each["units"]) for each in tested})]
