@@ -46,7 +46,7 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     lost, left = _without_view(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
-    others = [f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"] if left else []
+    others = [f"{_are(left, 'other image')} not used: {shown(places)}"] if left else []
     return (*masks, *moving, *sizes, *splits, *lost, *others)
 
 
@@ -92,7 +92,7 @@ def _moving(left: list[Path]) -> Said:
         return [], left
     names = shown([path.as_posix() for path in moving])
     said = (
-        f"{_count(moving, 'mask')} of what moves {_are(moving)} not used: {names}; to leave such pixels out, give a"
+        f"{_are(moving, 'mask', ' of what moves')} not used: {names}; to leave such pixels out, give a"
         " folder of masks that are black there:  --mask-folder DIR --masks ignore"
     )
     return [said], [path for path in left if path not in {*moving}]
@@ -127,9 +127,7 @@ def _without_view(left: list[Path], read: list[Path]) -> Said:
     if not lost:
         return [], left
     total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
-    said = (
-        f"{len(lost)} of {total} photos are not used, as no view here has them: {shown([p.as_posix() for p in lost])}"
-    )
+    said = f"{len(lost)} of {total} photos are in no view and are not used: {shown([p.as_posix() for p in lost])}"
     return [said], [path for path in left if path not in {*lost}]
 
 
@@ -137,9 +135,5 @@ def _kind(path: Path) -> str:
     return re.sub(r"\d+", "#", path.as_posix())
 
 
-def _count(things: list[Path], word: str) -> str:
-    return f"1 {word}" if len(things) == 1 else f"{len(things)} {word}s"
-
-
-def _are(things: list[Path]) -> str:
-    return "is" if len(things) == 1 else "are"
+def _are(things: list[Path], word: str, rest: str = "") -> str:
+    return f"1 {word}{rest} is" if len(things) == 1 else f"{len(things)} {word}s{rest} are"

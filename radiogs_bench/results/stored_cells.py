@@ -73,10 +73,8 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
     try:
         result = store.sealed_result(key)
         store.check_arrays(result)
-        if wrong := mismatch(result["cell"], Identity):
+        if wrong := mismatch(result["cell"], Identity) or _unlike_its_views(result, protocol(sweep["protocol"])):
             raise Broken(f"cell: {wrong}")
-        if wrong := _unlike_its_views(result, protocol(sweep["protocol"])):
-            raise Broken(wrong)
     except FileNotFoundError:
         return None
     except Broken as broken:

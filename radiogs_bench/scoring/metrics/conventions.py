@@ -37,12 +37,9 @@ class Picture:
         "rendered", "times true coverage", "display times true coverage", "solid", "background outside truth"
     ] = "rendered"
     target: Literal[
-        "composited",
-        "times coverage again",
-        "composited in display",
-        "composited in display, times coverage again",
+        "composited", "times coverage again", "composited in display", "composited in display, times coverage again",
         "straight",
-    ] = "composited"
+    ] = "composited"  # fmt: skip
     clipped: bool = True
     prediction_bits: Bits = "float"
     target_bits: Bits = "float"
