@@ -135,7 +135,7 @@ def spread(sample: Sample) -> dict[Level, float]:
     return found
 
 
-def paired_difference(sample: Sample, reference: Sample, over: Level | None = None) -> Estimate | None:
+def paired_difference(sample: Sample, reference: Sample, *, over: Level | None = None) -> Estimate | None:
     """Mean of sample - reference over the scenes and seeds that both have, as ``mean_of``; None if they share none."""
     return mean_of(differences(sample, reference), over)
 

@@ -55,7 +55,7 @@ def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direc
 def compared(pairs: Mapping[Key, tuple[Sample, Sample]], direction: Direction) -> dict[Key, Comparison]:
     """The first of each pair less the second, where they share a scene and seed: one family, over its ``level_of``."""
     over = level_of(*(sample for pair in pairs.values() for sample in pair))
-    gains = {key: paired_difference(*(upwards(each, direction) for each in pair), over) for key, pair in pairs.items()}
+    gains = {key: paired_difference(*(upwards(one, direction) for one in pair), over=over) for key, pair in pairs.items()}
     adjusted, found = adjusted_p_values(gains), dict[Key, Comparison]()
     for key, gain in gains.items():
         difference = differences(*pairs[key])

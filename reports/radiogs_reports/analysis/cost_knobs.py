@@ -130,7 +130,7 @@ def steps(summary: Summary, knobs: list[Knob]) -> list[KnobStep]:
         for low, high in pairwise(knob.settings):
             changes = {
                 column["key"]: paired_difference(
-                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"]), over
+                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"]), over=over
                 )
                 for column in summary["columns"]
             }
