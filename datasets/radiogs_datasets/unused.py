@@ -124,11 +124,9 @@ def _without_view(left: list[Path], read: list[Path]) -> Said:
     alike = {_kind(path) for path in read}
     places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
     lost = [path for path in left if _kind(path) in alike or path.parent in places]
-    if not lost:
-        return [], left
     total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
     said = f"{len(lost)} of {total} photos are in no view and are not used: {shown([p.as_posix() for p in lost])}"
-    return [said], [path for path in left if path not in {*lost}]
+    return [said] if lost else [], [path for path in left if path not in {*lost}]
 
 
 def _kind(path: Path) -> str:

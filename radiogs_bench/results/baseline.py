@@ -79,18 +79,14 @@ def _rerun(finished: Mapping[str, Result], store: Store, sweep: Sweep) -> dict[s
     """The results of a rerun. Raises DataError where it is another run, or the same one."""
     again = _finished(store, sweep)
     other = [name for name, result in finished.items() if name not in again or again[name]["key"] != result["key"]]
+    remedy = "Run the same command with another number of threads into that folder:  --threads N --out OTHER"
     if other:
-        raise DataError(
-            f"{store.folder} is no rerun of the baseline's run: {', '.join(other[:3])} is not there, or another cell",
-            "A rerun has the same cells, of the same sources and settings.",
-            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
-        )
+        what = f"is no rerun of the baseline's run: {', '.join(other[:3])} is not there, or another cell"
+        raise DataError(f"{store.folder} {what}", "A rerun has the same cells, sources and settings.", remedy)
     if machine_of(again.values()) == machine_of(finished.values()):
-        raise DataError(
-            f"{store.folder} was run with the threads and on the machine of the baseline's run",
-            "Such a run repeats bit for bit: it does not show how far two runs differ by rounding.",
-            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
-        )
+        what = "was run with the threads and on the machine of the baseline's run"
+        why = "Such a run repeats bit for bit: it does not show how far two runs differ by rounding."
+        raise DataError(f"{store.folder} {what}", why, remedy)
     return again
 
 

@@ -48,14 +48,17 @@ def adjusted_p_values(found: Mapping[Key, Estimate | None]) -> dict[Key, float]:
 
 def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
     """Every other row that shares a scene and seed with the reference row, compared with it."""
-    base = samples[reference]
-    return compared({row: (sample, base) for row, sample in samples.items() if row != reference}, direction)
+    return compared(
+        {row: (sample, samples[reference]) for row, sample in samples.items() if row != reference}, direction
+    )
 
 
 def compared(pairs: Mapping[Key, tuple[Sample, Sample]], direction: Direction) -> dict[Key, Comparison]:
     """The first of each pair less the second, where they share a scene and seed: one family, over its ``level_of``."""
     over = level_of(*(sample for pair in pairs.values() for sample in pair))
-    gains = {key: paired_difference(*(upwards(one, direction) for one in pair), over=over) for key, pair in pairs.items()}
+    gains = {
+        key: paired_difference(*(upwards(one, direction) for one in pair), over=over) for key, pair in pairs.items()
+    }
     adjusted, found = adjusted_p_values(gains), dict[Key, Comparison]()
     for key, gain in gains.items():
         difference = differences(*pairs[key])

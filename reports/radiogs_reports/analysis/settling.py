@@ -121,11 +121,7 @@ def settling_report(summary: Summary) -> Report | None:
         ["row", *(column["label"] for column in columns), "whole training"],
         lines,
     )
-    records = [
-        {"row": row, "column": column, **settled}
-        for row, columns in found.items()
-        for column, settled in columns.items()
-    ]
+    records = [{"row": row, "column": each, **settled} for row, own in found.items() for each, settled in own.items()]
     return Report(sentences, [grid], records)
 
 
