@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 APT := DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::http::Timeout=20
 
 .DEFAULT_GOAL := help
-.PHONY: help venv extras ablations test test-slow gate gate-smoke gate-baselines measured mutants mutants-drawn lint site croissant gpu packages offline-bundle clean
+.PHONY: help venv extras ablations test test-slow gate gate-baseline measured mutants mutants-drawn lint site croissant gpu packages offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -55,25 +55,16 @@ test-slow: $(READY) ## the tests that take minutes; then those that compare spee
 	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal $(SLOW)
 	$(BIN)/python -m pytest -m alone $(ALONE)
 
-GATE := $(BIN)/radiogs-bench run ablations --scenes corner --rows ours --threads 2
-SMOKE := --preset smoke --seeds 8
-TINY := --preset tiny --seeds 3
+GATE := $(BIN)/radiogs-bench run ablations --scenes corner --rows ours --preset smoke --seeds 8 --threads 2
 
-gate-smoke: $(READY) ## eight trainings of seconds beside the committed baseline
-	$(GATE) $(SMOKE) --workers 2 --out out/gate-smoke
+gate: $(READY) ## eight trainings of seconds beside the committed baseline: whether anything is worse, or computed otherwise
+	$(GATE) --workers 2 --out out/gate-smoke
 	$(BIN)/radiogs-bench gate out/gate-smoke --baseline .github/gate-smoke.json
 
-gate: gate-smoke ## short trainings beside the committed baselines: whether anything is worse, or computed otherwise
-	$(GATE) $(TINY) --workers 2 --out out/gate-tiny
-	$(BIN)/radiogs-bench gate out/gate-tiny --baseline .github/gate-tiny.json
-
-gate-baselines: $(READY) ## the baselines of `make gate` anew, after a change that is intended
-	$(GATE) $(SMOKE) --workers 2 --out out/gate-smoke
-	$(GATE) $(TINY) --workers 2 --out out/gate-tiny
-	$(GATE) $(SMOKE) --out out/rerun-smoke
-	$(GATE) $(TINY) --out out/rerun-tiny
+gate-baseline: $(READY) ## the baseline of `make gate` anew, after a change that is intended
+	$(GATE) --workers 2 --out out/gate-smoke
+	$(GATE) --out out/rerun-smoke
 	$(BIN)/radiogs-bench gate out/gate-smoke --baseline .github/gate-smoke.json --update --rerun out/rerun-smoke
-	$(BIN)/radiogs-bench gate out/gate-tiny --baseline .github/gate-tiny.json --update --rerun out/rerun-tiny
 
 measured: $(READY) ## records by age, and which of them this checkout would compute otherwise; NAME=ablations makes one anew
 	$(BIN)/python .ci/measured.py $(NAME)

@@ -49,12 +49,12 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     moving, left = _moving(left)
     sizes, left = _sizes(left, read)
     splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
-    lost, left = _without_camera(left, read)
+    lost, left = _without_view(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
     listing = [path.relative_to(top).as_posix() for path in every if str(path) not in taken and _may_split(path)]
     lists = [f"files that may list the views of a split are not used: {shown(listing)}"] if listing else []
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
-    others = [f"{_count(left, 'other image')} {_are(left)} not used: {shown(places)}"] if left else []
+    others = [f"{_are(left, 'other image')} not used: {shown(places)}"] if left else []
     return (*masks, *moving, *sizes, *splits, *lists, *lost, *others)
 
 
@@ -104,7 +104,7 @@ def _moving(left: list[Path]) -> Said:
         return [], left
     names = shown([path.as_posix() for path in moving])
     said = (
-        f"{_count(moving, 'mask')} of what moves {_are(moving)} not used: {names}; to leave such pixels out, give a"
+        f"{_are(moving, 'mask', ' of what moves')} not used: {names}; to leave such pixels out, give a"
         " folder of masks that are black there:  --mask-folder DIR --masks ignore"
     )
     return [said], [path for path in left if path not in {*moving}]
@@ -131,25 +131,19 @@ def _splits(files: list[Path], left: list[Path]) -> Said:
     return said, left
 
 
-def _without_camera(left: list[Path], read: list[Path]) -> Said:
+def _without_view(left: list[Path], read: list[Path]) -> Said:
     """Images beside those of the views that have their names but for the digits, or lie in a folder of photos."""
     alike = {_kind(path) for path in read}
     places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
     lost = [path for path in left if _kind(path) in alike or path.parent in places]
-    if not lost:
-        return [], left
     total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
-    said = f"{len(lost)} of {total} photos have no camera and are not used: {shown([p.as_posix() for p in lost])}"
-    return [said], [path for path in left if path not in {*lost}]
+    said = f"{len(lost)} of {total} photos are in no view and are not used: {shown([p.as_posix() for p in lost])}"
+    return [said] if lost else [], [path for path in left if path not in {*lost}]
 
 
 def _kind(path: Path) -> str:
     return re.sub(r"\d+", "#", path.as_posix())
 
 
-def _count(things: list[Path], word: str) -> str:
-    return f"1 {word}" if len(things) == 1 else f"{len(things)} {word}s"
-
-
-def _are(things: list[Path]) -> str:
-    return "is" if len(things) == 1 else "are"
+def _are(things: list[Path], word: str, rest: str = "") -> str:
+    return f"1 {word}{rest} is" if len(things) == 1 else f"{len(things)} {word}s{rest} are"

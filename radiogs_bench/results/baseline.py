@@ -13,7 +13,9 @@ from statistics import stdev
 from typing import Any
 
 from radiogs_core.errors import DataError
+from radiogs_reports.analysis.comparisons import adjusted_p_values
 from radiogs_reports.analysis.settling import settled_seconds
+from radiogs_reports.statistics import estimate
 
 from ..runs.sweep import Sweep, finished_results, label
 from ..scoring.metrics.measures import MEASURES
@@ -21,7 +23,7 @@ from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, known_values, training_seconds
 from ..store.seal import read_kept
-from .paired import BAND
+from .paired import BAND, ERROR_RATE
 from .stored_cells import is_number, stored_cells
 from .training_steps import kept_quantities, log_ratios, misshapen, work_ratios
 
@@ -55,7 +57,8 @@ def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]
         "noise": _noise(finished, [_rerun(finished, *each) for each in reruns]),
         "cells": {name: _kept(result) for name, result in finished.items()},
     }
-    require_whole(made, "the run's baseline", "Its cells measured too little to be compared.")
+    remedy = "Run again what lacks there; of a rerun, see that nothing differs but --threads, and run it again."
+    require_whole(made, "the run's baseline", remedy)
     return made
 
 
@@ -76,18 +79,14 @@ def _rerun(finished: Mapping[str, Result], store: Store, sweep: Sweep) -> dict[s
     """The results of a rerun. Raises DataError where it is another run, or the same one."""
     again = _finished(store, sweep)
     other = [name for name, result in finished.items() if name not in again or again[name]["key"] != result["key"]]
+    remedy = "Run the same command with another number of threads into that folder:  --threads N --out OTHER"
     if other:
-        raise DataError(
-            f"{store.folder} is no rerun of the baseline's run: {', '.join(other[:3])} is not there, or another cell",
-            "A rerun has the same cells, of the same sources and settings.",
-            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
-        )
+        what = f"is no rerun of the baseline's run: {', '.join(other[:3])} is not there, or another cell"
+        raise DataError(f"{store.folder} {what}", "A rerun has the same cells, sources and settings.", remedy)
     if machine_of(again.values()) == machine_of(finished.values()):
-        raise DataError(
-            f"{store.folder} was run with the threads and on the machine of the baseline's run",
-            "Such a run repeats bit for bit: it does not show how far two runs differ by rounding.",
-            "Run the same command with another number of threads into that folder:  --threads N --out OTHER",
-        )
+        what = "was run with the threads and on the machine of the baseline's run"
+        why = "Such a run repeats bit for bit: it does not show how far two runs differ by rounding."
+        raise DataError(f"{store.folder} {what}", why, remedy)
     return again
 
 
@@ -137,7 +136,7 @@ def require_whole(content: Mapping[str, Any], what: str, remedy: str) -> None:
         more = f", and {len(complaints) - 3} more" if len(complaints) > 3 else ""
         raise DataError(
             f"{what} is not whole: {'; '.join(complaints[:3])}{more}",
-            "What it lacks would pass every gate.",
+            "A gate with it would let regressions pass.",
             remedy,
         )
 
@@ -184,6 +183,28 @@ def _holes_of_noise(content: Mapping[str, Any]) -> Iterator[str]:
             for name, values in quantities.items():
                 if not values or not all(map(is_number, values)):
                     yield f"{group} has noise of {name} that is no number"
+                    return
+    yield from _one_sided(content)
+
+
+def _one_sided(content: Mapping[str, Any]) -> Iterator[str]:
+    """Metrics in which a rerun is worse, or better, by its mean: rounding differs to both sides.
+
+    Two-sided t tests with Holm's correction over all metrics, and beyond ``FLOOR``.
+    """
+    groups = groups_of(content["cells"])
+    noise = {(group, metric): values for group, known in content["noise"]["metrics"].items() if group in groups
+             for metric, values in known.items()}  # fmt: skip
+    for (group, metric), p_value in adjusted_p_values({key: estimate(values) for key, values in noise.items()}).items():
+        differences = noise[group, metric]
+        mean = math.fsum(differences) / len(differences)
+        kept = [content["cells"][name]["metrics"].get(metric, 0.0) for name in groups[group]]
+        if p_value < ERROR_RATE and abs(mean) > FLOOR * max(map(abs, kept)):
+            alike = sum(each * mean > 0 for each in differences)
+            yield (
+                f"its rerun is {'worse' if mean < 0 else 'better'} in {metric} of {group} by {abs(mean):.3g}, in"
+                f" {alike} of {len(differences)} differences (p {p_value:.2g}), which is no noise"
+            )
 
 
 def _kept(result: Result) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from ..store.folder import Store
 from ..store.schema import Result, known_values
 from .baseline import FLOOR, MAKE_ONE, gain, group_of, groups_of, machine_of, require_whole, settings_of, settled
 from .gate_training import REPEATED, Change, compare_time, compare_training, compare_work
-from .paired import BAND, ERROR_RATE, Paired, detectable
+from .paired import BAND, ERROR_RATE, SIMULATED_POWER, Paired, detectable
 from .stored_cells import stored_cells
 
 SEVERITIES = ("regression", "changed", "better", "warning", "remark")
@@ -198,7 +198,7 @@ def _size(metric: str, amount: float) -> str:
 
 
 def power_lines(baseline: Mapping[str, Any]) -> Iterator[str]:
-    """By row, scene and metric: the mean loss over seeds that a gate with this baseline finds in 80 % of runs."""
+    """By row, scene and metric: the mean loss over seeds that a gate finds in ``SIMULATED_POWER`` of runs."""
     if not baseline["reruns"]:
         yield f"warning: {NO_RERUN}"
     groups = groups_of(baseline["cells"])
@@ -223,8 +223,8 @@ def power_lines(baseline: Mapping[str, Any]) -> Iterator[str]:
             )
     if baseline["reruns"]:
         yield (
-            f"Found with 80 % probability, where losses of all seeds are alike; at most {ERROR_RATE:.0%} of gates over"
-            " an unchanged tree on another machine find a loss that is none."
+            f"Found in {SIMULATED_POWER:.0%} of simulated runs, where losses of all seeds are alike; at most"
+            f" {ERROR_RATE:.0%} of gates over an unchanged tree on another machine find a loss that is none."
         )
 
 

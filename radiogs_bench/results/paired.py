@@ -20,7 +20,8 @@ BAND = 4.0
 """Standard deviations that a single value may differ by, where it cannot be tested: over the baseline's seeds where the
 noise of a rerun is not known; of a rerun where there is a single seed."""
 
-POWER = 0.8
+POWER, SIMULATED_POWER = 0.8, 0.75
+"""Shares of runs in which a stated loss is found: if a rerun's spread were known, and as it is estimated from it."""
 
 
 @dataclass(frozen=True)

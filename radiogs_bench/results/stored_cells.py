@@ -1,5 +1,6 @@
 """The results that a gate compares: of the installed sources, and with values of the types that were stored."""
 
+import math
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from ..methods import variant_of
 from ..runs.cell import evaluation_code
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep, label
+from ..scoring.metrics.protocol import Protocol
+from ..scoring.metrics.protocols import protocol
+from ..scoring.metrics.values import Value
 from ..sources import code_digest
 from ..store.folder import Store
 from ..store.schema import Result
@@ -69,7 +73,7 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
     try:
         result = store.sealed_result(key)
         store.check_arrays(result)
-        if wrong := mismatch(result["cell"], Identity):
+        if wrong := mismatch(result["cell"], Identity) or _unlike_its_views(result, protocol(sweep["protocol"])):
             raise Broken(f"cell: {wrong}")
     except FileNotFoundError:
         return None
@@ -80,6 +84,16 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
             f"{AGAIN}{_command(sweep)}",
         ) from None
     return result
+
+
+def _unlike_its_views(result: Result, rules: Protocol) -> str:
+    """The first metric whose value is not the mean of its views', in words; empty for none."""
+    for name, metric in result["metrics"].items():
+        value, views = metric["value"], [Value(each) for each in metric["views"] if each is not None]
+        mean = rules.mean(views, name).value
+        if value is not None and mean is not None and not math.isclose(value, mean, rel_tol=1e-9, abs_tol=1e-12):
+            return f"metrics.{name} is {value:.6g}, and the mean of its views is {mean:.6g}"
+    return ""
 
 
 def _command(sweep: Sweep) -> str:

@@ -3,7 +3,8 @@
 Values are paired by scene and seed: what a scene or a seed adds to both rows cancels in the difference. Seeds of one
 scene say nothing about other scenes, so an interval counts each scene once, with the mean over its seeds; where scenes
 are of several kinds, it counts each kind once, with the mean over its scenes. With a single scene the seeds are what
-is counted, and the interval is of that scene alone.
+is counted, and the interval is of that scene alone. All rows of a column are counted alike: one that has finished on
+one of several scenes is a single unit, without an interval, because its seeds say nothing about the other scenes.
 """
 
 import math
@@ -70,30 +71,19 @@ def estimate(units: Sequence[float]) -> Estimate | None:
     deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in units) / (count - 1))
     error = deviation / math.sqrt(count)
     half_width = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
-    return Estimate(
-        mean, mean - half_width, mean + half_width, count, "seeds", count, deviation, _p_value(mean, error, count)
-    )
+    p_value = 2 * float(stdtr(count - 1, -abs(mean) / error)) if error else float(mean == 0)
+    return Estimate(mean, mean - half_width, mean + half_width, count, "seeds", count, deviation, p_value)
 
 
-def _p_value(mean: float, error: float, count: int) -> float:
-    """Two-sided p value of Student's t test; without any spread, 0 unless the mean is zero."""
-    if error == 0:
-        return float(mean == 0)
-    return 2 * float(stdtr(count - 1, -abs(mean) / error))
-
-
-def mean_of(sample: Sample) -> Estimate | None:
+def mean_of(sample: Sample, over: Level | None = None) -> Estimate | None:
     """Mean over kinds of scenes of means over scenes of means over seeds, and its interval; None without any value.
 
-    The units of the interval are the uppermost of these of which there are several. Values are the ``counted`` ones.
+    ``over``: the units of the interval (default: ``level_of`` the sample). Values are the ``counted`` ones.
     """
-    if not sample:
-        return None
     held = counted(sample)
-    over, units = units_of(held)
-    found = estimate(units)
-    assert found is not None
-    return replace(found, over=over, values=len(held))
+    level = over or level_of(held)
+    found = estimate(_units(held, level))
+    return None if found is None else replace(found, over=level, values=len(held))
 
 
 def counted(sample: Sample) -> Sample:
@@ -101,16 +91,21 @@ def counted(sample: Sample) -> Sample:
     return {origin: value for origin, value in sample.items() if origin.counted} or sample
 
 
-def units_of(sample: Sample) -> tuple[Level, list[float]]:
-    """The level of a sample's units, and the mean over each unit."""
-    by_kind = _grouped(sample, lambda origin: origin.kind)
-    by_scene = {kind: _grouped(part, lambda origin: origin.scene) for kind, part in by_kind.items()}
-    if len(by_kind) > 1:
-        return "kinds", [fmean([fmean([*part.values()]) for part in scenes.values()]) for scenes in by_scene.values()]
-    (scenes,) = by_scene.values()
-    if len(scenes) > 1:
-        return "scenes", [fmean([*part.values()]) for part in scenes.values()]
-    return "seeds", [*sample.values()]
+def level_of(*samples: Mapping[Origin, object]) -> Level:
+    """The uppermost units, kinds or scenes, of which these samples together have several; else seeds."""
+    held = counted({origin: 0.0 for sample in samples for origin in sample})
+    if len({origin.kind for origin in held}) > 1:
+        return "kinds"
+    return "scenes" if len({origin.scene for origin in held}) > 1 else "seeds"
+
+
+def _units(sample: Sample, over: Level) -> list[float]:
+    """The mean over each unit."""
+    if over == "seeds":
+        return [*sample.values()]
+    if over == "scenes":
+        return [fmean([*part.values()]) for part in _grouped(sample, lambda origin: origin.scene).values()]
+    return [fmean(_units(part, "scenes")) for part in _grouped(sample, lambda origin: origin.kind).values()]
 
 
 def spread(sample: Sample) -> dict[Level, float]:
@@ -140,9 +135,9 @@ def spread(sample: Sample) -> dict[Level, float]:
     return found
 
 
-def paired_difference(sample: Sample, reference: Sample) -> Estimate | None:
-    """Mean of sample - reference over the scenes and seeds that both have; None if they share none."""
-    return mean_of(differences(sample, reference))
+def paired_difference(sample: Sample, reference: Sample, *, over: Level | None = None) -> Estimate | None:
+    """Mean of sample - reference over the scenes and seeds that both have, as ``mean_of``; None if they share none."""
+    return mean_of(differences(sample, reference), over)
 
 
 def differences(sample: Sample, reference: Sample) -> Sample:
@@ -150,13 +145,13 @@ def differences(sample: Sample, reference: Sample) -> Sample:
     return {origin: sample[origin] - reference[origin] for origin in shared_origins(sample, reference)}
 
 
-def paired_ratio(sample: Sample, reference: Sample) -> Estimate | None:
+def paired_ratio(sample: Sample, reference: Sample, over: Level | None = None) -> Estimate | None:
     """Geometric mean of sample / reference over the scenes and seeds that both have; values must be positive.
 
     Geometric, so that the estimate of the inverse ratio is the inverse of the estimate.
     """
     logarithms = {origin: math.log(sample[origin] / reference[origin]) for origin in shared_origins(sample, reference)}
-    return exponential(mean_of(logarithms))
+    return exponential(mean_of(logarithms, over))
 
 
 def exponential(logarithm: Estimate | None, base: float = math.e) -> Estimate | None:

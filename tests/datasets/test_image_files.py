@@ -89,11 +89,17 @@ def test_exr_of_every_compression_is_read(tmp_path: Path, kind: str, dtype: type
     assert image_header(tmp_path / "a.exr", (tmp_path / "a.exr").read_bytes()).size == (40, 33)
 
 
-def test_hdr_round_trip_keeps_eight_bits_of_the_largest_channel(tmp_path: Path) -> None:
-    image = np.exp(RANDOM.normal(0, 4, (16, 32, 3)))
+def test_hdr_rounds_to_eight_bits_of_the_largest_channel_once(tmp_path: Path) -> None:
+    """Cut, as OpenCV does, the error was -0.16 % in the mean and 0.77 % at most, at each writing."""
+    image = np.exp(np.random.default_rng(1).normal(0, 4, (16, 32, 3)))
+    image[0, 0], image[0, 1] = (0.999, 0.5, 0.3), 0  # the largest needs the next exponent; black
     write_hdr(tmp_path / "a.hdr", image)
-    error = np.abs(read_hdr(tmp_path / "a.hdr") - image) / image.max(-1, keepdims=True)
-    assert error.max() < 1 / 128
+    found = read_hdr(tmp_path / "a.hdr")
+    error = (found - image) / np.maximum(image.max(-1, keepdims=True), 1e-9)
+    assert np.abs(error).max() < 1 / 255
+    assert abs(error.mean()) < 2e-4
+    write_hdr(tmp_path / "b.hdr", found)
+    assert (tmp_path / "b.hdr").read_bytes() == (tmp_path / "a.hdr").read_bytes()
 
 
 def test_hdr_with_a_long_header_is_read(tmp_path: Path) -> None:

@@ -201,7 +201,7 @@ def _of_other_size(folder: Path, scene: Scene) -> str:
     camera = scene.test[0].camera
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() in {*IMAGES} - {".npy"}:
-            height, width = image_size(path, read_bytes(path))
+            height, width = image_header(path, read_bytes(path)).size
             if (height, width) == (camera.height, camera.width):
                 return ""
             beside = ": several side by side? Cut out the renders" if width > camera.width else ""

@@ -27,7 +27,8 @@ class Picture:
     ``prediction``: as rendered over the background; that, times the true coverage; its straight colour where it covers
     more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
     ``target``: composited over the background; that, times its coverage once more; or straight, never multiplied.
-    "display times true coverage" and "composited in display" multiply the display values of a linear map, on black.
+    "display times true coverage" and "composited in display" multiply the display values of a linear map, on black;
+    "composited in display, times coverage again" multiplies the linear map once more.
     ``clipped``: the prediction is clipped to [0, 1].
     """
 
@@ -35,7 +36,10 @@ class Picture:
     prediction: Literal[
         "rendered", "times true coverage", "display times true coverage", "solid", "background outside truth"
     ] = "rendered"
-    target: Literal["composited", "times coverage again", "composited in display", "straight"] = "composited"
+    target: Literal[
+        "composited", "times coverage again", "composited in display", "composited in display, times coverage again",
+        "straight",
+    ] = "composited"  # fmt: skip
     clipped: bool = True
     prediction_bits: Bits = "float"
     target_bits: Bits = "float"

@@ -39,9 +39,9 @@ def predicted(
 def true(target: Image, mask: Mask, rules: Picture) -> Image:
     """The truth as compared; ``target`` is on black, ``mask`` is its coverage."""
     laid = straight(target, mask) if rules.target == "straight" else _over(rules.background, target, mask)
-    if rules.target == "composited in display":
+    if rules.target.startswith("composited in display"):
         laid = srgb_decode(times(srgb_encode(straight(target, mask)), mask))
-    if rules.target == "times coverage again":
+    if rules.target.endswith("times coverage again"):
         laid = times(laid, mask)
     return in_bits(laid, rules.target_bits)
 

@@ -34,29 +34,35 @@ SPLATTING = Protocol(
 UNNORMALISED = Normal(region="image", lengths="own coverage")
 """Normals as 2DGS's renderer gives them, whose coverage counts twice where they are blended by it again."""
 
-COMPOSITED_IN_DISPLAY = replace(MASKED_TWICE, target="composited in display")
-"""Synthetic4Relight stores albedo as display values: the truth is multiplied by its coverage, and decoded then."""
+SYNTHETIC4RELIGHT = Albedo(
+    pixels="covered, any truth",
+    fitted_target="composited in display",
+    picture=replace(MASKED_TWICE, target="composited in display"),
+)
+"""It stores albedo as display values: the truth is multiplied by its coverage, and decoded then."""
 
-IRGS = replace(
+RADIOGS = replace(
     SPLATTING,
-    name="irgs",
+    name="radiogs",
     version=2,
     nvs=Picture(target_bits=CUT_BYTES),
     relight=MASKED,
     normal=UNNORMALISED,
     albedo=Albedo(pixels="covered", picture=MASKED_TWICE),
-    layouts={
-        "synthetic4relight": Albedo(
-            pixels="covered, any truth", fitted_target="composited in display", picture=COMPOSITED_IN_DISPLAY
-        )
-    },
+    layouts={"synthetic4relight": SYNTHETIC4RELIGHT},
     roughness=Roughness("image", "times coverage again"),
+    indirect=Indirect("incident", Picture(prediction="times true coverage", prediction_bits=BYTES)),
 )
 
-RADIOGS = replace(
-    IRGS,
-    name="radiogs",
-    indirect=Indirect("incident", Picture(prediction="times true coverage", prediction_bits=BYTES)),
+IRGS_AGAIN = replace(MASKED_TWICE, target="composited in display, times coverage again")
+"""IRGS's script for Synthetic4Relight multiplies the decoded truth by the mask once more, which RadioGS's does not."""
+
+IRGS = replace(
+    RADIOGS,
+    name="irgs",
+    version=3,
+    layouts={"synthetic4relight": replace(SYNTHETIC4RELIGHT, picture=IRGS_AGAIN)},
+    indirect=None,
 )
 
 R3DG = replace(

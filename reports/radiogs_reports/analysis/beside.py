@@ -6,10 +6,10 @@ The other run is stored in the summary as ``OtherRun``, so that reports are made
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from ..statistics import Estimate, Origin, Sample, mean_of, paired_difference
+from ..statistics import Estimate, Origin, Sample, mean_of
 from ..summary import ColumnSummary, OtherRun, Summary, Verdict, protocol_title, row_texts
 from ..wording import count_of, heading
-from .comparisons import better_or_worse, resolved, upwards
+from .comparisons import compared
 from .report import Grid, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, flat, made_from, runs_of, values_of
 
@@ -79,17 +79,10 @@ def beside_report(summary: Summary) -> Report | None:
 
 def compared_values(summary: Summary, other: OtherRun, column: ColumnSummary) -> Iterator[Beside]:
     """The values of a column in the rows that share a scene and seed with the other run."""
-    found = {}
-    for row in row_texts(summary):
-        here, there = _shared(summary, other, row, column["key"])
-        difference = paired_difference(here, there)
-        gain = paired_difference(*(upwards(each, column["direction"]) for each in (here, there)))
-        if difference is not None and gain is not None:
-            found[row] = here, there, difference, gain
-    told = resolved({row: gain for row, (*_, gain) in found.items()})
-    for row, (here, there, difference, gain) in found.items():
-        verdict = better_or_worse(gain) if row in told else None
-        yield Beside(row, column, mean_of(there), mean_of(here), difference, verdict, here == there)
+    pairs = {row: _shared(summary, other, row, column["key"]) for row in row_texts(summary)}
+    for row, found in compared(pairs, column["direction"]).items():
+        here, there = pairs[row]
+        yield Beside(row, column, mean_of(there), mean_of(here), found.difference, found.verdict, here == there)
 
 
 def _shared(summary: Summary, other: OtherRun, row: str, column: str) -> tuple[Sample, Sample]:

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
-from ..statistics import Estimate, Sample, mean_of, paired_difference
+from ..statistics import Estimate, Sample, mean_of
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
-from .comparisons import resolved
+from .comparisons import compared
 from .report import Grid, Item, Report, estimate_fields, estimate_item, name_item, plain_item
 from .samples import changed_fields, costs_of, made_from, values_of
 
@@ -26,8 +26,8 @@ class Worth(NamedTuple):
     column: ColumnSummary
     first: Estimate | None
     last: Estimate | None
-    steps: dict[str, Estimate | None]
-    """By the row that the step leads to."""
+    steps: dict[str, Estimate]
+    """By the row that the step leads to; steps whose rows share no scene and seed are absent."""
     resolved: frozenset[str]
     """Rows whose step is resolved (paired t test, Holm over the metric's steps), at places without a footnote."""
 
@@ -39,7 +39,7 @@ def chain_report(summary: Summary) -> Report | None:
         return None
     worth, texts = worth_of(summary, rows), row_texts(summary)
     records = [
-        {"metric": each.column["key"], "row": row, "after": before} | estimate_fields(difference=each.steps[row])
+        {"metric": each.column["key"], "row": row, "after": before} | estimate_fields(difference=each.steps.get(row))
         for each in worth
         for before, row in pairwise(rows)
     ]
@@ -70,10 +70,11 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
     worth = []
     for column, values in found:
         if any(values.values()):
-            steps = {row: paired_difference(values[row], values[before]) for before, row in pairwise(rows)}
+            judged = compared({row: (values[row], values[at]) for at, row in pairwise(rows)}, column["direction"])
+            steps = {row: each.difference for row, each in judged.items()}
             doubted = doubted_rows(summary, column["key"])
             trusted = {row for before, row in pairwise(rows) if doubted.isdisjoint((before, row))}
-            told = frozenset(resolved(steps) & trusted)
+            told = frozenset(row for row in trusted & steps.keys() if judged[row].verdict is not None)
             worth.append(Worth(column, mean_of(values[rows[0]]), mean_of(values[rows[-1]]), steps, told))
     return worth
 
@@ -81,11 +82,7 @@ def worth_of(summary: Summary, rows: list[str]) -> list[Worth]:
 def _sentence(worth: Worth, texts: Mapping[str, str]) -> str:
     decimals = worth.column["decimals"]
     ends = [None if each is None else f"{each.mean:.{decimals}f}" for each in (worth.first, worth.last)]
-    said = [
-        f"{texts[row]} {signed(step.mean, decimals)}"
-        for row, step in worth.steps.items()
-        if step is not None and row in worth.resolved
-    ]
+    said = [f"{texts[row]} {signed(step.mean, decimals)}" for row, step in worth.steps.items() if row in worth.resolved]
     steps = f"resolved steps: {', '.join(said)}" if said else "no step is resolved"
     return f"{label_with_unit(worth.column)}: {ends[0]} to {ends[1]}; {steps}."
 
@@ -96,7 +93,7 @@ def _grid(worth: list[Worth], rows: list[str], texts: Mapping[str, str]) -> Grid
         [name_item(texts[rows[0]]), *(plain_item(each.first, each.column["decimals"]) for each in worth)]
     ]
     for row in rows[1:]:
-        steps = [estimate_item(each.steps[row], each.column["decimals"]) for each in worth]
+        steps = [estimate_item(each.steps.get(row), each.column["decimals"]) for each in worth]
         lines.append([name_item(f"+ {texts[row]}"), *steps])
     lines.append([name_item("all together"), *(plain_item(each.last, each.column["decimals"]) for each in worth)])
     note = (

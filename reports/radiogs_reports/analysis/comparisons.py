@@ -8,7 +8,7 @@ from collections.abc import Hashable, Mapping
 from itertools import combinations
 from typing import Literal, NamedTuple, TypeVar
 
-from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, mean_of, paired_difference, spread
+from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, level_of, mean_of, paired_difference, spread
 from ..summary import Verdict
 
 Direction = Literal["up", "down", "zero", "none"]
@@ -46,32 +46,27 @@ def adjusted_p_values(found: Mapping[Key, Estimate | None]) -> dict[Key, float]:
     return holm({key: each.p_value for key, each in found.items() if each is not None and each.p_value is not None})
 
 
-def resolved(found: Mapping[Key, Estimate | None]) -> set[Key]:
-    """The estimates of a family that differ from zero."""
-    return {key for key, adjusted in adjusted_p_values(found).items() if adjusted <= ERROR_RATE}
-
-
 def to_reference(samples: Mapping[str, Sample], reference: str, direction: Direction) -> dict[str, Comparison]:
     """Every other row that shares a scene and seed with the reference row, compared with it."""
-    base, found = samples[reference], {}
-    for row, sample in samples.items():
-        difference = paired_difference(sample, base)
-        gain = paired_difference(upwards(sample, direction), upwards(base, direction))
-        if row != reference and difference is not None and gain is not None:
-            found[row] = difference, gain
-    adjusted = adjusted_p_values({row: gain for row, (_, gain) in found.items()})
-    compared = {}
-    for row, (difference, gain) in found.items():
-        p_value, verdict = adjusted.get(row), None
-        if direction != "none" and p_value is not None and p_value <= ERROR_RATE:
-            verdict = better_or_worse(gain)
-        compared[row] = Comparison(difference, spread(differences(samples[row], base)), p_value, verdict)
-    return compared
+    return compared(
+        {row: (sample, samples[reference]) for row, sample in samples.items() if row != reference}, direction
+    )
 
 
-def better_or_worse(gain: Estimate) -> Verdict:
-    """The verdict on a gain that is resolved."""
-    return "better" if gain.mean > 0 else "worse"
+def compared(pairs: Mapping[Key, tuple[Sample, Sample]], direction: Direction) -> dict[Key, Comparison]:
+    """The first of each pair less the second, where they share a scene and seed: one family, over its ``level_of``."""
+    over = level_of(*(sample for pair in pairs.values() for sample in pair))
+    gains = {
+        key: paired_difference(*(upwards(one, direction) for one in pair), over=over) for key, pair in pairs.items()
+    }
+    adjusted, found = adjusted_p_values(gains), dict[Key, Comparison]()
+    for key, gain in gains.items():
+        difference = differences(*pairs[key])
+        mean, told = mean_of(difference, over), direction != "none" and adjusted.get(key, 1.0) <= ERROR_RATE
+        if gain is not None and mean is not None:
+            verdict: Verdict | None = ("better" if gain.mean > 0 else "worse") if told else None
+            found[key] = Comparison(mean, spread(difference), adjusted.get(key), verdict)
+    return found
 
 
 def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, float]:
@@ -81,19 +76,17 @@ def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, f
     return {key: -abs(value) if direction == "zero" else -value for key, value in values.items()}
 
 
-def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
+def beaten(samples: Mapping[Key, Sample], direction: Direction) -> dict[Key, set[Key]] | None:
     """The rows that are resolved to be worse than each row; None for counts, and if no pair can be tested."""
     if direction == "none":
         return None
-    upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
-    pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
-    if not adjusted_p_values(pairs):
+    judged = compared({pair: (samples[pair[0]], samples[pair[1]]) for pair in combinations(samples, 2)}, direction)
+    if all(each.p_value is None for each in judged.values()):
         return None
-    found: dict[str, set[str]] = {row: set() for row in upward}
-    told = resolved(pairs)
-    for (one, other), gain in pairs.items():
-        if gain is not None and (one, other) in told:
-            better, worse = (one, other) if gain.mean > 0 else (other, one)
+    found: dict[Key, set[Key]] = {row: set() for row, sample in samples.items() if sample}
+    for pair, each in judged.items():
+        if each.verdict is not None:
+            better, worse = pair if each.verdict == "better" else pair[::-1]
             found[better].add(worse)
     return found
 

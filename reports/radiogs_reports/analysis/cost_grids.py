@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from ..statistics import Estimate, paired_ratio
+from ..statistics import Estimate, level_of, paired_ratio
 from ..summary import ErrorParts, Summary, reference_of, row_texts
 from ..wording import label_with_unit, population_of
 from .cost_knobs import Doubling, Knob
@@ -39,15 +39,15 @@ def efficiencies(summary: Summary) -> dict[tuple[str, str], Estimate]:
     The MSE is 10^(-PSNR / 10), for peak 1. The reference row is included.
     """
     found = {}
-    for row in summary["rows"]:
-        for key in (column["key"] for column in summary["columns"] if column["unit"] == "dB"):
-            samples = []
-            for each in (row["key"], reference_of(summary)):
-                seconds, decibels = costs_of(summary, each, "seconds"), values_of(summary, each, key)
-                samples.append({at: 10 ** (decibels[at] / 10) / seconds[at] for at in decibels if at in seconds})
-            ratio = paired_ratio(*samples)
+    for key in (column["key"] for column in summary["columns"] if column["unit"] == "dB"):
+        samples = {}
+        for row in (each["key"] for each in summary["rows"]):
+            seconds, decibels = costs_of(summary, row, "seconds"), values_of(summary, row, key)
+            samples[row] = {at: 10 ** (decibels[at] / 10) / seconds[at] for at in decibels if at in seconds}
+        for row, sample in samples.items():
+            ratio = paired_ratio(sample, samples[reference_of(summary)], level_of(*samples.values()))
             if ratio is not None:
-                found[row["key"], key] = ratio
+                found[row, key] = ratio
     return found
 
 

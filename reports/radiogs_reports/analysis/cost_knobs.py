@@ -10,9 +10,9 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from ..statistics import Estimate, Origin, exponential, mean_of, paired_difference, paired_ratio
+from ..statistics import Estimate, Origin, exponential, level_of, mean_of, paired_difference, paired_ratio
 from ..summary import ColumnSummary, Summary, reference_of
-from .samples import changed_fields, costs_of, flat, made_from, values_of
+from .samples import changed_fields, costs_of, flat, made_from, runs_of, values_of
 
 RADIOGS = "radiogs"
 
@@ -126,15 +126,16 @@ def steps(summary: Summary, knobs: list[Knob]) -> list[KnobStep]:
     """Every origin of neighbouring settings of every knob."""
     found = []
     for knob in knobs:
+        over = level_of(*(runs_of(summary, setting.row) for setting in knob.settings))
         for low, high in pairwise(knob.settings):
             changes = {
                 column["key"]: paired_difference(
-                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"])
+                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"]), over=over
                 )
                 for column in summary["columns"]
             }
             time_ratio, ray_ratio = (
-                paired_ratio(costs_of(summary, high.row, cost), costs_of(summary, low.row, cost))
+                paired_ratio(costs_of(summary, high.row, cost), costs_of(summary, low.row, cost), over)
                 for cost in ("seconds", "rays")
             )
             known = {key: change for key, change in changes.items() if change is not None}
@@ -173,5 +174,6 @@ def _slope(knob: Knob, samples: Mapping[str, Mapping[Origin, float]]) -> Estimat
             )
             / spread
             for origin in complete
-        }
+        },
+        level_of(*samples.values()),
     )

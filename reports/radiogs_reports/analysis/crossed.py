@@ -6,10 +6,9 @@ Such pairs tell whether a part does what another one does as well: then it is wo
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from ..statistics import Estimate, paired_difference
 from ..summary import ColumnSummary, Summary, directed_columns, doubted_rows, row_texts
 from ..wording import heading, label_with_unit, signed
-from .comparisons import resolved
+from .comparisons import Comparison, compared
 from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, name_item
 from .samples import changed_fields, flat, made_from, values_of
 
@@ -41,14 +40,15 @@ def crossed_report(summary: Summary) -> Report | None:
     sentences, records = list[str](), list[Record]()
     lines: list[list[Item]] = []
     for crossed in found:
-        worth = {column["key"]: _differences(summary, crossed, column["key"]) for column in columns}
+        worth = {column["key"]: _compared(summary, crossed, column) for column in columns}
         sentences += [_sentence(summary, crossed, each, own) for each in columns if (own := worth[each["key"]])]
         for pair in crossed.pairs:
-            items = [estimate_item(worth[each["key"]].get(pair), each["decimals"]) for each in columns]
+            shown = [(worth[each["key"]].get(pair), each["decimals"]) for each in columns]
+            items = [estimate_item(one.difference if one else None, decimals) for one, decimals in shown]
             lines.append([name_item(crossed.text), name_item(texts[pair[0]]), *items])
             named = {"setting": crossed.setting, "row": pair[0], "instead_of": pair[1]}
             records += [
-                {**named, "metric": key} | estimate_fields(difference=own[pair])
+                {**named, "metric": key} | estimate_fields(difference=own[pair].difference)
                 for key, own in worth.items()
                 if pair in own
             ]
@@ -82,16 +82,16 @@ def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any
     return (names[0], (left.get(names[0]), right.get(names[0]))) if len(names) == 1 else None
 
 
-def _differences(summary: Summary, crossed: Crossed, column: str) -> dict[tuple[str, str], Estimate]:
+def _compared(summary: Summary, crossed: Crossed, column: ColumnSummary) -> dict[tuple[str, str], Comparison]:
     """First row less second row, for each pair that shares a scene and seed."""
-    found = {pair: paired_difference(*(values_of(summary, row, column) for row in pair)) for pair in crossed.pairs}
-    return {pair: difference for pair, difference in found.items() if difference is not None}
+    samples = {row: values_of(summary, row, column["key"]) for pair in crossed.pairs for row in pair}
+    return compared({(one, two): (samples[one], samples[two]) for one, two in crossed.pairs}, column["direction"])
 
 
-def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Estimate]) -> str:
+def _sentence(summary: Summary, crossed: Crossed, column: ColumnSummary, own: dict[tuple[str, str], Comparison]) -> str:
     doubted = doubted_rows(summary, column["key"])
-    told = [pair for pair in resolved(own) if doubted.isdisjoint(pair)]
-    means = [found.mean for found in own.values()]
+    told = [pair for pair, found in own.items() if found.verdict is not None and doubted.isdisjoint(pair)]
+    means = [found.difference.mean for found in own.values()]
     return (
         f"{crossed.text}, {label_with_unit(column)}: from {signed(min(means), column['decimals'])} to"
         f" {signed(max(means), column['decimals'])} in {len(own)} pairs of rows, resolved in {len(told)}."

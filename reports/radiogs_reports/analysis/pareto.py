@@ -39,21 +39,20 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[CostPoint
 def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: Direction) -> set[int]:
     """Indices of the rows that are better than every cheaper one on the front.
 
-    Rows are compared by ``comparisons.beaten`` over all of them, and by their plain difference where two rows share a
-    single unit. Among rows of equal cost the better one comes first.
+    Rows are compared by ``comparisons.beaten`` over all of them, and by their plain difference where no two rows share
+    more than a single unit. Among rows of equal cost the better one comes first.
     """
-    named = {str(place): sample for place, sample in enumerate(samples)}
-    worse = beaten(named, direction) or {}
+    worse = beaten(dict(enumerate(samples)), direction)
 
-    def better(row: str, other: str) -> bool:
-        gain = paired_difference(upwards(named[row], direction), upwards(named[other], direction))
-        if gain is None:
-            return False
-        return gain.mean > 0 if gain.low is None else other in worse.get(row, set())
+    def better(row: int, other: int) -> bool:
+        if worse is not None:
+            return other in worse.get(row, set())
+        gain = paired_difference(upwards(samples[row], direction), upwards(samples[other], direction))
+        return gain is not None and gain.mean > 0
 
     means = [-math.inf if (mean := mean_of(upwards(each, direction))) is None else mean.mean for each in samples]
     front: list[int] = []
     for place in sorted(range(len(costs)), key=lambda place: (costs[place], -means[place])):
-        if samples[place] and all(better(str(place), str(other)) for other in front):
+        if samples[place] and all(better(place, other) for other in front):
             front.append(place)
     return set(front)

@@ -1,10 +1,13 @@
 """Measured against published order of methods: rank correlation, and the pairs of methods that are resolved."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import kendalltau
 
 from ..statistics import Estimate, mean_of, paired_difference
@@ -19,7 +22,8 @@ FEWEST = 3
 
 HOW_TO_READ = (
     "Kendall's tau between the measured means and the published values: 1 where every two methods come in the published"
-    " order, -1 where every two come in the other. By chance: the share of all orders whose tau is at least as large."
+    " order, -1 where every two come in the other. By chance: the share of all orders of the published values whose tau"
+    " is at least as large."
     " Resolved: pairs of methods that paired t tests tell apart, with Holm's correction over all pairs of the column."
     " Lowest and highest tau: those of the orders that agree with all resolved pairs; in at least 95 % of cases the tau"
     " of more scenes like these lies between them."
@@ -33,8 +37,6 @@ class Reversal(NamedTuple):
     worse: str
     gain: Estimate
     """Difference of ``better`` and ``worse`` here, in the direction of better values."""
-    published: tuple[float, float]
-    """Published values of ``better`` and ``worse``."""
 
 
 class Order(NamedTuple):
@@ -45,9 +47,9 @@ class Order(NamedTuple):
     tau: float
     """Kendall's tau-b between the measured and the published values."""
     low: float
-    """Tau if all pairs that are not resolved came in the order opposite to the published one."""
+    """The lowest tau of an order of the methods in which all resolved pairs come as they are resolved."""
     high: float
-    """Tau if all pairs that are not resolved came in the published order."""
+    """The highest tau of such an order."""
     by_chance: float
     """P value of tau if all orders were equally likely."""
     confirmed: int
@@ -61,8 +63,7 @@ def order_report(summary: Summary) -> Report | None:
     orders = orders_of(summary)
     if not orders:
         return None
-    texts = row_texts(summary)
-    sentences = [HOW_TO_READ, *(_sentence(order, each, texts) for order in orders for each in order.reversals)]
+    sentences = [HOW_TO_READ, *(_sentence(summary, order, each) for order in orders for each in order.reversals)]
     return Report(sentences, [_grid(orders)], [_record(order) for order in orders])
 
 
@@ -86,30 +87,53 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
             published[row] = value if column["direction"] == "up" else -value
             samples[row] = dict(upwards(sample, column["direction"]))
     shared = set.intersection(*(set(sample) for sample in samples.values())) if samples else set()
-    if len(samples) < FEWEST or not shared:
+    if len(samples) < FEWEST or len({*published.values()}) == 1 or not shared:
         return None
     alike = {row: {origin: sample[origin] for origin in shared} for row, sample in samples.items()}
     means = [mean.mean for sample in alike.values() if (mean := mean_of(sample)) is not None]
-    whole = kendalltau(means, list(published.values()), alternative="greater")
-    worse = beaten(alike, "up") or {}
-    told = [pair for pair in combinations(alike, 2) if published[pair[0]] != published[pair[1]]]
-    ordered = [(one, other) if published[one] > published[other] else (other, one) for one, other in told]
-    confirmed = sum(second in worse.get(first, set()) for first, second in ordered)
-    printed = {row: summary["published"][row][column["key"]] for row in published}
+    rows, worse = list(alike), beaten(alike, "up") or {}
+    told = [(better, each) for better in rows for each in rows if each in worse.get(better, ())]
     reversals = [
-        Reversal(better, other, gain, (printed[better], printed[other]))
-        for other, better in ordered
-        if other in worse.get(better, set()) and (gain := paired_difference(alike[better], alike[other]))
+        Reversal(better, other, gain)
+        for better, other in told
+        if published[better] < published[other] and (gain := paired_difference(alike[better], alike[other]))
     ]
-    scale = math.sqrt(math.comb(len(published), 2) * len(ordered))  # of tau-b
-    low, high = (2 * confirmed - len(ordered)) / scale, (len(ordered) - 2 * len(reversals)) / scale
-    return Order(column, len(alike), float(whole.statistic), low, high, float(whole.pvalue), confirmed, reversals)
+    confirmed = sum(published[better] > published[other] for better, other in told)
+    signs, measured = (np.sign(np.subtract.outer(side, side)).astype(int) for side in ([*published.values()], means))
+    every = _scores(signs, [size for _, size in sorted(Counter(means).items())], [set[int]() for _ in rows])
+    by_chance = sum(count for score, count in every.items() if 2 * score >= (signs * measured).sum()) / every.total()
+    agreeing = _scores(signs, [1 for _ in rows], [{rows.index(each) for each in worse.get(row, ())} for row in rows])
+    scale = math.sqrt(math.comb(len(rows), 2) * np.count_nonzero(signs) / 2)  # of tau-b
+    tau = float(kendalltau(means, [*published.values()]).statistic)
+    low, high = min(agreeing) / scale, max(agreeing) / scale
+    return Order(column, len(rows), tau, low, high, by_chance, confirmed, reversals)
 
 
-def _sentence(order: Order, reversal: Reversal, texts: Mapping[str, str]) -> str:
-    decimals, gain = order.column["decimals"], reversal.gain
+def _scores(signs: NDArray[np.int_], sizes: Sequence[int], worse: Sequence[set[int]]) -> Counter[int]:
+    """The number of orders of the methods by their pairs that come as published less those that come reversed.
+
+    ``signs``: of published differences, [method, method]. ``sizes``: of groups of equal places, the worst first.
+    ``worse``: the methods that have to be placed before each. Exact, over 2^n sets of placed methods, not n! orders.
+    """
+    ways = {frozenset[int](): Counter({0: 1})}
+    for size in sizes:
+        grown: dict[frozenset[int], Counter[int]] = defaultdict(Counter)
+        for placed, counts in ways.items():
+            free = [each for each, before in enumerate(worse) if each not in placed and before <= placed]
+            for chosen in combinations(free, size):
+                gained = int(signs[np.ix_(chosen, [*placed])].sum())
+                for score, count in counts.items():
+                    grown[placed.union(chosen)][score + gained] += count
+        ways = grown
+    (counts,) = ways.values()
+    return counts
+
+
+def _sentence(summary: Summary, order: Order, reversal: Reversal) -> str:
+    decimals, gain, texts = order.column["decimals"], reversal.gain, row_texts(summary)
     ends = f"{signed(gain.low or 0.0, decimals)} to {signed(gain.high or 0.0, decimals)}"
-    mine, theirs = (f"{value:.{decimals}f}" for value in reversal.published)
+    published = (summary["published"][row][order.column["key"]] for row in (reversal.better, reversal.worse))
+    mine, theirs = (f"{value:.{decimals}f}" for value in published)
     return (
         f"{label_with_unit(order.column)}: {texts[reversal.better]} is better than {texts[reversal.worse]} here, by"
         f" {signed(gain.mean, decimals)} ({ends}); published the other way round, {mine} and {theirs}."

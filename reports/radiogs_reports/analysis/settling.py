@@ -104,7 +104,10 @@ def settling_report(summary: Summary) -> Report | None:
     lines = [
         [
             name_item(row["text"]),
-            *(plain_item(_estimate(found[row["key"]].get(column["key"])), 1, UNSCORED) for column in columns),
+            *(
+                plain_item(each and Estimate(each["seconds"], each["low"], each["high"], 1), 1, UNSCORED)
+                for each in (found[row["key"]].get(column["key"]) for column in columns)
+            ),
             number_item(row["seconds"], 1),
         ]
         for row in rows
@@ -118,16 +121,8 @@ def settling_report(summary: Summary) -> Report | None:
         ["row", *(column["label"] for column in columns), "whole training"],
         lines,
     )
-    records = [
-        {"row": row, "column": column, **settled}
-        for row, columns in found.items()
-        for column, settled in columns.items()
-    ]
+    records = [{"row": row, "column": each, **settled} for row, own in found.items() for each, settled in own.items()]
     return Report(sentences, [grid], records)
-
-
-def _estimate(settled: Settled | None) -> Estimate | None:
-    return None if settled is None else Estimate(settled["seconds"], settled["low"], settled["high"], 1)
 
 
 def _bands() -> str:

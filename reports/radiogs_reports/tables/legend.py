@@ -29,13 +29,14 @@ def legend(table: Table, scenes: Sequence[str], shown: str) -> list[str]:
     tested = [each for each in intervals if each["p_value"] is not None]
     if not tested:
         return [
-            "One scene with one seed: differences have no intervals. More seeds speak of this scene, more scenes of"
-            " scenes like these."
+            "One scene with one seed, or one of several scenes: differences have no intervals. More seeds speak of a"
+            " scene, more scenes of scenes like these."
         ]
     scene = scenes[0] if len(scenes) == 1 else "one scene"
     over = [population(*units, scene) for units in sorted({(each["over"], each["units"]) for each in tested})]
+    single = ", and none where a row has a single one of these" if len(tested) < len(intervals) else ""
     return [
-        f"Differences are paired by scene and seed, with 95 % t intervals {'; or '.join(over)}.",
+        f"Differences are paired by scene and seed, with 95 % t intervals {'; or '.join(over)}{single}.",
         _resolved(table.columns, shown.format(reference=repr(table.reference.text))),
         _power(table.columns, tested),
     ]

@@ -25,6 +25,8 @@ CHANGES: dict[str, tuple[str, Any]] = {
     "a metric is a number": ("metrics", {"nvs/psnr": 3.0}),
     "a value in words": ("metrics", {"nvs/psnr": {"value": "3", "reason": None, "views": []}}),
     "a metric without a value": ("metrics", {"nvs/psnr": {"reason": None, "views": []}}),
+    "a value above its views": ("metrics", {"nvs/psnr": {"value": 3.6, "reason": None, "views": [3.0, 4.0]}}),
+    "a value below its views": ("metrics", {"nvs/psnr": {"value": 2.7, "reason": None, "views": [3.0, None]}}),
     "work in a list": ("work", []),
     "work in words": ("work", {"invert": {"steps": "6"}}),
     "seconds are null": ("seconds", None),

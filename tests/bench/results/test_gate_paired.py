@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_1samp
 
-from radiogs_bench.results.paired import BAND, ERROR_RATE, Paired, detectable
+from radiogs_bench.results.paired import BAND, ERROR_RATE, SIMULATED_POWER, Paired, detectable
 
 DRAWS = 4000
 SEEDS = 3
@@ -30,6 +30,18 @@ def test_the_detectable_loss_is_found_in_four_of_five_runs(tests: int) -> None:
     loss = detectable([0.05] * SEEDS, SEEDS, tests, floor=0.0)
     found = sum(each.mean < 0 and each.beyond(tests * each.p_value, 0.0) for each in drawn(loss))
     assert found / DRAWS == pytest.approx(0.8, abs=0.03)
+
+
+@pytest.mark.parametrize("seeds", [3, 8])
+def test_a_loss_that_is_stated_from_a_reruns_own_spread_is_found_in_three_of_four_runs(seeds: int) -> None:
+    """Each baseline states its own loss, by the spread of its one rerun."""
+    random, found = np.random.default_rng(seeds), 0
+    for _ in range(800):
+        noise = random.normal(0, 1, seeds).tolist()
+        loss = detectable(noise, seeds, 12, floor=0.0)
+        judged = Paired(random.normal(-loss, 1, seeds).tolist(), noise)
+        found += judged.mean < 0 and judged.beyond(12 * judged.p_value, 0.0)
+    assert found / 800 == pytest.approx(SIMULATED_POWER, abs=0.04)
 
 
 def test_noise_of_many_reruns_gives_the_test_of_a_mean_with_known_spread() -> None:

@@ -1,13 +1,16 @@
 """Baselines with a rerun: what one is, how a loss over seeds is judged by it, and what the gate could find."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from bench.fake_method import finished_sweep
-from bench.gate_files import baseline_of_run
+from bench.gate_files import baseline_of_run, put, sealed_by_hand
 from radiogs_bench.cli import main
 from radiogs_bench.results.baseline import gain
 from radiogs_bench.results.gate import Change, compare, power_lines
@@ -113,6 +116,36 @@ def test_a_baseline_that_lacks_the_noise_of_a_metric_is_refused(
         baseline["noise"]["metrics"][OURS] = broken
         with pytest.raises(DataError, match="noise of nvs/psnr"):
             compare(Store(runs[0]), read_sweep(runs[0]), baseline)
+
+
+@pytest.mark.parametrize("noise", [(-0.3, -0.31, -0.29), (0.3, 0.31, 0.29), (-0.3, -0.2, -0.1), (-0.3, 0.31, -0.29)])
+def test_a_rerun_that_is_worse_or_better_in_every_seed_is_no_noise(
+    noise: tuple[float, ...], runs: tuple[Path, Path], baseline: dict[str, Any]
+) -> None:
+    """By a t test with Holm's correction over five rows: a gate would be blind to losses of its size."""
+    baseline["noise"]["metrics"][OURS]["nvs/psnr"] = list(noise)
+    one_sided = 5 * ttest_1samp(noise, 0).pvalue < 0.01
+    assert one_sided == (np.ptp(noise) < 0.05)
+    if not one_sided:
+        assert list(power_lines(baseline))
+        compare(Store(runs[0]), read_sweep(runs[0]), baseline)
+        return
+    word = "worse" if noise[0] < 0 else "better"
+    with pytest.raises(DataError, match=rf"rerun is {word} in nvs/psnr of {OURS} by 0.3, in 3 of 3 differences"):
+        compare(Store(runs[0]), read_sweep(runs[0]), baseline)
+
+
+def test_no_baseline_is_made_with_a_rerun_that_is_worse_in_every_seed(
+    runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rerun = Path(shutil.copytree(runs[1], tmp_path / "rerun"))
+    for number, cell in enumerate(sorted((rerun / "cells").glob("*.json"))):
+        value = json.loads(cell.read_text())["metrics"]["nvs/psnr"]["value"] - 0.3 - 0.001 * number
+        sealed_by_hand(cell, put({"value": value, "reason": None, "views": [value]}, "metrics", "nvs/psnr"))
+    file = tmp_path / "baseline.json"
+    assert main(["gate", str(runs[0]), "--baseline", str(file), "--update", "--rerun", str(rerun)]) == 3
+    assert f"its rerun is worse in nvs/psnr of {OURS} by 0.3" in capsys.readouterr().err
+    assert not file.exists()
 
 
 def test_the_power_is_said_by_metric_in_its_unit(baseline: dict[str, Any]) -> None:

@@ -33,6 +33,9 @@ def test_the_lens_of_a_frame_takes_the_place_of_the_files(tmp_path: Path) -> Non
     """Audit M10: per-frame fl_x, k1 and camera_angle_x were ignored."""
     own = table(tmp_path / "a.json", PIXELS, {"fl_x": 60.0, "fl_y": 61.0, "k1": 0.1})
     assert (lens(own, 0).fx, lens(own, 1).fx, lens(own, 1).fy, lens(own, 1).coefficients[0]) == (50, 60, 61, 0.1)
+    (said,) = read_transforms(own).said
+    assert said.startswith("fl_x, fl_y of a frame and of the file differ: the frame's are taken")
+    assert read_transforms(table(tmp_path / "d.json", PIXELS, PIXELS | {"k1": 0.1})).said == (), "k1 stands once"
     angle = table(tmp_path / "b.json", ANGLE, {"camera_angle_x": 0.4})
     assert lens(angle, 1).fx == pytest.approx(32 / math.tan(0.2))
     pixels = table(tmp_path / "c.json", ANGLE, PIXELS)

@@ -59,7 +59,7 @@ def test_a_second_model_that_cannot_be_read_is_named(capture: Path) -> None:
 def test_photos_without_a_camera_are_one_sentence(capture: Path) -> None:
     model(capture, "sparse/0", slice(0, 4))
     (line,) = said(capture)
-    assert line.startswith("8 of 12 photos have no camera and are not used: images/photo_005.png,")
+    assert line.startswith("8 of 12 photos are in no view and are not used: images/photo_005.png,")
 
 
 def test_text_files_beside_a_binary_model_are_named(capture: Path) -> None:
