@@ -279,19 +279,14 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
     """Raises DataError that names the files that are not there."""
     missing = [path.relative_to(folder).as_posix() for path in wanted if not path.is_file()]
     if missing:
+        nearest = next(place for place in (folder / missing[0]).parents if place.is_dir())
+        there = sorted(each.name for each in nearest.iterdir() if not each.name.startswith("."))
         raise DataError(
             f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {shown(missing)}",
             "Every view must have its image, and a map that one view of a split has, all views of it must have. "
-            + _instead(folder, folder / missing[0]),
+            f"In {nearest.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}.",
             "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
         )
-
-
-def _instead(folder: Path, path: Path) -> str:
-    """A sentence with the names in the nearest folder that exists above a missing file."""
-    place = next(place for place in path.parents if place.is_dir())
-    there = sorted(each.name for each in place.iterdir() if not each.name.startswith("."))
-    return f"In {place.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}."
 
 
 def inspect(

@@ -77,9 +77,10 @@ def inspect_photos(
     named |= {f"masks/{image.relative_to(folder).as_posix()}": mask for image, mask in masks.items()}
     headers, checksum = inspect(named, tables, {*masks.values()})
     for image, mask in masks.items():
-        size = headers[image].size
-        if not (headers[image].orientation in TURNS and is_reduction(size[::-1], headers[mask].size)):
-            _require_fitting(mask, headers[mask].size, size)
+        size, of_mask = headers[image].size, headers[mask].size
+        turned = headers[image].orientation in TURNS and is_reduction(size[::-1], of_mask)
+        if not turned and not is_reduction(size, of_mask):
+            require_same_size(mask, of_mask, size)
     return headers, checksum
 
 
@@ -344,14 +345,9 @@ def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) 
     if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
         values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))
     size = (values.shape[0], values.shape[1])
-    _require_fitting(path, size, wanted)
-    return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
-
-
-def _require_fitting(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
-    """Raise DataError for a map that is not as large as its view's image, nor larger in the same shape."""
     if not is_reduction(wanted, size):
         require_same_size(path, size, wanted)
+    return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
 
 
 FLAT_SHARE = 0.2

@@ -36,11 +36,7 @@ from .photos import read_mask
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
 
-TRUE_MAPS = {
-    "albedo": ("pseudo_gt_albedo", ".png"),
-    "normal": ("surface_normal", ".npy"),
-    "depth": ("z_depth", ".npy"),
-}
+TRUE_MAPS = {"albedo": ("pseudo_gt_albedo", ".png"), "normal": ("surface_normal", ".npy"), "depth": ("z_depth", ".npy")}
 """Folder and ending of the ground truth by map."""
 
 NOVEL_PARTS = ("image", "mask", "light")
