@@ -180,10 +180,7 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: i
         mine = (own.coverage == 1) & (seen.coverage == 1) & (np.abs(own.depth - seen.depth) < 1e-6)
         unshadowed += float((_energy(alone, camera, render.DIRECT_DEPTH) * mine).sum())
         shadowed += float((direct * mine).sum())
-    return {
-        "specular": float(specular.sum() / full.sum()),
-        "shadowed": max(0.0, 1 - shadowed / unshadowed),
-    }
+    return {"specular": float(specular.sum() / full.sum()), "shadowed": max(0.0, 1 - shadowed / unshadowed)}
 
 
 def _energy(scene: mi.Scene, camera: Pinhole, depth: int) -> NDArray[np.float32]:

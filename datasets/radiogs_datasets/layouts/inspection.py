@@ -99,19 +99,17 @@ class WrittenPaths:
             names = [tail, *(tail + ending for ending in self.endings)]  # Windows hides endings: 01.png.png
             fitting = [path for name in names for path in self._files.get(_plain(name), ())]
             if len(fitting) == 1:
-                return fitting[0], self._how(written, tail, start, fitting[0])
+                own = fitting[0].relative_to(self.folder).as_posix()
+                ways = (
+                    (start > 0, "not from the scene's folder: the part below it is taken"),
+                    ("\\" in written, "of Windows: \\ is read as /"),
+                    (own.startswith(tail), "without an ending, which the file has"),
+                    (True, "unlike the file in case or Unicode normal form: the file is taken"),
+                )
+                return fitting[0], next(how for holds, how in ways if holds)
             if fitting:
                 break
         return None, ""
-
-    def _how(self, written: str, tail: str, start: int, found: Path) -> str:
-        if start:
-            return "not from the scene's folder: the part below it is taken"
-        if "\\" in written:
-            return "of Windows: \\ is read as /"
-        if found.relative_to(self.folder).as_posix().startswith(tail):
-            return "without an ending, which the file has"
-        return "unlike the file in case or Unicode normal form: the file is taken"
 
     @cached_property
     def _files(self) -> dict[str, list[Path]]:
