@@ -94,14 +94,12 @@ def _masks(folder: Path, left: list[Path], read: list[Path]) -> Said:
 
 def _moving(left: list[Path]) -> Said:
     moving = [path for path in left if IGNORING.fullmatch(path.as_posix())]
-    if not moving:
-        return [], left
     names = shown([path.as_posix() for path in moving])
     said = (
         f"{_are(moving, 'mask', ' of what moves')} not used: {names}; to leave such pixels out, give a"
         " folder of masks that are black there:  --mask-folder DIR --masks ignore"
     )
-    return [said], [path for path in left if path not in {*moving}]
+    return [said] if moving else [], [path for path in left if path not in {*moving}]
 
 
 def _sizes(left: list[Path], read: list[Path]) -> Said:

@@ -112,9 +112,15 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
         raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
     unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
+    views = tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames))
+    scale = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
+    depth_unit = finite(table.get(scale, DEPTH_UNIT))
+    if not (math.isfinite(depth_unit) and depth_unit > 0):
+        why = "It is the length of a level of a depth map in world units."
+        raise wrong_field(str(path), scale, table[scale], why)
     return Transforms(
-        tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
-        _depth_unit(path, table),
+        views,
+        depth_unit,
         _path(str(path), table, "ply_file_path"),
         {name: names for name in SPLITS if (names := _names(path, table, name))},
         meaning,
@@ -158,14 +164,6 @@ def _without_scale(frames: list[object], note: Note) -> list[object]:
     else:
         note(f"the last number of the poses is {float(last[0]):.4g}: they are divided by it")
     return [{**frame, "transform_matrix": pose.tolist()} for frame, pose in zip(frames, poses, strict=True)]  # type: ignore[dict-item]
-
-
-def _depth_unit(path: Path, table: dict[str, Any]) -> float:
-    name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
-    unit = finite(table.get(name, DEPTH_UNIT))
-    if not (math.isfinite(unit) and unit > 0):
-        raise wrong_field(str(path), name, table[name], "It is the length of a level of a depth map in world units.")
-    return unit
 
 
 def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...]:
