@@ -75,23 +75,14 @@ def radiance(scene: mi.Scene, camera: Pinhole, samples: int, depth: int, seed: i
     deeper bounces alone, and never negative.
     """
     film = {
-        "type": "hdrfilm",
-        "width": camera.size,
-        "height": camera.size,
-        "pixel_format": "rgba",
-        "component_format": "float32",
-        "rfilter": {"type": "box"},
-    }
-    sensor = mi.load_dict(
-        {
-            "type": "perspective",
-            "fov": camera.field_of_view,
-            "fov_axis": "x",
-            "to_world": mi.ScalarTransform4f((camera.to_world @ OPENGL_TO_MITSUBA).tolist()),
-            "film": film,
-            "sampler": {"type": "multijitter", "sample_count": samples},
-        }
-    )
+        "type": "hdrfilm", "width": camera.size, "height": camera.size, "pixel_format": "rgba",
+        "component_format": "float32", "rfilter": {"type": "box"},
+    }  # fmt: skip
+    sensor = mi.load_dict({
+        "type": "perspective", "fov": camera.field_of_view, "fov_axis": "x",
+        "to_world": mi.ScalarTransform4f((camera.to_world @ OPENGL_TO_MITSUBA).tolist()),
+        "film": film, "sampler": {"type": "multijitter", "sample_count": samples},
+    })  # fmt: skip
     integrator = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": NO_ROULETTE, "hide_emitters": True})
     return np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=samples, seed=mi.UInt32(seed)))
 

@@ -37,9 +37,6 @@ TEST_MAPS: dict[str, tuple[str, Callable[[Path], Tensor]]] = {
 }
 """Map: ending of its file, and how it is read."""
 
-Sources = dict[str, Callable[[], Tensor]]
-"""How to read each map of a view."""
-
 
 def looks_like(folder: Path) -> bool:
     """Whether there are linear training images."""
@@ -112,9 +109,12 @@ def _name(frame: Frame) -> str:
     return frame.file_path.removeprefix("./")
 
 
-def _test_maps(folder: Path, stem: Path, lights: list[str]) -> Sources:
+def _test_maps(folder: Path, stem: Path, lights: list[str]) -> dict[str, Callable[[], Tensor]]:
     image = _with(stem, "_rgba.png")
-    sources: Sources = {"image": partial(read_photo, image), "alpha": partial(read_alpha, image)}
+    sources: dict[str, Callable[[], Tensor]] = {
+        "image": partial(read_photo, image),
+        "alpha": partial(read_alpha, image),
+    }
     for name, (ending, read) in TEST_MAPS.items():
         if _with(stem, ending).is_file():
             sources[name] = partial(read, _with(stem, ending))
