@@ -51,8 +51,7 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     splits, left = _splits(rest, left)
     lost, left = _without_view(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
-    may_split = [path for path in rest if SPLIT.fullmatch(path.name) and not TABLE.fullmatch(path.name)]
-    listing = [path.as_posix() for path in may_split]
+    listing = [path.as_posix() for path in rest if SPLIT.fullmatch(path.name) and not TABLE.fullmatch(path.name)]
     lists = [f"files that may list the views of a split are not used: {shown(listing)}"] if listing else []
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
     others = [f"{_are(left, 'other image')} not used: {shown(places)}"] if left else []
