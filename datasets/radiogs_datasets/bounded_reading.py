@@ -131,7 +131,11 @@ def read_json(path: Path) -> Any:
     """
     try:
         text = read_bytes(path, TABLE_LIMIT).decode("utf-8-sig")
-        _require_shallow(text)
+        if text.count("[") + text.count("{") > DEEPEST_JSON:
+            bare = np.frombuffer(JSON_TEXT.sub("", text).encode(), np.uint8)
+            opens, closes = np.isin(bare, (ord("["), ord("{"))), np.isin(bare, (ord("]"), ord("}")))
+            if int(np.cumsum(opens.astype(np.int64) - closes).max(initial=0)) > DEEPEST_JSON:
+                raise ValueError(f"it is nested deeper than {DEEPEST_JSON}")
         value = json.loads(text, parse_float=_real)
         if "\\ud" in text or "\\uD" in text:
             json.dumps(value, ensure_ascii=False).encode()
@@ -152,16 +156,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     if LONG_KEY.search(text):
         raise ValueError(f"a key has more than {DEEPEST_KEY} parts")
     return tomllib.loads(text)
-
-
-def _require_shallow(text: str) -> None:
-    """Raises ValueError for brackets that are open within one another beyond DEEPEST_JSON."""
-    if text.count("[") + text.count("{") <= DEEPEST_JSON:
-        return
-    bare = np.frombuffer(JSON_TEXT.sub("", text).encode(), np.uint8)
-    opens, closes = np.isin(bare, (ord("["), ord("{"))), np.isin(bare, (ord("]"), ord("}")))
-    if int(np.cumsum(opens.astype(np.int64) - closes).max(initial=0)) > DEEPEST_JSON:
-        raise ValueError(f"it is nested deeper than {DEEPEST_JSON}")
 
 
 def _real(digits: str) -> float:

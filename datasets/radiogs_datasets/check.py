@@ -99,7 +99,9 @@ Bits = dict[str, dict[int, list[str]]]
 def _damaged_files(folder: Path, bits: Bits, advance: Advance) -> Iterator[Finding]:
     """Files that cannot be decoded; what they say of colours matters where a view reads them. ``bits`` is filled."""
     tables = sorted(folder.rglob("transforms*.json"))
-    images = _images(folder)
+    # Hidden files are left out: macOS lays a file ._NAME of its own beside each.
+    named = (path for path in folder.rglob("*") if usual_type(path) in KNOWN and path.is_file())
+    images = sorted(path for path in named if not any(part[0] == "." for part in path.relative_to(folder).parts))
     for done, path in enumerate([*tables, *images], start=1):
         place = path.relative_to(folder).as_posix()
         try:
@@ -114,17 +116,6 @@ def _damaged_files(folder: Path, bits: Bits, advance: Advance) -> Iterator[Findi
         except DataError as error:
             yield Finding(place, _sentence(error))
         advance(done, len(tables) + len(images))
-
-
-def _images(folder: Path) -> list[Path]:
-    """The images below a folder but for hidden ones: macOS lays a file ._NAME of its own beside each."""
-    return sorted(
-        path
-        for path in folder.rglob("*")
-        if usual_type(path) in KNOWN
-        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
-        and path.is_file()
-    )
 
 
 def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
@@ -142,9 +133,8 @@ def _mixed_bits(bits: Bits) -> Iterator[Finding]:
     for depths in bits.values():
         if len(depths) > 1:
             rare = min(depths, key=lambda bits: len(depths[bits]))
-            yield from (
-                warning(place, f"has {rare} bits a channel, unlike the others of its kind") for place in depths[rare]
-            )
+            what = f"has {rare} bits a channel, unlike the others of its kind"
+            yield from (warning(place, what) for place in depths[rare])
 
 
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
@@ -186,20 +176,16 @@ def _look_at_something(scene: Scene) -> bool:
 
 def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
     if centre is not None:
-        yield from _looks_past(view, centre)
+        camera = view.camera.to(dtype=torch.float64)
+        depth = float(camera.depth_of(centre))
+        place = camera.axes.T @ (centre - camera.centre)
+        column, row = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
+        if depth <= 0:
+            yield Finding(view.name, "the camera looks away from what the others look at")
+        elif not (0 <= column <= camera.width and 0 <= row <= camera.height):
+            yield Finding(view.name, "what the cameras look at lies outside this image")
     if view.has("alpha") and not bool((view.read("alpha") > 0).any()):
         yield Finding(view.name, "its mask is empty: no pixel shows the object")
-
-
-def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:
-    camera = view.camera.to(dtype=torch.float64)
-    depth = float(camera.depth_of(centre))
-    place = camera.axes.T @ (centre - camera.centre)
-    column, row = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
-    if depth <= 0:
-        yield Finding(view.name, "the camera looks away from what the others look at")
-    elif not (0 <= column <= camera.width and 0 <= row <= camera.height):
-        yield Finding(view.name, "what the cameras look at lies outside this image")
 
 
 def _sentence(error: ExplainedError) -> str:

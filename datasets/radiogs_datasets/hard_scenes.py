@@ -88,7 +88,6 @@ def under_a_sun(scene: Scene, radiance: float) -> Scene:
     True relit images are as under lights that are brighter by that factor: white wherever something is seen, since one
     bounce of such a sun is beyond what a display shows.
     """
-
     lights = {name: EnvironmentMap(light.radiance.clone()) for name, light in scene.lights.items()}
     for light in lights.values():
         light.radiance[light.radiance.shape[0] // 4, 0] = radiance

@@ -21,7 +21,6 @@ from radiogs_core.errors import DataError
 from .bounded_reading import finite, read_bytes
 from .colour_profiles import in_srgb
 from .image_structure import (
-    PngLayout,
     check_png_pixels,
     chosen_channels,
     damaged,
@@ -76,7 +75,15 @@ def _png_levels(path: Path, data: bytes, numbers: bool) -> NDArray:
     printed.taken((b"libpng warning: iCCP",))  # ``in_srgb`` judges profiles
     printed.pass_on()
     levels = in_srgb(path, image[..., ORDER[image.shape[2]]], layout.profile)
-    return _with_key(path, levels, layout) if layout.transparent and levels.shape[2] != 4 else levels
+    if not layout.transparent or levels.shape[2] == 4:
+        return levels
+    # One colour is named transparent (tRNS), which OpenCV drops from grey images.
+    most = np.iinfo(levels.dtype).max
+    key = np.array(layout.transparent_key, np.float64) * (most / ((1 << layout.bits) - 1))
+    if key.shape != (levels.shape[2],):
+        raise damaged(path, "its transparency does not fit its pixels")
+    alpha = np.where((levels == np.rint(key)).all(-1, keepdims=True), 0, most).astype(levels.dtype)
+    return np.concatenate([np.broadcast_to(levels, (*levels.shape[:2], 3)), alpha], -1)
 
 
 UNIT_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
@@ -90,16 +97,6 @@ def in_unit_range(levels: NDArray) -> NDArray[np.float32]:
     if levels.dtype == np.uint8:
         return np.asarray(cv2.LUT(np.ascontiguousarray(levels), UNIT_LEVELS), np.float32).reshape(levels.shape)
     return np.asarray(levels.astype(np.float32) / np.float32(np.iinfo(levels.dtype).max), np.float32)
-
-
-def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
-    """RGBA of an image one of whose colours is named transparent (tRNS), which OpenCV drops from grey ones."""
-    most = np.iinfo(levels.dtype).max
-    key = np.array(layout.transparent_key, np.float64) * (most / ((1 << layout.bits) - 1))
-    if key.shape != (levels.shape[2],):
-        raise damaged(path, "its transparency does not fit its pixels")
-    alpha = np.where((levels == np.rint(key)).all(-1, keepdims=True), 0, most).astype(levels.dtype)
-    return np.concatenate([np.broadcast_to(levels, (*levels.shape[:2], 3)), alpha], -1)
 
 
 def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
@@ -289,25 +286,16 @@ def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -
     coarse = [channel.name for channel in header["channels"] if (channel.xSampling, channel.ySampling) != (1, 1)]
     ratio, stored = float(header.get("pixelAspectRatio", 1)), np.ravel(header.get("chromaticities", REC709))
     off = min(float(np.abs(stored - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50))
-    named = ", ".join(f"{value:.4g}" for value in stored)
+    window = f"holds the window {data} of an image {display}"
+    sizes = f"has channels of several sizes: {', '.join(coarse)[:300]} subsampled"
+    primaries = f"has other primaries than sRGB's: {', '.join(f'{value:.4g}' for value in stored)}"
+    most = CHROMATICITY_TOLERANCE
     for wrong, what, why in (
         (len(parts) > 1, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."),
-        (
-            data != display,
-            f"holds the window {data} of an image {display}",
-            "What lies outside is not there: it was cropped.",
-        ),
-        (
-            coarse,
-            f"has channels of several sizes: {', '.join(coarse)[:300]} subsampled",
-            "Every pixel needs all channels.",
-        ),
-        (abs(ratio - 1) > CHROMATICITY_TOLERANCE, f"has pixels of the ratio {ratio:g}", "Pixels are taken for square."),
-        (
-            not off <= CHROMATICITY_TOLERANCE,
-            f"has other primaries than sRGB's: {named}",
-            "Its numbers are no sRGB (Rec. 709) radiance.",
-        ),
+        (data != display, window, "What lies outside is not there: it was cropped."),
+        (coarse, sizes, "Every pixel needs all channels."),
+        (abs(ratio - 1) > most, f"has pixels of the ratio {ratio:g}", "Pixels are taken for square."),
+        (not off <= most, primaries, "Its numbers are no sRGB (Rec. 709) radiance."),
     ):
         if wrong:
             raise DataError(

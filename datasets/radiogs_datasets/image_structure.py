@@ -18,7 +18,6 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from PIL.Image import Exif
 from PIL.JpegImagePlugin import JpegImageFile
@@ -76,7 +75,8 @@ ORIENTATION = 0x0112
 """EXIF's tag of how a photo is to be turned for display: 1 as stored, 5 to 8 with its sides exchanged."""
 
 
-class Header(NamedTuple):
+@dataclass(frozen=True)
+class Header:
     """The header of an image file: its type by its bytes, the size in pixels, and what its pixels carry.
 
     ``transparent``: whether pixels have alpha, of their own, by their palette or by a key. ``bits`` a sample, where
@@ -97,22 +97,17 @@ class Header(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PngLayout:
-    """Size in pixels, bits a sample, the compressed stream, and the bytes that it must expand to.
+class PngLayout(Header):
+    """The header of a PNG, the compressed stream, and the bytes that it must expand to.
 
-    ``transparent``: whether pixels have alpha, of their own, by their palette or by a key (tRNS). ``transparent_key``
-    is the one colour that is transparent in a grey or RGB image, as stored. ``profile`` is its ICC profile.
+    ``transparent_key`` is the one colour that is transparent in a grey or RGB image (tRNS), as stored. ``profile`` is
+    its ICC profile.
     """
 
-    height: int
-    width: int
-    bits: int
-    stream: bytes
-    expanded: int
-    transparent: bool = False
+    stream: bytes = b""
+    expanded: int = 0
     transparent_key: tuple[int, ...] = ()
     profile: bytes | None = None
-    orientation: int = 1
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -193,11 +188,9 @@ def png_layout(path: Path, data: bytes, numbers: bool = False) -> PngLayout:
     stream = b"".join(body for name, body in chunks if name == b"IDAT")
     key = others.get(b"tRNS", b"") if colour in (0, 2) else b""
     return PngLayout(
-        height, width, bits, stream, expanded,
-        colour in (4, 6) or b"tRNS" in others,
-        struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
+        "PNG", height, width, colour in (4, 6) or b"tRNS" in others, bits, _orientation(others.get(b"eXIf", b"")),
+        stream, expanded, struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
         None if numbers else profile_of_png(path, others),
-        _orientation(others.get(b"eXIf", b"")),
     )  # fmt: skip
 
 

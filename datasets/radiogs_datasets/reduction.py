@@ -37,13 +37,14 @@ def every(scene: Scene, step: int) -> Scene:
     """Every ``step``-th view of both splits, from the first on."""
     if step < 1:
         raise UsageError(f"every {step}th view is none", "", "Give a whole number above zero.")
-    said = (f"every {step}th view alone",) if step > 1 else ()
+    if step == 1:
+        return scene
     return replace(
         scene,
         train=scene.train[::step],
         test=scene.test[::step],
-        checksum=f"{scene.checksum}/every{step}" if step > 1 else scene.checksum,
-        repairs=(*scene.repairs, *said),
+        checksum=f"{scene.checksum}/every{step}",
+        repairs=(*scene.repairs, f"every {step}th view alone"),
     )
 
 

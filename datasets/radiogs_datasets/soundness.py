@@ -49,7 +49,8 @@ def require_placed(scene: Scene) -> None:
     views = [*scene.train, *scene.test]
     if not scene.train:
         return
-    away = _distances(views)
+    origins = torch.stack([view.camera.centre for view in views]).double()
+    away = (origins - origins.median(0).values).norm(dim=-1)
     middle, lost = float(away.median()), _outliers(away)
     if lost:
         named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:3])
@@ -68,12 +69,6 @@ def require_placed(scene: Scene) -> None:
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
     _require_near(scene, views)
-
-
-def _distances(views: Sequence[View]) -> torch.Tensor:
-    """Distances of cameras from their median place, world units, float64 [views]."""
-    origins = torch.stack([view.camera.centre for view in views]).double()
-    return (origins - origins.median(0).values).norm(dim=-1)
 
 
 def _outliers(away: torch.Tensor) -> list[int]:
@@ -136,15 +131,15 @@ def require_names(scene: Scene) -> None:
 def _require_apart(scene: Scene, names: list[str]) -> None:
     stored: dict[str, str] = {}
     for name in names:
-        if (other := stored.get(name.replace("/", "_"))) is not None:
+        place = name.replace("/", "_")
+        if (other := stored.get(place)) is not None:
+            both = f"two views called '{name}'" if other == name else f"views or lights '{other}' and '{name}'"
             raise DataError(
-                f"scene '{scene.name}' has two views called '{name}'"
-                if other == name
-                else f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
-                f"The renders of both would be stored as '{name.replace('/', '_')}', one over the other.",
+                f"scene '{scene.name}' has {both}",
+                f"The renders of both would be stored as '{place}', one over the other.",
                 "Rename the image of one of them; an ending (.png, .jpg) is no part of a view's name.",
             )
-        stored[name.replace("/", "_")] = name
+        stored[place] = name
 
 
 SSIM_WINDOW = 11
@@ -174,9 +169,8 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
     """A sentence on test views with the pose of a training view; none for a computed scene, which has few poses."""
     if not scene.train or not scene.test or scene.folder is None:
         return ()
-    poses = [
-        torch.stack([view.camera.camera_to_world for view in views]).double() for views in (scene.train, scene.test)
-    ]
+    splits = ([view.camera.camera_to_world for view in views] for views in (scene.train, scene.test))
+    poses = (torch.stack(split).double() for split in splits)
     (train, axes), (test, turned_axes) = ((pose[:, :3, 3], pose[:, :3, :3].flatten(1)) for pose in poses)
     apart = torch.cdist(train, train)
     near = torch.where(apart > 1e-9 * apart.max(), apart, math.inf).min(-1).values
@@ -188,11 +182,8 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
         for place, row in enumerate(same)
         if bool(row.any())
     ]
-    return (
-        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their pose: {shown(pairs)}",)
-        if pairs
-        else ()
-    )
+    said = f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their pose: {shown(pairs)}"
+    return (said,) if pairs else ()
 
 
 def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]:
@@ -201,16 +192,9 @@ def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]
     ``digests`` are those of files by absolute path; sources of the views are as a layout's loader made them.
     """
     train = {digest: view.name for view in scene.train if (digest := _digest(view, digests)) is not None}
-    pairs = [
-        f"{view.name} ({train[digest]})"
-        for view in scene.test
-        if (digest := _digest(view, digests)) is not None and digest in train
-    ]
-    return (
-        (f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their image: {shown(pairs)}",)
-        if pairs
-        else ()
-    )
+    pairs = [f"{view.name} ({train[digest]})" for view in scene.test if (digest := _digest(view, digests)) in train]
+    said = f"{len(pairs)} of {len(scene.test)} {NOT_NEW}: a training view has their image: {shown(pairs)}"
+    return (said,) if pairs else ()
 
 
 def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:
@@ -230,9 +214,8 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
         said.append("1 view to score: its metrics are of that view alone")
     small = [view for view in scene.test if min(view.camera.height, view.camera.width) < SSIM_WINDOW]
     if small:
-        said.append(
-            f"{_views(len(small))} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there"
-        )
+        few = _views(len(small))
+        said.append(f"{few} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there")
     return (*said, *shared_poses(scene))
 
 

@@ -42,24 +42,20 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     taken = {*used}
     top = Path(os.path.abspath(folder))
     every = list(_files(top))
-    images = [path for path in every if path.suffix.lower() in IMAGES]
-    left = [path.relative_to(top) for path in images if str(path) not in taken]
-    read = [path.relative_to(top) for path in images if str(path) in taken]
+    rest = [path.relative_to(top) for path in every if str(path) not in taken]
+    left = [path for path in rest if path.suffix.lower() in IMAGES]
+    read = [path.relative_to(top) for path in every if str(path) in taken and path.suffix.lower() in IMAGES]
     masks, left = _masks(folder, left, read)
     moving, left = _moving(left)
     sizes, left = _sizes(left, read)
-    splits, left = _splits([path.relative_to(top) for path in every if str(path) not in taken], left)
+    splits, left = _splits(rest, left)
     lost, left = _without_view(left, read)
     counts = Counter(path.parent.as_posix() for path in left)
-    listing = [path.relative_to(top).as_posix() for path in every if str(path) not in taken and _may_split(path)]
+    listing = [path.as_posix() for path in rest if SPLIT.fullmatch(path.name) and not TABLE.fullmatch(path.name)]
     lists = [f"files that may list the views of a split are not used: {shown(listing)}"] if listing else []
     places = [f"{count} in {'the folder itself' if place == '.' else place}" for place, count in counts.items()]
     others = [f"{_are(left, 'other image')} not used: {shown(places)}"] if left else []
     return (*masks, *moving, *sizes, *splits, *lists, *lost, *others)
-
-
-def _may_split(path: Path) -> bool:
-    return SPLIT.fullmatch(path.name) is not None and TABLE.fullmatch(path.name) is None
 
 
 Said = tuple[list[str], list[Path]]
@@ -81,7 +77,12 @@ def _masks(folder: Path, left: list[Path], read: list[Path]) -> Said:
             names.setdefault(top, {})[path.relative_to(top).as_posix().casefold()] = path
     said = []
     for top, files in names.items():
-        found = [path for path in read if any(mask_among(files, name) for name in _names_of(path))]
+        # A photo's mask lies there with the photo's folders, without the first of them, or flat.
+        found = [
+            path
+            for path in read
+            if any(mask_among(files, "/".join(path.parts[start:])) for start in {0, min(1, len(path.parts) - 1), -1})
+        ]
         if len(found) == len(read):
             said.append(f"{top}/ has a mask for each photo, and is not used:  --mask-folder {folder / top}")
         else:
@@ -90,24 +91,14 @@ def _masks(folder: Path, left: list[Path], read: list[Path]) -> Said:
     return said, [path for path in left if path not in taken]
 
 
-def _names_of(path: Path) -> Iterator[str]:
-    """The names under which a photo's mask may lie in a folder of masks: with its folders, without the first, flat."""
-    yield path.as_posix()
-    if len(path.parts) > 1:
-        yield Path(*path.parts[1:]).as_posix()
-    yield path.name
-
-
 def _moving(left: list[Path]) -> Said:
     moving = [path for path in left if IGNORING.fullmatch(path.as_posix())]
-    if not moving:
-        return [], left
     names = shown([path.as_posix() for path in moving])
     said = (
         f"{_are(moving, 'mask', ' of what moves')} not used: {names}; to leave such pixels out, give a"
         " folder of masks that are black there:  --mask-folder DIR --masks ignore"
     )
-    return [said], [path for path in left if path not in {*moving}]
+    return [said] if moving else [], [path for path in left if path not in {*moving}]
 
 
 def _sizes(left: list[Path], read: list[Path]) -> Said:

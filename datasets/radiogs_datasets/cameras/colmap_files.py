@@ -118,38 +118,28 @@ def read_model(folder: Path) -> SparseModel:
 
 def _cameras(path: Path) -> dict[int, StoredCamera]:
     cameras: dict[int, StoredCamera] = {}
-    for number, camera in _binary_cameras(path) if path.suffix == ".bin" else _text_cameras(path):
+    for number, camera in _binary_cameras(path) if path.suffix == ".bin" else _records(path, _camera):
+        if camera.model not in PARAMETERS:
+            raise unsupported(path, number, camera.model)
         if number in cameras:
             raise wrong(path, f"camera {number} is listed twice")
         cameras[number] = camera
+    _require_counted(path, len(cameras))
     return cameras
 
 
 def _images(path: Path) -> tuple[StoredImage, ...]:
-    return tuple(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
+    images = tuple(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
+    _require_counted(path, len(images))
+    return images
 
 
-MODEL_NAMES = {
-    0: "SIMPLE_PINHOLE",
-    1: "PINHOLE",
-    2: "SIMPLE_RADIAL",
-    3: "RADIAL",
-    4: "OPENCV",
-    5: "OPENCV_FISHEYE",
-    6: "FULL_OPENCV",
-    7: "FOV",
-    8: "SIMPLE_RADIAL_FISHEYE",
-    9: "RADIAL_FISHEYE",
-    10: "THIN_PRISM_FISHEYE",
-    11: "RAD_TAN_THIN_PRISM_FISHEYE",
-    12: "SIMPLE_DIVISION",
-    13: "DIVISION",
-    14: "SIMPLE_FISHEYE",
-    15: "FISHEYE",
-    16: "EUCM",
-    17: "EQUIRECTANGULAR",
-}
-"""COLMAP's numbers of its camera models."""
+MODEL_NAMES = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
+    "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
+)  # fmt: skip
+"""COLMAP's camera models, in the order of its numbers from 0 on."""
 
 COUNT = struct.Struct("<Q")
 CAMERA = struct.Struct("<iiQQ")
@@ -205,7 +195,7 @@ def _binary_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
     reader = _Reader(path)
     for _ in reader.records(CAMERA.size):
         number, kind, width, height = reader.take(CAMERA)
-        model = MODEL_NAMES.get(kind, f"number {kind}")
+        model = MODEL_NAMES[kind] if kind in range(len(MODEL_NAMES)) else f"number {kind}"
         if model not in PARAMETERS:
             # How many parameters follow is not known of every model; without a lens the rest is of no use.
             raise unsupported(path, number, model)
@@ -237,26 +227,13 @@ Read = TypeVar("Read")
 LARGEST_NUMBER = 1 << 63
 
 
-def _text_cameras(path: Path) -> Iterator[tuple[int, StoredCamera]]:
-    """Cameras with their numbers."""
-    count = 0
-    for number, camera in _records(path, _camera):
-        if camera.model not in PARAMETERS:
-            raise unsupported(path, number, camera.model)
-        count += 1
-        yield number, camera
-    _require_counted(path, count)
-
-
 def _text_images(path: Path) -> Iterator[StoredImage]:
     """Photos in the file's order. Raises DataError where the second line of one is no list of features."""
-    lines = _text(path).split("\n")
-    count = place = 0
+    lines, place = _text(path).split("\n"), 0
     while place < len(lines):
         line = lines[place].strip()
         place += 1
         if line and not line.startswith("#"):
-            count += 1
             yield _parsed(path, place, line, _image)
             if place < len(lines) and not _features(lines[place]):
                 raise DataError(
@@ -266,7 +243,6 @@ def _text_images(path: Path) -> Iterator[StoredImage]:
                     "Write an empty line after each pose.",
                 )
             place += 1
-    _require_counted(path, count)
 
 
 def _features(line: str) -> bool:
@@ -279,8 +255,8 @@ def _features(line: str) -> bool:
 
 
 def _require_counted(path: Path, found: int) -> None:
-    """Raise DataError where the file's own comment counts other than what it lists."""
-    said = COUNTED.search(_text(path))
+    """Raise DataError where a text file's own comment counts other than what it lists."""
+    said = COUNTED.search(_text(path)) if path.suffix == ".txt" else None
     if said is not None and int(said[1]) != found:
         raise DataError(
             f"cannot read {path}: its header counts {said[1]}, {found} are listed",

@@ -112,9 +112,15 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         why = "It says what black means in masks: nothing is there (object), or the pixel is left out (ignore)."
         raise wrong_field(str(path), "masks", meaning, why, "Write 'object' or 'ignore'.")
     unused = said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)])
+    views = tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames))
+    scale = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
+    depth_unit = finite(table.get(scale, DEPTH_UNIT))
+    if not (math.isfinite(depth_unit) and depth_unit > 0):
+        why = "It is the length of a level of a depth map in world units."
+        raise wrong_field(str(path), scale, table[scale], why)
     return Transforms(
-        tuple(_frame(path, place, frame, table, common, note) for place, frame in enumerate(frames)),
-        _depth_unit(path, table),
+        views,
+        depth_unit,
         _path(str(path), table, "ply_file_path"),
         {name: names for name in SPLITS if (names := _names(path, table, name))},
         meaning,
@@ -160,14 +166,6 @@ def _without_scale(frames: list[object], note: Note) -> list[object]:
     return [{**frame, "transform_matrix": pose.tolist()} for frame, pose in zip(frames, poses, strict=True)]  # type: ignore[dict-item]
 
 
-def _depth_unit(path: Path, table: dict[str, Any]) -> float:
-    name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
-    unit = finite(table.get(name, DEPTH_UNIT))
-    if not (math.isfinite(unit) and unit > 0):
-        raise wrong_field(str(path), name, table[name], "It is the length of a level of a depth map in world units.")
-    return unit
-
-
 def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...]:
     names = table.get(field_name)
     if names is None:
@@ -197,24 +195,21 @@ def _frame(
             "Correct the file.",
         )
     what = f"{path}: frame {place} ({name})"
-    own = common is None or not FIELDS.isdisjoint(frame)
-    lens = lens_of_fields(what, _merged(table, frame, note), note) if own or common is None else common
+    lens = common
+    if lens is None or not FIELDS.isdisjoint(frame):
+        if other := sorted(name for name in FIELDS & table.keys() & frame.keys() if table[name] != frame[name]):
+            said = "of a frame and of the file differ: the frame's are taken (nerfstudio takes the file's)"
+            note(f"{', '.join(other)} {said}")
+        # A frame's angle voids the file's pixels, and the reverse.
+        own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
+        void = (*PIXELS, *ANGLES[1:]) if own_angle else ANGLES if own_pixels else ()
+        merged = {name: value for name, value in table.items() if name not in void} | frame
+        lens = lens_of_fields(what, merged, note)
     pose = _rigid(f"{what}: 'transform_matrix'", frame.get("transform_matrix"), "It places the camera in the world.")
     # OpenGL looks along -z with y up; OpenCV looks along z with y down.
     pose[:3, 1:3] *= -1
     mask, depth = _path(what, frame, "mask_path"), _path(what, frame, "depth_file_path", "depth_path")
     return Frame(name, pose.float(), lens, mask, depth)
-
-
-def _merged(table: dict[str, Any], frame: dict[str, Any], note: Note) -> dict[str, Any]:
-    """The file's lens with the frame's fields in place; a frame's angle voids the file's pixels, and the reverse."""
-    if other := sorted(name for name in FIELDS & table.keys() & frame.keys() if table[name] != frame[name]):
-        note(
-            f"{', '.join(other)} of a frame and of the file differ: the frame's are taken (nerfstudio takes the file's)"
-        )
-    own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
-    void = (*PIXELS, *ANGLES[1:]) if own_angle else ANGLES if own_pixels else ()
-    return {name: value for name, value in table.items() if name not in void} | frame
 
 
 def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:

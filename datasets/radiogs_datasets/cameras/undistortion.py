@@ -168,10 +168,7 @@ def _unfolded(
         area = of_column[1] * of_row[0] - of_column[0] * of_row[1]
         whole = area > 0
     _, parts = cv2.connectedComponents(whole.astype(np.uint8), connectivity=4)
-    middle = (
-        int(np.clip(down // step, 0, whole.shape[0] - 1)),
-        int(np.clip(across // step, 0, whole.shape[1] - 1)),
-    )
+    middle = tuple(np.clip(np.array([down, across]) // step, 0, np.array(whole.shape) - 1).astype(int))
     own = whole & (parts == parts[middle])
     taken = np.where(own, area, 0).astype(np.float32)
     unfolded = own.repeat(step, 0).repeat(step, 1)[:height, :width]

@@ -32,9 +32,6 @@ class Cameras:
     size: Array
     """[views, 2]: width and height, pixels."""
 
-    def __len__(self) -> int:
-        return len(self.centre)
-
     def take(self, places: Sequence[int] | NDArray[np.int64]) -> "Cameras":
         """The cameras at some places."""
         chosen = np.asarray(places, dtype=np.int64)

@@ -106,8 +106,8 @@ def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
     pairs = {}
     for place, look in enumerate(evidence.looks):
         at, visible = seen(surface, evidence.cameras.take([place]))
-        own_view = names.index(look.name) if look.name in names and not look.trained else -1
-        visible &= surface.view != own_view
+        if look.name in names and not look.trained:
+            visible &= surface.view != names.index(look.name)
         found, alpha = sampled(look, at[visible])
         solid = alpha > 0.99
         if int(solid.sum()) >= FEWEST:

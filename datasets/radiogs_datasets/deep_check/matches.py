@@ -136,14 +136,11 @@ def _shared(one: tuple[Array, NDArray[np.float32]], other: tuple[Array, NDArray[
     if min(len(one[1]), len(other[1])) < 2:
         return np.zeros((0, 2, 2))
     alike = one[1] @ other[1].T
-    best = alike.argmax(1)
-    rows = np.arange(len(alike))
+    best, rows = alike.argmax(1), np.arange(len(alike))
+    mutual = alike.argmax(0)[best] == rows
     highest = alike[rows, best]
     alike[rows, best] = -1
-    distinct = (1 - highest) < RATIO**2 * (1 - alike.max(1))
-    alike[rows, best] = highest
-    mutual = alike.argmax(0)[best] == rows
-    chosen = distinct & mutual
+    chosen = mutual & ((1 - highest) < RATIO**2 * (1 - alike.max(1)))
     return np.stack([one[0][chosen], other[0][best[chosen]]], 1)
 
 
@@ -166,11 +163,10 @@ def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
         some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
         better, _ = best_reading(evidence.cameras, some.missed)
         if 1 - better.cost > share + BETTER / 2:
-            yield warning(
-                "all views",
-                f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them,"
-                f" with {better.says} {100 * (1 - better.cost):.0f} %",
+            what = (
+                f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them"
             )
+            yield warning("all views", f"{what}, with {better.says} {100 * (1 - better.cost):.0f} %")
             return
     if share > 0:
         yield from _single(evidence, matched(evidence), share)
@@ -179,10 +175,7 @@ def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
 def _single(evidence: Evidence, found: Matches, usual: float) -> Iterator[Finding]:
     for place in np.unique(found.views).tolist():
         own = found.of(place)
-        if len(own.views) < FEWEST:
-            continue
-        share = float(own.agreeing(evidence.cameras).mean())
-        if share > AGREEING * usual:
+        if len(own.views) < FEWEST or (share := 1 - own.missed(evidence.cameras)) > AGREEING * usual:
             continue
         better, _ = evidence.better_camera(
             place,

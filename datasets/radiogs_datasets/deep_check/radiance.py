@@ -26,19 +26,19 @@ def radiance(evidence: Evidence) -> Iterator[Finding]:
     """Test views whose direct and indirect light do not sum to their image, or whose indirect light exceeds it."""
     whole = [truth for truth in evidence.truths if {"direct", "indirect"} <= truth.maps.keys()]
     for truth in whole:
-        yield from _sum(truth, whole)
+        if int((chosen := _unclipped(truth, "image")).sum()) >= FEWEST:
+            yield from _sum(truth, whole, chosen)
     for truth in evidence.truths:
         pairs = [("indirect", "image")] if "direct" not in truth.maps else []
         pairs += [(name, name.removesuffix("/indirect")) for name in truth.maps if name.endswith("/indirect")]
         for name, image in pairs:
-            if name in truth.maps and image in truth.maps:
-                yield from _beyond(truth, name, image)
+            if {name, image} <= truth.maps.keys() and int((chosen := _unclipped(truth, image)).sum()) >= FEWEST:
+                yield from _beyond(truth, name, image, chosen)
 
 
-def _unclipped(truth: Truth, image: str) -> NDArray[np.bool_] | None:
-    """Pixels in which an image is not clipped; None if there are hardly any."""
-    chosen = truth.solid & (truth.maps[image].max(-1) < CLIPPED)
-    return chosen if int(chosen.sum()) >= FEWEST else None
+def _unclipped(truth: Truth, image: str) -> NDArray[np.bool_]:
+    """Pixels in which an image is not clipped."""
+    return np.asarray(truth.solid & (truth.maps[image].max(-1) < CLIPPED))
 
 
 def _apart(linear: Array, whole: Array) -> float:
@@ -46,10 +46,7 @@ def _apart(linear: Array, whole: Array) -> float:
     return float(np.median(np.abs(np.log(linear.clip(0) + DARK) - np.log(whole.clip(0) + DARK))))
 
 
-def _sum(truth: Truth, others: Sequence[Truth]) -> Iterator[Finding]:
-    chosen = _unclipped(truth, "image")
-    if chosen is None:
-        return
+def _sum(truth: Truth, others: Sequence[Truth], chosen: NDArray[np.bool_]) -> Iterator[Finding]:
     display, direct, indirect = (truth.maps[name][chosen] for name in ("image", "direct", "indirect"))
     shown, whole = decoded(display), direct + indirect
     own = _apart(shown, whole)
@@ -76,10 +73,7 @@ def _sum(truth: Truth, others: Sequence[Truth]) -> Iterator[Finding]:
     yield warning(truth.name, Fit(fits, 0.0).explains(what, OFF))
 
 
-def _beyond(truth: Truth, name: str, image: str) -> Iterator[Finding]:
-    chosen = _unclipped(truth, image)
-    if chosen is None:
-        return
+def _beyond(truth: Truth, name: str, image: str, chosen: NDArray[np.bool_]) -> Iterator[Finding]:
     display, part = truth.maps[image][chosen], truth.maps[name][chosen]
     shown = {"": display} | {says: read(display) for says, read in DISPLAY}
     shares = {says: float((part > BEYOND * decoded(each) + DARK).any(-1).mean()) for says, each in shown.items()}

@@ -171,7 +171,8 @@ def recorded_lights(evidence: Evidence) -> Iterator[Finding]:
     if lit is None:
         return
     shaded = _shaded(evidence, truths, lit)
-    roughness = lit.values(truths, "roughness")[:, 0] if _all_have(truths, "roughness") else np.full(len(lit.view), 0.5)
+    known = all("roughness" in truth.maps for truth in truths)
+    roughness = lit.values(truths, "roughness")[:, 0] if known else np.full(len(lit.view), 0.5)
     materials = Materials(lit.values(truths, "albedo"), lit.diffuse(), lit.specular(roughness))
     wrong = _materials(shaded, lit, materials, roughness)
     if wrong is not None:
@@ -181,23 +182,20 @@ def recorded_lights(evidence: Evidence) -> Iterator[Finding]:
         yield from _light(evidence, each, materials)
 
 
-def _all_have(truths: Sequence[Truth], name: str) -> bool:
-    return all(name in truth.maps for truth in truths)
-
-
 def _shaded(evidence: Evidence, truths: Sequence[Truth], lit: Lit) -> list[Shaded]:
     scene = evidence.scene
     lights = {f"relit/{name}": (name, light) for name, light in scene.lights.items()}
     if scene.training_light is not None:
         lights = {"image": ("the training light", scene.training_light)} | lights
+    common = set.intersection(*({*truth.maps} for truth in truths))
     found = []
     for name, (light, radiance) in lights.items():
-        if not _all_have(truths, name):
+        if name not in common:
             continue
         rest = "indirect" if name == "image" else f"{name}/indirect"
         display = lit.values(truths, name)
-        indirect = lit.values(truths, rest) if _all_have(truths, rest) else np.zeros_like(display)
-        if name == "image" and _all_have(truths, "direct"):
+        indirect = lit.values(truths, rest) if rest in common else np.zeros_like(display)
+        if name == "image" and "direct" in common:
             direct, display = lit.values(truths, "direct"), display[:0]
         else:
             direct = decoded(display) - indirect
@@ -270,11 +268,8 @@ def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[F
 def _turned(radiance: Array) -> Iterator[tuple[str, Array]]:
     """The map turned about the vertical in steps of a texel, mirrored, upside down, or lying on its side."""
     for texels in range(1, COLUMNS):
-        degrees = 360 * texels / COLUMNS
-        yield (
-            f"turned by {degrees if degrees <= 180 else degrees - 360:g} degrees about the vertical",
-            np.roll(radiance, texels, axis=1),
-        )
+        degrees = 360 * (texels if 2 * texels <= COLUMNS else texels - COLUMNS) / COLUMNS
+        yield f"turned by {degrees:g} degrees about the vertical", np.roll(radiance, texels, axis=1)
     yield "mirrored left to right", radiance[:, ::-1]
     yield "mirrored left to right and turned by 180 degrees", np.roll(radiance[:, ::-1], COLUMNS // 2, axis=1)
     yield "upside down", radiance[::-1]

@@ -68,13 +68,12 @@ class DepthMaps:
 
     def readings(self) -> Iterator[tuple[str, list[Array]]]:
         """Other readings of the stored depth, in words, and the maps of z-depth under each."""
-        stored = self.maps
-        lengths = [np.linalg.norm(truth.rays, axis=-1) for truth in self.truths]
-        shorter = [depth / length for depth, length in zip(stored, lengths, strict=True)]
-        yield "distance along the ray where z-depth is expected", shorter
-        longer = [depth * length for depth, length in zip(stored, lengths, strict=True)]
-        yield "z-depth divided by the ray's length once too often", longer
-        yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in stored]
+        pairs = [
+            (depth, np.linalg.norm(each.rays, axis=-1)) for each, depth in zip(self.truths, self.maps, strict=True)
+        ]
+        yield "distance along the ray where z-depth is expected", [depth / length for depth, length in pairs]
+        yield "z-depth divided by the ray's length once too often", [depth * length for depth, length in pairs]
+        yield "inverse depth (disparity)", [1 / np.where(depth > 0, depth, np.inf) for depth in self.maps]
 
     def with_one(self, place: int, **parts: NDArray) -> "DepthMaps":
         """A copy with other parts of one view."""
@@ -182,19 +181,8 @@ def _normals(truths: Sequence[Truth]) -> Iterator[Finding]:
     wrong = [each for each in samples if each.fit() < UNLIKE_DEPTH or each.away(each.stored) > MOST_AWAY]
     if len(wrong) > len(samples) / 2:
         yield warning("normal", _sentence(wrong))
-        return
-    for sample in wrong:
-        yield warning(sample.name, _sentence([sample]))
-
-
-def _best_frame(samples: Sequence[Sample]) -> Fit:
-    """The signed exchange of axes, of the world's or the camera's frame, that fits best; the cost is 1 - cosine."""
-    tried = []
-    for in_camera, order, signs in product((False, True), permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
-        apart = 1 - float(np.mean([sample.fit(in_camera, matrix) for sample in samples]))
-        tried.append((_frame(in_camera, order, signs), round(apart, 6)))
-    return best(tried)
+    else:
+        yield from (warning(sample.name, _sentence([sample])) for sample in wrong)
 
 
 def _frame(in_camera: bool, order: Sequence[int], signs: Sequence[float]) -> str:
@@ -212,4 +200,9 @@ def _sentence(wrong: Sequence[Sample]) -> str:
     against = "the depth" if wrong[0].derived is not None else "the camera"
     now = float(np.mean([sample.fit() for sample in wrong]))
     said = f"normals contradict {against}: {100 * away:.0f} % of them look away from the camera"
-    return _best_frame(wrong).explains(said, 1 - max(FIT, now + 0.1))
+    tried = []  # signed exchanges of axes, of the world's or the camera's frame, and 1 - cosine
+    for in_camera, order, signs in product((False, True), permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
+        apart = 1 - float(np.mean([sample.fit(in_camera, matrix) for sample in wrong]))
+        tried.append((_frame(in_camera, order, signs), round(apart, 6)))
+    return best(tried).explains(said, 1 - max(FIT, now + 0.1))

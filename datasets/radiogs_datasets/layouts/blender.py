@@ -115,16 +115,12 @@ def tables_of(folder: Path, options: SceneOptions) -> list[Path]:
 
 def listed_in(written: WrittenPaths, table: Path, transforms: Transforms) -> list[Listed]:
     """The views of a file with the paths that it names. Raises DataError for one that leaves the scene's folder."""
-
-    def place(path: str | None) -> Path | None:
-        return None if path is None else written.find(table, path)
-
-    unit = transforms.depth_unit
-    images = [_image(written, table, frame) for frame in transforms.frames]
-    return [
-        Listed(frame, image, place(frame.mask_path), place(frame.depth_path), unit)
-        for frame, image in zip(transforms.frames, _of_other_sizes(written, images), strict=True)
-    ]
+    images, listed = [_image(written, table, frame) for frame in transforms.frames], []
+    for frame, image in zip(transforms.frames, _of_other_sizes(written, images), strict=True):
+        paths = (frame.mask_path, frame.depth_path)
+        mask, depth = (None if path is None else written.find(table, path) for path in paths)
+        listed.append(Listed(frame, image, mask, depth, transforms.depth_unit))
+    return listed
 
 
 def _of_other_sizes(written: WrittenPaths, images: list[Path]) -> list[Path]:

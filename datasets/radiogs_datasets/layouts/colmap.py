@@ -36,15 +36,7 @@ from .inspection import (
     split_lists,
     split_views,
 )
-from .photos import (
-    PHOTO_FOLDERS,
-    Photo,
-    images_in,
-    inspect_photos,
-    masks_of,
-    placed,
-    views_of,
-)
+from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
 
 
 def looks_like(folder: Path) -> bool:

@@ -99,19 +99,17 @@ class WrittenPaths:
             names = [tail, *(tail + ending for ending in self.endings)]  # Windows hides endings: 01.png.png
             fitting = [path for name in names for path in self._files.get(_plain(name), ())]
             if len(fitting) == 1:
-                return fitting[0], self._how(written, tail, start, fitting[0])
+                own = fitting[0].relative_to(self.folder).as_posix()
+                ways = (
+                    (start > 0, "not from the scene's folder: the part below it is taken"),
+                    ("\\" in written, "of Windows: \\ is read as /"),
+                    (own.startswith(tail), "without an ending, which the file has"),
+                    (True, "unlike the file in case or Unicode normal form: the file is taken"),
+                )
+                return fitting[0], next(how for holds, how in ways if holds)
             if fitting:
                 break
         return None, ""
-
-    def _how(self, written: str, tail: str, start: int, found: Path) -> str:
-        if start:
-            return "not from the scene's folder: the part below it is taken"
-        if "\\" in written:
-            return "of Windows: \\ is read as /"
-        if found.relative_to(self.folder).as_posix().startswith(tail):
-            return "without an ending, which the file has"
-        return "unlike the file in case or Unicode normal form: the file is taken"
 
     @cached_property
     def _files(self) -> dict[str, list[Path]]:
@@ -279,19 +277,14 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
     """Raises DataError that names the files that are not there."""
     missing = [path.relative_to(folder).as_posix() for path in wanted if not path.is_file()]
     if missing:
+        nearest = next(place for place in (folder / missing[0]).parents if place.is_dir())
+        there = sorted(each.name for each in nearest.iterdir() if not each.name.startswith("."))
         raise DataError(
             f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {shown(missing)}",
             "Every view must have its image, and a map that one view of a split has, all views of it must have. "
-            + _instead(folder, folder / missing[0]),
+            f"In {nearest.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}.",
             "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
         )
-
-
-def _instead(folder: Path, path: Path) -> str:
-    """A sentence with the names in the nearest folder that exists above a missing file."""
-    place = next(place for place in path.parents if place.is_dir())
-    there = sorted(each.name for each in place.iterdir() if not each.name.startswith("."))
-    return f"In {place.relative_to(folder.parent).as_posix()} there are: {shown(there) or 'no files'}."
 
 
 def inspect(

@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
@@ -47,8 +46,10 @@ def load_llff(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     masks = masks_of(options.mask_folder, ((path.name, path) for path in paths))
     lists = split_lists(folder, folder) if options.hold_out is None else {}
     headers, checksum = inspect_photos(folder, paths, masks, (table, *lists.values()))
+    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
+    matrices[:, :3] = poses[:, :, [1, 0, 2, 3]] * (1, 1, -1, 1)  # OpenCV axes from down, right and back
     photos = []
-    for path, pose, camera_to_world in zip(paths, poses, _cameras_to_world(poses), strict=True):
+    for path, pose, camera_to_world in zip(paths, poses, torch.from_numpy(matrices).float(), strict=True):
         lens, turned = placed(headers[path], partial(_lens, path, pose))
         alpha = headers[path].transparent
         photos.append(Photo(path.stem, path, camera_to_world, lens, alpha, masks.get(path), turned=turned))
@@ -92,13 +93,6 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
             "Take the photos that COLMAP did not register out of the folder.",
         )
     return fitting, found[fitting]
-
-
-def _cameras_to_world(poses: Float[ndarray, "views 3 5"]) -> Float[Tensor, "views 4 4"]:
-    """OpenCV axes from down, right and back."""
-    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
-    matrices[:, :3] = poses[:, :, [1, 0, 2, 3]] * (1, 1, -1, 1)
-    return torch.from_numpy(matrices).float()
 
 
 def _lens(path: Path, pose: Float[ndarray, "3 5"], height: int, width: int) -> Lens:

@@ -77,9 +77,10 @@ def inspect_photos(
     named |= {f"masks/{image.relative_to(folder).as_posix()}": mask for image, mask in masks.items()}
     headers, checksum = inspect(named, tables, {*masks.values()})
     for image, mask in masks.items():
-        size = headers[image].size
-        if not (headers[image].orientation in TURNS and is_reduction(size[::-1], headers[mask].size)):
-            _require_fitting(mask, headers[mask].size, size)
+        size, of_mask = headers[image].size, headers[mask].size
+        turned = headers[image].orientation in TURNS and is_reduction(size[::-1], of_mask)
+        if not turned and not is_reduction(size, of_mask):
+            require_same_size(mask, of_mask, size)
     return headers, checksum
 
 
@@ -344,14 +345,9 @@ def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) 
     if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
         values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))
     size = (values.shape[0], values.shape[1])
-    _require_fitting(path, size, wanted)
-    return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
-
-
-def _require_fitting(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
-    """Raise DataError for a map that is not as large as its view's image, nor larger in the same shape."""
     if not is_reduction(wanted, size):
         require_same_size(path, size, wanted)
+    return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
 
 
 FLAT_SHARE = 0.2
@@ -373,26 +369,20 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
     if not by_alpha and any((image[..., 0] != image[..., place]).any() for place in range(1, min(3, image.shape[2]))):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
     mask = np.clip(image[..., 3:] if by_alpha else image[..., :1], 0, 1)
-    _require_no_labels(path, mask[..., 0], 65535 if stored.dtype == np.uint16 else 255)
-    return torch.from_numpy(np.ascontiguousarray(mask))
-
-
-def _require_no_labels(path: Path, mask: NDArray[np.float32], most: int) -> None:
-    """Raise DataError where much of a mask lies in areas of one level between 0 and the largest; edges do not.
-
-    ``most``: the largest level, which is 1 in the mask.
-    """
-    level, covered = mask[:-1, :-1], int((mask > 0).sum())
+    most = 65535 if stored.dtype == np.uint16 else 255
+    # Much of a mask of labels lies in areas of one level between 0 and the largest; edges do not.
+    level = mask[:-1, :-1]
     flat = (level > 0) & (level < 1 - NEARLY) & (level == mask[1:, 1:])
     flat &= (level == mask[1:, :-1]) & (level == mask[:-1, 1:])
     dark = 0 < float(mask.max()) < 1.5 / 255
-    if dark or int(flat.sum()) > FLAT_SHARE * covered:
+    if dark or int(flat.sum()) > FLAT_SHARE * int((mask > 0).sum()):
         held = np.unique(np.rint(most * level[flat])).astype(int).tolist() or [1]
         raise DataError(
             f"{path} is a mask of the levels 0 and {shown([str(each) for each in held])}",
             f"Levels run to {most}, where all of a pixel shows the object: labels would make it all but transparent.",
             f"Write {most} where the object is, and 0 elsewhere.",
         )
+    return torch.from_numpy(np.ascontiguousarray(mask))
 
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:

@@ -36,15 +36,8 @@ from .photos import read_mask
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
 
-TRUE_MAPS = {
-    "albedo": ("pseudo_gt_albedo", ".png"),
-    "normal": ("surface_normal", ".npy"),
-    "depth": ("z_depth", ".npy"),
-}
+TRUE_MAPS = {"albedo": ("pseudo_gt_albedo", ".png"), "normal": ("surface_normal", ".npy"), "depth": ("z_depth", ".npy")}
 """Folder and ending of the ground truth by map."""
-
-NOVEL_PARTS = ("image", "mask", "light")
-"""Parts of a view from another capture."""
 
 
 def looks_like(folder: Path) -> bool:
@@ -182,17 +175,12 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         mask = _mask(image)
         if light is None or not all(path.is_file() for path in (image, mask, light)):
             continue  # a capture that was not downloaded
-        pixels = _shown(image).shape
-        camera = single.camera(single.frames[0], pixels[0], pixels[1])
+        camera = single.camera(single.frames[0], *_shown(image).shape[:2])
         name = f"{capture}/{image.stem}"
         lights[name] = light_in_the_world(read_light(light)[0], camera.camera_to_world)
-        size = (camera.height, camera.width)
-        shown = {
-            f"relit/{name}": partial(_shown, image),
-            "alpha": partial(_of_size, partial(_coverage, mask), mask, size),
-        }
-        views.append(View(name, camera, shown))
-        files |= {f"novel/{name}/{part}": path for part, path in zip(NOVEL_PARTS, (image, mask, light), strict=True)}
+        alpha = partial(_of_size, partial(_coverage, mask), mask, (camera.height, camera.width))
+        views.append(View(name, camera, {f"relit/{name}": partial(_shown, image), "alpha": alpha}))
+        files |= {f"novel/{name}/image": image, f"novel/{name}/mask": mask, f"novel/{name}/light": light}
     return tuple(views), lights, files
 
 

@@ -37,9 +37,6 @@ TEST_MAPS: dict[str, tuple[str, Callable[[Path], Tensor]]] = {
 }
 """Map: ending of its file, and how it is read."""
 
-Sources = dict[str, Callable[[], Tensor]]
-"""How to read each map of a view."""
-
 
 def looks_like(folder: Path) -> bool:
     """Whether there are linear training images."""
@@ -70,7 +67,11 @@ def load_synthetic4relight(folder: Path) -> Scene:
         for path in maps:
             require_same_size(path, headers[path].size, headers[image].size)
     train = tuple(
-        View(_name(frame), train_split.camera(frame, *headers[image].size), _training_maps(image, mask))
+        View(
+            _name(frame),
+            train_split.camera(frame, *headers[image].size),
+            {"image": partial(_display, image, mask), "alpha": partial(read_mask, mask)},
+        )
         for frame, (image, mask) in zip(train_split.frames, train_files, strict=True)
     )
     test = tuple(
@@ -82,16 +83,9 @@ def load_synthetic4relight(folder: Path) -> Scene:
     for light, path in light_files.items():
         radiance[light], said = read_light(path)
         repairs += said
-    return Scene(
-        name=folder.name,
-        layout="synthetic4relight",
-        train=train,
-        test=test,
-        lights={light: radiance[light] for light in lights if light in radiance},
-        training_light=radiance.get(TRAINING_LIGHT),
-        checksum=checksum,
-        repairs=tuple(repairs),
-    )
+    relight = {light: radiance[light] for light in lights if light in radiance}
+    training_light = radiance.get(TRAINING_LIGHT)
+    return Scene(folder.name, "synthetic4relight", train, test, relight, training_light, checksum, tuple(repairs))
 
 
 def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]]:
@@ -115,13 +109,12 @@ def _name(frame: Frame) -> str:
     return frame.file_path.removeprefix("./")
 
 
-def _training_maps(image: Path, mask: Path) -> Sources:
-    return {"image": partial(_display, image, mask), "alpha": partial(read_mask, mask)}
-
-
-def _test_maps(folder: Path, stem: Path, lights: list[str]) -> Sources:
+def _test_maps(folder: Path, stem: Path, lights: list[str]) -> dict[str, Callable[[], Tensor]]:
     image = _with(stem, "_rgba.png")
-    sources: Sources = {"image": partial(read_photo, image), "alpha": partial(read_alpha, image)}
+    sources: dict[str, Callable[[], Tensor]] = {
+        "image": partial(read_photo, image),
+        "alpha": partial(read_alpha, image),
+    }
     for name, (ending, read) in TEST_MAPS.items():
         if _with(stem, ending).is_file():
             sources[name] = partial(read, _with(stem, ending))

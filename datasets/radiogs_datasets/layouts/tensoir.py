@@ -85,17 +85,9 @@ def load_tensoir(folder: Path) -> Scene:
     }
     training_light = lights.pop(TRAINING_LIGHT, None)
     train, test = (_views(folder, each, images[table], maps[table], headers) for table, each in files.items())
-    said = decode_if_small([*train, *test], headers)
-    return Scene(
-        name=folder.name,
-        layout="tensoir",
-        train=train,
-        test=test,
-        lights=lights,
-        training_light=training_light,
-        checksum=checksum,
-        repairs=(*said_of_files(files), *said, *(UNSTATED if lights and training_light is None else ())),
-    )
+    unstated = UNSTATED if lights and training_light is None else ()
+    repairs = (*said_of_files(files), *decode_if_small([*train, *test], headers), *unstated)
+    return Scene(folder.name, "tensoir", train, test, lights, training_light, checksum, repairs)
 
 
 def _image(folder: Path, table: Path, file_path: str) -> Path:
