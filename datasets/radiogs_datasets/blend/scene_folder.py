@@ -83,8 +83,11 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
         described = describe(request, opened, views, studios.get(), state)
     for split in SPLITS:
         of_split = [shot for shot in views if shot.split == split]
-        names = [f"./{shot.name}/rgba" for shot in of_split]
-        write_transforms(unfinished / f"transforms_{split}.json", [shot.view() for shot in of_split], names)
+        write_transforms(
+            unfinished / f"transforms_{split}.json",
+            [shot.view() for shot in of_split],
+            [f"./{shot.name}/rgba" for shot in of_split],
+        )
     (unfinished / "metadata.json").write_text(json.dumps(described, indent=1) + "\n", encoding="utf-8")
     shutil.rmtree(state)
     unfinished.replace(folder)

@@ -16,7 +16,7 @@ from .disney_bsdf import PLUGIN, register
 from .materials import Finish, Material, Patterned
 from .probe import VARIANT
 from .recipe import Recipe
-from .solids import Box, Knot, Solid, Sphere
+from .solids import Box, Knot, Relief, Solid, Sphere, Turned
 
 DIRECT_DEPTH = 2
 """Mitsuba counts the light as a vertex: depth 2 ends at the light after one surface."""
@@ -57,14 +57,11 @@ def start() -> None:
 def build(recipe: Recipe, environment: NDArray[np.float32]) -> mi.Scene:
     """The recipe under a light given as a lat-long map (Z up, centre column towards +X)."""
     solids = {f"solid_{place}": _solid(solid) for place, solid in enumerate(recipe.solids)}
-    # Mitsuba puts the first and last row on the poles; rows resampled to 2 H + 1 make its lookup exact.
-    height = environment.shape[0]
-    row = np.clip(np.linspace(0, 1, 2 * height + 1) * height - 0.5, 0, height - 1)
-    above = np.minimum(np.floor(row).astype(int), height - 2)
-    share = (row - above)[:, None, None]
-    resampled = ((1 - share) * environment[above] + share * environment[above + 1]).astype(np.float32)
-    axes = mi.ScalarTransform4f(ENVIRONMENT_AXES)
-    light = {"type": "envmap", "bitmap": mi.Bitmap(resampled), "to_world": axes}
+    light = {
+        "type": "envmap",
+        "bitmap": mi.Bitmap(vertex_rows(environment)),
+        "to_world": mi.ScalarTransform4f(ENVIRONMENT_AXES),
+    }
     return mi.load_dict({"type": "scene", "light": light, **solids})
 
 
@@ -75,14 +72,23 @@ def radiance(scene: mi.Scene, camera: Pinhole, samples: int, depth: int, seed: i
     deeper bounces alone, and never negative.
     """
     film = {
-        "type": "hdrfilm", "width": camera.size, "height": camera.size, "pixel_format": "rgba",
-        "component_format": "float32", "rfilter": {"type": "box"},
-    }  # fmt: skip
-    sensor = mi.load_dict({
-        "type": "perspective", "fov": camera.field_of_view, "fov_axis": "x",
-        "to_world": mi.ScalarTransform4f((camera.to_world @ OPENGL_TO_MITSUBA).tolist()),
-        "film": film, "sampler": {"type": "multijitter", "sample_count": samples},
-    })  # fmt: skip
+        "type": "hdrfilm",
+        "width": camera.size,
+        "height": camera.size,
+        "pixel_format": "rgba",
+        "component_format": "float32",
+        "rfilter": {"type": "box"},
+    }
+    sensor = mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": camera.field_of_view,
+            "fov_axis": "x",
+            "to_world": mi.ScalarTransform4f((camera.to_world @ OPENGL_TO_MITSUBA).tolist()),
+            "film": film,
+            "sampler": {"type": "multijitter", "sample_count": samples},
+        }
+    )
     integrator = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": NO_ROULETTE, "hide_emitters": True})
     return np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=samples, seed=mi.UInt32(seed)))
 
@@ -124,6 +130,15 @@ def any_coverage(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -
     return met.any((1, 3))[..., None]
 
 
+def vertex_rows(environment: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rows resampled to 2 H + 1: Mitsuba puts its first and last row on the poles; this makes its lookup exact."""
+    height = environment.shape[0]
+    row = np.clip(np.linspace(0, 1, 2 * height + 1) * height - 0.5, 0, height - 1)
+    above = np.minimum(np.floor(row).astype(int), height - 2)
+    share = (row - above)[:, None, None]
+    return ((1 - share) * environment[above] + share * environment[above + 1]).astype(np.float32)
+
+
 def _rays(camera: Pinhole, subpixels: int) -> tuple[mi.Ray3f, NDArray[np.float64]]:
     """Through every subpixel, and the length of each direction of unit z-depth, [rays, 1]."""
     origins, directions = camera.rays(subpixels)
@@ -139,7 +154,11 @@ def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
         low, high = np.array(solid.low), np.array(solid.high)
         placed = mi.ScalarTransform4f().translate(list((low + high) / 2)).scale(list((high - low) / 2))
         return {"type": "cube", "to_world": placed, "bsdf": bsdf}
-    # A mesh without normals at its vertices: Mitsuba shades it with its triangles' normals, so that no light leaks.
+    return _mesh(solid, bsdf)
+
+
+def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
+    """A mesh without normals at its vertices: Mitsuba shades it with its triangles' normals, so that no light leaks."""
     vertices, triangles = trefoil.mesh(solid, *MESH_CELLS) if isinstance(solid, Knot) else rounds.mesh(solid)
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)

@@ -90,13 +90,17 @@ def inside(solid: Turned | Relief, at: Float[Tensor, "points 3"], margin: float)
     curve, _, outwards = profile(solid, t)
     flat = torch.stack([offset[:, :2].norm(dim=-1), offset[:, 2]], -1)
     found = ((flat > curve.amin(0) - margin) & (flat < curve.amax(0) + margin)).all(-1)
-    near = []
-    for block in flat[found].split(BLOCK):
-        distance, nearest = torch.cdist(block, curve).min(-1)
-        within = ((block - curve[nearest]) * outwards[nearest]).sum(-1) < 0
-        near.append(torch.where(within, -distance, distance) < margin)
+    near = [_beyond(curve, outwards, block) < margin for block in flat[found].split(BLOCK)]
     found[found.clone()] = torch.cat(near) if near else found.new_zeros(0)
     return found
+
+
+def _beyond(
+    curve: Float[Tensor, "n 2"], outwards: Float[Tensor, "n 2"], at: Float[Tensor, "points 2"]
+) -> Float[Tensor, " points"]:
+    """Distance of points from a profile, negative inside."""
+    distance, place = torch.cdist(at, curve).min(-1)
+    return torch.where(((at - curve[place]) * outwards[place]).sum(-1) < 0, -distance, distance)
 
 
 def profile(

@@ -41,29 +41,35 @@ def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
+    with made_beside(folder) as made:
+        _write_all(recipe, made, seed, pictures, progress)
+
+
+def _write_all(
+    recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
+) -> None:
+    render.start()
+    lights = _write_lights(recipe, folder / "envmaps")
     train = Split("train", 0, recipe.train if pictures.train is None else pictures.train, pictures.samples)
     test = Split("test", train.views, pictures.test, TEST_RATIO * pictures.samples)
     total = train.views + test.views
-    with made_beside(folder) as made:
-        render.start()
-        lights = _write_lights(recipe, made / "envmaps")
-        energy = np.zeros(2)
-        for split in (train, test):
-            frames = []
-            for place in range(split.views):
-                number = split.first + place
-                view = made / f"{split.name}_{place:03}"
-                view.mkdir()
-                camera = pinhole(recipe.rig, number, pictures.size)
-                energy += write_view(lights, camera, split, pictures.depth, seed * total + number, view)
-                frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
-                if progress is not None:
-                    progress(view.name, number + 1, total)
-            table = {"camera_angle_x": float(np.radians(recipe.rig.field_of_view)), "frames": frames}
-            (made / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
-        scored = pinhole(recipe.rig, test.first, pictures.size)
-        metadata = describe(recipe, lights[TRAINING_LIGHT], scored, pictures, seed, float(energy[0] / energy[1]), made)
-        (made / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
+    energy = np.zeros(2)
+    for split in (train, test):
+        frames = []
+        for place in range(split.views):
+            number = split.first + place
+            view = folder / f"{split.name}_{place:03}"
+            view.mkdir()
+            camera = pinhole(recipe.rig, number, pictures.size)
+            energy += write_view(lights, camera, split, pictures.depth, seed * total + number, view)
+            frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
+            if progress is not None:
+                progress(view.name, number + 1, total)
+        table = {"camera_angle_x": float(np.radians(recipe.rig.field_of_view)), "frames": frames}
+        (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
+    scored = pinhole(recipe.rig, test.first, pictures.size)
+    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, pictures, seed, float(energy[0] / energy[1]), folder)
+    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
 
 def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
@@ -174,7 +180,10 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: i
         mine = (own.coverage == 1) & (seen.coverage == 1) & (np.abs(own.depth - seen.depth) < 1e-6)
         unshadowed += float((_energy(alone, camera, render.DIRECT_DEPTH) * mine).sum())
         shadowed += float((direct * mine).sum())
-    return {"specular": float(specular.sum() / full.sum()), "shadowed": max(0.0, 1 - shadowed / unshadowed)}
+    return {
+        "specular": float(specular.sum() / full.sum()),
+        "shadowed": max(0.0, 1 - shadowed / unshadowed),
+    }
 
 
 def _energy(scene: mi.Scene, camera: Pinhole, depth: int) -> NDArray[np.float32]:

@@ -43,11 +43,10 @@ class Arithmetic:
         known = (float, tuple)
         if isinstance(first, known) and isinstance(second, known) and first == second:
             return first
-        sockets = [each for each in (first, second) if not isinstance(each, known)]
-        colours = isinstance(first, tuple) or isinstance(second, tuple)
-        end = "Vector" if colours or any(each.type in ("RGBA", "VECTOR") for each in sockets) else "Float"
-        made = self._node("ShaderNodeMix", {"data_type": end.upper(), "clamp_factor": True}, {})
+        kind = "VECTOR" if self._is_colour(first) or self._is_colour(second) else "FLOAT"
+        made = self._node("ShaderNodeMix", {"data_type": kind, "clamp_factor": True}, {})
         inputs = {each.identifier: each for each in made.inputs}
+        end = {"FLOAT": "Float", "VECTOR": "Vector"}[kind]
         for name, value in {"Factor_Float": share, f"A_{end}": first, f"B_{end}": second}.items():
             self._give(inputs[name], value)
         return next(each for each in made.outputs if each.identifier == f"Result_{end}")
@@ -63,6 +62,9 @@ class Arithmetic:
         node = self.tree.nodes.new("ShaderNodeOutputAOV")
         node.aov_name = name
         self._give(node.inputs["Color" if name == "albedo" else "Value"], value)
+
+    def _is_colour(self, value: Scalar | Colour) -> bool:
+        return isinstance(value, tuple) or (not isinstance(value, float) and value.type in ("RGBA", "VECTOR"))
 
     def _node(self, kind: str, properties: dict[str, Any], inputs: dict[Any, Any]) -> Any:
         node = self.tree.nodes.new(kind)

@@ -98,14 +98,17 @@ def open_file(path: str) -> dict[str, Any]:
 
 def _require_linked_files(path: str) -> None:
     """Every library, image, cache and font that the file names must be there: Blender renders pink or nothing else."""
-    read = [each for each in bpy.data.images if each.source in ("FILE", "SEQUENCE") and not each.packed_file]
-    sources = [("library", each, None) for each in bpy.data.libraries]
-    sources += [("image", each, each.library) for each in read if each.users]
-    sources += [("cache", each, each.library) for each in bpy.data.cache_files]
+    sources = [("library", each, each.filepath) for each in bpy.data.libraries]
+    sources += [
+        ("image", each, each.filepath)
+        for each in bpy.data.images
+        if each.source in ("FILE", "SEQUENCE") and not each.packed_file and each.users
+    ]
+    sources += [("cache", each, each.filepath) for each in bpy.data.cache_files]
     missing = sorted(
-        f"{kind} '{each.name}': {each.filepath or 'no path'}"
-        for kind, each, library in sources
-        if not each.filepath or not os.path.isfile(bpy.path.abspath(each.filepath, library=library))
+        f"{kind} '{each.name}': {named or 'no path'}"
+        for kind, each, named in sources
+        if not named or not os.path.isfile(bpy.path.abspath(named, library=each.library if kind != "library" else None))
     )
     if missing:
         listed = "; ".join(missing[:SHOWN]) + (f"; and {len(missing) - SHOWN} more" if len(missing) > SHOWN else "")
@@ -149,14 +152,29 @@ LAYER = "layer"
 """Name given to the view layer, and so the first part of the names of a file's channels."""
 
 UNBIASED = {
-    "use_denoising": False, "use_adaptive_sampling": False, "sample_clamp_direct": 0.0, "sample_clamp_indirect": 0.0,
-    "light_sampling_threshold": 0.0, "blur_glossy": 0.0, "use_fast_gi": False, "use_guiding": False,
-    "caustics_reflective": True, "caustics_refractive": True, "film_exposure": 1.0, "film_transparent_glass": False,
-    "pixel_filter_type": "BOX", "sampling_pattern": "TABULATED_SOBOL", "use_animated_seed": False,
-    "auto_scrambling_distance": False, "scrambling_distance": 1.0, "use_camera_cull": False, "use_distance_cull": False,
-    "texture_limit_render": "OFF", "shading_system": False,
+    "use_denoising": False,
+    "use_adaptive_sampling": False,
+    "sample_clamp_direct": 0.0,
+    "sample_clamp_indirect": 0.0,
+    "light_sampling_threshold": 0.0,
+    "blur_glossy": 0.0,
+    "use_fast_gi": False,
+    "use_guiding": False,
+    "caustics_reflective": True,
+    "caustics_refractive": True,
+    "film_exposure": 1.0,
+    "film_transparent_glass": False,
+    "pixel_filter_type": "BOX",
+    "sampling_pattern": "TABULATED_SOBOL",
+    "use_animated_seed": False,
+    "auto_scrambling_distance": False,
+    "scrambling_distance": 1.0,
+    "use_camera_cull": False,
+    "use_distance_cull": False,
+    "texture_limit_render": "OFF",
+    "shading_system": False,
     "direct_light_sampling_type": "MULTIPLE_IMPORTANCE_SAMPLING",
-}  # fmt: skip
+}
 """Settings of ``scene.cycles`` by name. Roulette stays: it is unbiased. OSL (``shading_system``) would run scripts."""
 
 PASSES = (
