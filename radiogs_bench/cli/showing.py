@@ -42,7 +42,8 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
     summary, written = write(store, sweep, shown)
     table = suite_table(summary)
     room = min(WIDTH, console(width).width)
-    for each in (*table.headline, title_of(summary)):
+    conditions = f"{preset_and_recipe(summary)}; protocol {protocol_title(summary)}"
+    for each in (*table.headline, f"{summary['title']}. Mean over {mean_over(summary)}; {conditions}."):
         say(*wrap(each, room))
     if width is None and not sys.stdout.isatty():
         say(*in_markdown(table))
@@ -63,18 +64,16 @@ def below(table: Table) -> list[str]:
     """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
     tested = [column for column in table.columns if column.smallest is not None]
     smallest = [f"{each.label} {number(each.smallest or 0.0, each.decimals)} {each.unit}".rstrip() for each in tested]
-    compared = any(cell.difference is not None for cell in table.cells)
     marked = [
         each.label for place, each in enumerate(table.columns) if any(row.cells[place].marks for row in table.rows)
     ]
-    how = (
-        f"Below each value its difference to '{table.reference.text}'; * resolved."
-        if table.reference and compared
-        else ""
-    )
-    doubtful = f"{MARKS[0]} doubtful, the page tells why: {', '.join(marked)}." if marked else ""
+    how = []
+    if table.reference and any(cell.difference is not None for cell in table.cells):
+        how.append(f"Below each value its difference to '{table.reference.text}'; * resolved.")
+    if marked:
+        how.append(f"{MARKS[0]} doubtful, the page tells why: {', '.join(marked)}.")
     lines = [
-        f"{how} {doubtful}".strip(),
+        " ".join(how),
         f"Not resolved is what is smaller than about: {', '.join(smallest)}." if smallest else "",
         *(f"n/a in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items()),
     ]
@@ -98,9 +97,11 @@ Texts = tuple[str, list[str]]
 def parts_of(table: Table, width: int) -> list[RichTable]:
     """A table, cut between columns where ``width`` characters do not hold it."""
     label: Texts = "", [row.text for row in table.rows]
-    columns = [texts_of(table, place) for place in range(len(table.columns))]
+    columns = [
+        (heading(column), [entry(row.cells[place]) for row in table.rows]) for place, column in enumerate(table.columns)
+    ]
     parts = []
-    room = width - drawn(min(LABEL, lines_of(label))) - 1
+    room = width - min(LABEL, lines_of(label)) - 2
     while columns:
         count = next((n for n in range(len(columns), 1, -1) if needed(columns[:n]) <= room), 1)
         parts.append(table_part(label, columns[:count]))
@@ -116,25 +117,14 @@ def in_markdown(table: Table) -> list[str]:
 
 
 def needed(columns: Sequence[Texts]) -> int:
-    """Characters that columns take when nothing is wrapped."""
-    return sum(drawn(lines_of(column)) for column in columns)
-
-
-def drawn(width: int) -> int:
-    """Characters that a column of ``width`` characters takes with the blank beside it."""
-    return width + 1
+    """Characters that columns take when nothing is wrapped, each with the blank beside it."""
+    return sum(lines_of(column) + 1 for column in columns)
 
 
 def lines_of(column: Texts) -> int:
     """Characters of the longest line of a column."""
     heading, entries = column
     return max(cell_len(line) for text in (heading, *entries) for line in text.split("\n"))
-
-
-def title_of(summary: Summary) -> str:
-    """The suite's title, and what its values are means over."""
-    conditions = f"{preset_and_recipe(summary)}; protocol {protocol_title(summary)}"
-    return f"{summary['title']}. Mean over {mean_over(summary)}; {conditions}."
 
 
 def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:
@@ -146,11 +136,6 @@ def table_part(label: Texts, columns: Sequence[Texts]) -> RichTable:
     for place, text in enumerate(label[1]):
         made.add_row(escape(text), *(entries[place] for _, entries in columns))
     return made
-
-
-def texts_of(table: Table, place: int) -> Texts:
-    """The texts of a column."""
-    return heading(table.columns[place]), [entry(row.cells[place]) for row in table.rows]
 
 
 def heading(column: Column) -> str:

@@ -38,11 +38,9 @@ def verify(out: Path, /) -> int:
     say_aside(Store(out))
     rerun = found.rerun
     if rerun is not None and rerun.cells:
-        time = (
-            "as nothing like it has finished, its time is not known"
-            if rerun.seconds is None
-            else (f"about {rerun.seconds:.0f} s, as those that are there took")
-        )
+        time = "as nothing like it has finished, its time is not known"
+        if rerun.seconds is not None:
+            time = f"about {rerun.seconds:.0f} s, as those that are there took"
         say(f"The same `run` would finish {rerun.cells} cells and train {rerun.stages} stages for them: {time}.")
     return exit_code(DataError("")) if found.findings else 0
 

@@ -5,7 +5,7 @@ labels among a model's facts.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from radiogs_reports.statistics import Estimate, estimate
@@ -150,8 +150,7 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
     if column not in CONSTANTS:
         return []
     rows, references = [], []
-    for row, results in _by_row(finished).items():
-        pairs = list(_pairs(results, column, f"{column.partition('/')[0]}/constant"))
+    for row, pairs in _pairs(finished, column, f"{column.partition('/')[0]}/constant").items():
         if pairs and math.fsum(own - constant for own, constant in pairs) >= 0:
             rows.append(row)
             references.append(math.fsum(constant for _, constant in pairs) / len(pairs))
@@ -167,8 +166,7 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
 def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Doubt]:
     """A remark on the error that resolution alone costs the recovered light, with the rows that have hardly more."""
     floors, near = [], []
-    for row, results in _by_row(finished).items():
-        pairs = list(_pairs(results, LIGHT, "environment/floor"))
+    for row, pairs in _pairs(finished, LIGHT, "environment/floor").items():
         floors += [(row, floor) for _, floor in pairs]
         share, more = NEAR_FLOOR
         if pairs and math.fsum(own - (1 + share) * floor - more for own, floor in pairs) <= 0:
@@ -215,11 +213,14 @@ def _by_row(finished: Finished) -> dict[str, list[Result]]:
     return rows
 
 
-def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[tuple[float, float]]:
-    for result in results:
-        values = known_values(result["metrics"])
+def _pairs(finished: Finished, column: str, reference: str) -> dict[str, list[tuple[float, float]]]:
+    """Values of two metrics, by row, of the cells that have both."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for ref, result in finished:
+        values, pairs = known_values(result["metrics"]), found.setdefault(ref["row"], [])
         if column in values and reference in values:
-            yield values[column], values[reference]
+            pairs.append((values[column], values[reference]))
+    return found
 
 
 def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:

@@ -112,7 +112,12 @@ def _compare_metrics(
             if group in repeated and gain(metric, 0.0) is not None:
                 yield from _scored_otherwise(group, metric, there)
             elif gain(metric, 0.0) is None:
-                yield from _without_direction(metric, there)
+                said = f"{metric} is other, and no table says which direction is better"
+                differ = {name: values for name, values in there.items() if values[0] != values[1]}
+                yield from (
+                    Change(name, f"{said}: {before:.6g} -> {now:.6g}", "warning")
+                    for name, (before, now) in differ.items()
+                )
             elif not baseline["reruns"]:
                 yield from _within_bands(group, metric, there, baseline)
             elif there:
@@ -142,15 +147,6 @@ def _scored_otherwise(group: str, metric: str, values: Mapping[str, tuple[float,
             f"{_worse_or_better(metric, fmean(gains))}, though training repeats: it is rendered or scored otherwise",
             "changed",
         )  # fmt: skip
-
-
-def _without_direction(metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
-    for name, (before, now) in values.items():
-        if before != now:
-            yield Change(
-                name, f"{metric} is other, and no table says which direction is better: {before:.6g} -> {now:.6g}",
-                "warning",
-            )  # fmt: skip
 
 
 def _within_bands(

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -176,18 +177,14 @@ def _reads(method: Method, run: Run) -> Iterator[Finding]:
 def _other(values: Any, name: str) -> Any:
     """Settings with another value of one field; None where there is none that they take."""
     value = value_at(values, name)
-    tried: tuple[Any, ...]
+    tried: tuple[Any, ...] = ()
     if isinstance(value, bool):
         tried = (not value,)
     elif isinstance(value, int | float):
         tried = (value + 1, value / 2, 2 * value)
-    else:
-        return None
     for each in tried:
-        try:
+        with suppress(ExplainedError):
             return with_values(values, {name: type(value)(each)})
-        except ExplainedError:
-            continue
     return None
 
 

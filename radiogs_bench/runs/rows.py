@@ -96,20 +96,16 @@ def with_effects(suite: Suite, effects: str | Sequence[str]) -> Suite:
 
     def changed(row: Row) -> Row:
         variant = {**row.variant, "effects": effects}
-        if "effects" in row.variant or not _accepted(row.method, variant):
+        if "effects" in row.variant:
+            return row
+        try:
+            variant_of(method(row.method), variant)
+        except UsageError:
             return row
         latex = f"{row.latex} ({marked})" if row.latex else ""
         return replace(row, variant=variant, latex=latex, text=f"{row.text} (effects: {marked})")
 
     return replace(suite, rows=tuple(map(changed, suite.rows)))
-
-
-def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
-    try:
-        variant_of(method(name), variant)
-    except UsageError:
-        return False
-    return True
 
 
 def with_settings(suite: Suite, given: Mapping[str, Any], preset: str) -> tuple[Suite, list[str]]:

@@ -194,12 +194,8 @@ def _values(what: str, pairs: Sequence[Pair], *, linear: bool) -> list[str]:
     """A sentence if another order of channels or pixels, another curve, or one number fits the values far better."""
     images = [pair.image for pair in pairs]
     plain = _fit(_aligned(images, pairs, linear), pairs)
-    fitted = (
-        []
-        if linear
-        else [(said, _fit(found, pairs)) for said, found in (_exposed(images, pairs), _gamma(images, pairs))]
-    )
-    fitted.sort(key=lambda each: -each[1].mean())
+    others = () if linear else (_exposed(images, pairs), _gamma(images, pairs))
+    fitted = sorted(((said, _fit(found, pairs)) for said, found in others), key=lambda each: -each[1].mean())
     readings = [*AXES, *CURVES[linear]]
     fixed = [_fit(_aligned([read(image) for image in images], pairs, linear), pairs) for _, read in readings]
     best = max(range(len(readings)), key=lambda place: fixed[place].mean())
@@ -208,15 +204,11 @@ def _values(what: str, pairs: Sequence[Pair], *, linear: bool) -> list[str]:
     tried = [(readings[best][0], fixed[best], least, gain)]
     tried += [(said, fit, RECOGNISED_FITTED, FAR_BETTER_CURVE) for said, fit in fitted]
     for said, fit, least, gain in tried:
-        if fit.mean() >= least and _far_better(plain, fit, gain):
+        gains = fit - plain
+        # By ``gain`` dB in the mean, and by half of it in nearly all views.
+        if fit.mean() >= least and gains.mean() >= gain and (gains >= gain / 2).mean() >= IN_MOST_VIEWS:
             return [f"{what}: {said} they fit {fit.mean() - plain.mean():.0f} dB better"]
     return []
-
-
-def _far_better(before: Float[np.ndarray, " views"], after: Float[np.ndarray, " views"], gain: float) -> bool:
-    """Whether the fit has risen by ``gain`` dB in the mean, and by half of it in nearly all views."""
-    gains = after - before
-    return bool(gains.mean() >= gain and (gains >= gain / 2).mean() >= IN_MOST_VIEWS)
 
 
 def _aligned(images: list[Image], pairs: Sequence[Pair], linear: bool) -> list[Image]:

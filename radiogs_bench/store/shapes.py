@@ -1,8 +1,8 @@
 """Whether stored values have the types that a TypedDict declares, all the way down."""
 
 import sys
-from collections.abc import Iterator, Mapping
-from functools import cache
+from collections.abc import Iterator
+from functools import cache, partial
 from itertools import islice
 from types import NoneType, UnionType
 from typing import Any, Literal, NotRequired, Required, Union, get_args, get_origin, get_type_hints, is_typeddict
@@ -68,9 +68,7 @@ def _of_table(value: object, kind: Any, where: str) -> Iterator[str]:
 NAMES = {float: "a number", int: "a whole number", str: "text", bool: "true or false", NoneType: "null"}
 
 
-@cache
-def _hints(kind: Any) -> Mapping[str, Any]:
-    return get_type_hints(kind, include_extras=True)
+_hints = cache(partial(get_type_hints, include_extras=True))
 
 
 def _wrong(where: str, value: object, wanted: str) -> str:

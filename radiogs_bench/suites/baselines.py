@@ -3,6 +3,7 @@
 docs/baselines.md says what was measured, and what each ablation stands for.
 """
 
+from .own import EVERY_PART
 from .suite import JUDGED, Row, Suite, metrics
 
 OURS = Row("ours", "Ours", "RadioGS", {})
@@ -123,10 +124,7 @@ TENSOIR_ABLATIONS = Suite(
             budget={"secondary_samples": 2.0}, method="tensoir"),
         Row("directions", "", "<light_rows> rows of directions", budget={"light_rows": 2.0}, method="tensoir"),
     ),
-    columns=metrics(
-        "nvs/psnr", "normal/mae", "albedo/psnr", "roughness/mse", "relight/psnr", "indirect/psnr",
-        "environment/error_scaled",
-    ),
+    columns=EVERY_PART,
 )  # fmt: skip
 
 GS_IR_ABLATIONS = Suite(

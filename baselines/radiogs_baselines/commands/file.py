@@ -5,7 +5,7 @@ docs/methods_as_commands.md.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -144,20 +144,14 @@ class MethodFile:
         return self.presets.get(preset, Iterations())
 
     @property
-    def reads_lights(self) -> bool:
-        """Whether any text has a placeholder for the files of the scene's lights."""
-        names = {name for text in self.texts for name in placeholders(text)}
-        return not names.isdisjoint({"lights", "light_file"})
-
-    @property
-    def texts(self) -> list[str]:
-        """All texts that may contain placeholders, except settings."""
+    def placeholders(self) -> set[str]:
+        """Names of the placeholders in all texts, except settings."""
         texts = [self.results, self.working_folder, *self.environment.values()]
         for each in self.train:
             texts += [*each.arguments, *each.resume, *each.writes]
         for command in (self.render, self.relight):
             texts += command.arguments if command is not None else ()
-        return texts
+        return {name for text in texts for name in placeholders(text)}
 
 
 def read_file(path: Path) -> MethodFile:
@@ -242,8 +236,8 @@ class _Checks:
         if file.render is not None:
             self._list("render.arguments", file.render.arguments)
         if file.relight is not None:
-            light = {} if file.relight.all_lights else ONE_LIGHT
-            self._list("relight.arguments", file.relight.arguments, further=light)
+            known = EVERYWHERE if file.relight.all_lights else {**EVERYWHERE, **ONE_LIGHT}
+            self._list("relight.arguments", file.relight.arguments, known=known)
         for name, value in file.environment.items():
             if not VARIABLE.fullmatch(name):
                 self.reader.fail("environment", f"'{name}' is not a name of an environment variable")
@@ -252,17 +246,13 @@ class _Checks:
         self._text("working_folder", file.working_folder, EVERYWHERE)
 
     def _list(
-        self,
-        where: str,
-        texts: tuple[str, ...],
-        lists: Mapping[str, str] | None = None,
-        further: Mapping[str, str] | None = None,
+        self, where: str, texts: Sequence[str], lists: Iterable[str] = (), known: Mapping[str, str] = EVERYWHERE
     ) -> None:
         if where.endswith("arguments") and not texts:
             self.reader.fail(where, "the list is empty", "Its first entry is the program.")
         for index, text in enumerate(texts):
-            if text not in [f"{{{name}}}" for name in (*(lists or ()), *self.file.settings)]:
-                self._text(f"{where}[{index}]", text, {**EVERYWHERE, **(further or {})})
+            if text not in [f"{{{name}}}" for name in (*lists, *self.file.settings)]:
+                self._text(f"{where}[{index}]", text, known)
 
     def _result(self, where: str, text: str) -> None:
         self._text(where, text, IN_RESULTS)
@@ -289,7 +279,7 @@ class _Checks:
             self.reader.known("presets", "preset", name, PRESETS)
             if min(each.iterations, each.further) < 0:
                 self.reader.fail(f"presets.{name}", "a number of iterations is below zero")
-        asked = {name for text in file.texts for name in placeholders(text)} & ITERATIONS
+        asked = file.placeholders & ITERATIONS
         needed = {"total": ("iterations", "further")}
         for name in sorted({part for each in asked for part in needed.get(each, (each,))}):
             for preset in PRESETS:

@@ -14,11 +14,8 @@ from .placeholders import filled_list
 from .process import CommandFailed
 from .records import Listing, Record, digest_of_order, listing_of
 from .task import Attempt, Task
-from .trained import TrainedCommand
+from .trained import WAIT, TrainedCommand
 from .workspace import Workspace
-
-WAIT = 0.5
-"""Seconds that a step waits for a command; an interruption is noticed after this time at the latest."""
 
 
 @dataclass(frozen=True)

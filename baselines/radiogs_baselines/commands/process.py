@@ -249,8 +249,12 @@ class Family:
         inside.discard(os.getpid())
         members = {everyone[pid] for pid in inside}
         self._members |= members
-        resident = {member: _resident(member) for member in members}
-        return {member: size for member, size in resident.items() if size is not None}
+        resident = {}
+        for member in members:
+            with suppress(psutil.Error):  # it has ended
+                if member.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD):
+                    resident[member] = member.memory_info().rss
+        return resident
 
     def end(self, grace: float) -> list[int]:
         """Terminate all members, and kill them after ``grace`` seconds; returns the numbers of those that survive."""
@@ -286,10 +290,3 @@ class Family:
                 return False
             time.sleep(0.02)
         return True
-
-
-def _resident(process: psutil.Process) -> int | None:
-    """Resident memory in bytes; None for a process that has ended, also for a zombie."""
-    with suppress(psutil.Error):
-        return None if process.status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD) else process.memory_info().rss
-    return None

@@ -134,7 +134,9 @@ class Attempt:
     def _failed(self, how: str, why: str = "") -> CommandFailed:
         task, log = self.task, self._running.log
         last = log.last_lines(LAST_LINES)
-        full = _full_disk(task.workspace.root, last + log.trouble + why)
+        root, full = task.workspace.root, ""
+        if (free := shutil.disk_usage(root).free) < LITTLE_SPACE or NO_SPACE.search(last + log.trouble + why):
+            full = f"The disk seems to be full: {root} has {free / 2**20:.1f} MiB left."
         parts = [why, full, log.trouble, f"Its last output:\n{last}" if last else "It printed nothing."]
         again = "it continues from its last state" if task.resumes else "it starts again, and earlier commands are kept"
         return CommandFailed(
@@ -156,10 +158,3 @@ def _how(ended: ExitStatus, limit: float | None) -> tuple[str, str]:
     name = next((each.name for each in signal.Signals if each == number), str(number))  # real-time ones have none
     why = "The system sends it when memory runs out." if name == "SIGKILL" else ""
     return f"was ended by the signal {name}", why
-
-
-def _full_disk(folder: Path, said: str) -> str:
-    free = shutil.disk_usage(folder).free
-    if free < LITTLE_SPACE or NO_SPACE.search(said):
-        return f"The disk seems to be full: {folder} has {free / 2**20:.1f} MiB left."
-    return ""

@@ -31,7 +31,7 @@ from .task import Task
 from .workspace import Workspace
 
 WAIT = 0.5
-"""Seconds between two calls of ``after_step``."""
+"""Seconds that a step waits for a command: an interruption is noticed, and ``after_step`` called, after this time."""
 
 KINDS: Mapping[str, MapKind] = {**STANDARD_MAPS, "incident": MapKind("linear")}
 """Kinds of the maps that readers return; all maps are on black."""
@@ -145,14 +145,19 @@ class TrainedCommand:
                 self._bring_about(self._task(rendering, "render", ["render"], self._own_files), after_step)
             else:
                 self._own_files()
-            return self._prepared()
+            found = self._read()
+            offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
+            views = [(view, found) for view in self.workspace.run.scene.test]
+            return PreparedCommand(self.workspace.file.title, offered, views)
         name, relighting = self._name_of(light), self.workspace.file.relight
         if relighting is None:
             raise NotOffered(f"{self.workspace.file.title} has no command that relights")
         lights, one = (sorted(self._lit_views()), "") if relighting.all_lights else ([name], name)
         task, files = f"relight-{one}".rstrip("-"), partial(self._relit_files, lights)
         self._bring_about(self._task(relighting, task, ["relight", one], files, one), after_step)
-        return self._prepared_under(name)
+        read = [(scene, self._read(scene)) for scene in self._lit_views()[name]]
+        views = [(view, found) for scene, found in read for view in scene.test if view.has(f"relit/{name}")]
+        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, views, name)
 
     def _bring_about(self, task: Task, after_step: Callable[[], None]) -> None:
         if task.done() is not None:
@@ -185,17 +190,6 @@ class TrainedCommand:
             before=workspace.write_lights,
             inspect=lambda: _inspect(files()),
         )
-
-    def _prepared(self) -> PreparedCommand:
-        found = self._read()
-        offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
-        views = [(view, found) for view in self.workspace.run.scene.test]
-        return PreparedCommand(self.workspace.file.title, offered, views)
-
-    def _prepared_under(self, light: str) -> PreparedCommand:
-        read = [(scene, self._read(scene)) for scene in self._lit_views()[light]]
-        views = [(view, found) for scene, found in read for view in scene.test if view.has(f"relit/{light}")]
-        return PreparedCommand(self.workspace.file.title, {"image": KINDS["image"]}, views, light)
 
     def _own_files(self) -> list[Found]:
         """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""

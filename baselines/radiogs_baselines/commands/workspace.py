@@ -133,7 +133,7 @@ class Workspace:
 
     def write_lights(self) -> None:
         """Write the scene's lights for the commands that read them: lat-long, Z up, centre column towards +X."""
-        if not self.file.reads_lights:
+        if self.file.placeholders.isdisjoint({"lights", "light_file"}):
             return
         self.make(self.lights)
         for name, light in self.run.scene.lights.items():

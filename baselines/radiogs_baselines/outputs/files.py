@@ -21,6 +21,9 @@ LOSSY = (".jpg", ".jpeg")
 DIGITS = (5, 4, 3, 2, 1, 6, 8)
 """Digits of ``{number}`` that are tried, in this order: public codes of splatting write five."""
 
+ANY = "\0"
+"""Stands in a path for an index with any number of digits."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -83,22 +86,13 @@ def indices(folder: Path, rule: Rule, light: str = "") -> set[int]:
     """The ``{index}`` or ``{number}`` of each of the rule's files; empty if the rule has neither."""
     found = set()
     for lit in _lights(rule, light) if rule.numbered or "{index" in rule.path else ():
-        written = rule.path.format(index=_AnyIndex(), number=_AnyIndex(), name="", light=lit)
+        written = re.sub(r"{(index|number)[^}]*}", ANY, rule.path).format(name="", light=lit)
         ending = f"({'|'.join(map(re.escape, SUFFIXES))})" if rule.numbered else ""
-        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)") + ending, re.IGNORECASE)
-        for file in folder.glob(glob.escape(written).replace(_AnyIndex.MARK, "*") + (".*" if ending else "")):
+        pattern = re.compile(re.escape(written).replace(re.escape(ANY), r"(\d+)") + ending, re.IGNORECASE)
+        for file in folder.glob(glob.escape(written).replace(ANY, "*") + (".*" if ending else "")):
             if match := pattern.fullmatch(file.relative_to(folder).as_posix()):
                 found.add(int(match[1]))
     return found
-
-
-class _AnyIndex:
-    """A placeholder in a path for an index with any number of digits."""
-
-    MARK = "\0"
-
-    def __format__(self, digits: str) -> str:
-        return self.MARK
 
 
 def _lights(rule: Rule, light: str) -> tuple[str, ...]:

@@ -54,12 +54,10 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None, *, num
     if light is not None:
         read.add(light)
     if not read:
+        left_out = "".join(f" {reason}." for reason in search.left_out)
         raise DataError(
             f"{folder} holds no prediction of scene '{scene.name}' as {layout.title} writes it",
-            "It has none of these files: "
-            + "; ".join(search.absent)
-            + "."
-            + "".join(f" {reason}." for reason in search.left_out),
+            f"It has none of these files: {'; '.join(search.absent)}.{left_out}",
             "Name the code with --from, and the scene that it was trained on with --scene.",
         )
     return Predictions(
@@ -117,9 +115,8 @@ class _Search:
             name, first = next(iter(there.items()))
             self.said.append(f"{what}: {first.path.relative_to(self.folder)} is read as view '{name}'")
         if lossy := [found.path.name for found in there.values() if found.path.suffix.lower() in LOSSY]:
-            self.said.append(
-                f"{what}: {len(lossy)} files are JPEG ({lossy[0]}, ...): what compression lost counts as error"
-            )
+            seen = f"{len(lossy)} files are JPEG ({lossy[0]}, ...)"
+            self.said.append(f"{what}: {seen}: what compression lost counts as error")
         self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if v.name not in there]
         return there
 
@@ -128,16 +125,15 @@ class _Search:
 
     def _require_no_more_views(self, rule: Rule, light: str) -> None:
         count, found = len(self.scene.test), indices(self.folder, rule, light)
-        if max(found, default=-1) >= count:
-            from_1 = found == {*range(1, count + 1)}
-            raise DataError(
-                f"{self.folder} counts views up to {max(found)}, scene '{self.scene.name}' has {count} test views",
-                f"Files of {rule.path} are numbered by the list of test views, from 0 on"
-                + (f"; these run from 1 to {count}." if from_1 else "; with another list each is of a wrong view."),
-                f"Number them from 0 to {count - 1}, or call them as the views are ('{self.scene.test[0].name}', ...)."
-                if from_1
-                else "Name the scene that the code was evaluated on, with all its test views.",
-            )
+        if max(found, default=-1) < count:
+            return
+        but = "with another list each is of a wrong view"
+        remedy = "Name the scene that the code was evaluated on, with all its test views."
+        if found == {*range(1, count + 1)}:
+            but, name = f"these run from 1 to {count}", self.scene.test[0].name
+            remedy = f"Number them from 0 to {count - 1}, or call them as the views are ('{name}', ...)."
+        what = f"{self.folder} counts views up to {max(found)}, scene '{self.scene.name}' has {count} test views"
+        raise DataError(what, f"Files of {rule.path} are numbered by the list of test views, from 0 on; {but}.", remedy)
 
     def _has_the_views_size(self, what: str, rule: Rule, files: dict[str, Found], views: Sequence[View]) -> bool:
         if not rule.other_size:
@@ -148,10 +144,8 @@ class _Search:
         if (height, width) == (camera.height, camera.width):
             return True
         self.wrong_size |= {file.path for file in files.values()}
-        self.left_out.append(
-            f"{what} ({rule.path}): {width} x {height} pixels, the view has {camera.width} x {camera.height}; "
-            + rule.other_size
-        )
+        sizes = f"{width} x {height} pixels, the view has {camera.width} x {camera.height}"
+        self.left_out.append(f"{what} ({rule.path}): {sizes}; {rule.other_size}")
         return False
 
 
@@ -164,21 +158,17 @@ def _recognised(folder: Path, scene: Scene) -> str:
     if len(candidates) == 1:
         return candidates[0]
     last, view = len(scene.test) - 1, scene.test[0].name
+    inner: list[str] = []
     if candidates:
         seen = f"It has files of {', '.join(candidates)}."
     elif _Search(folder, scene).first("image", PLAIN.rules_of("image"), scene.test):
         return "plain"
     else:
         kinds = unread_files(folder, set(), ())
-        lies = "; ".join(kinds[:KINDS_SHOWN]) + (
-            f"; and {more} more kinds" if (more := len(kinds) - KINDS_SHOWN) > 0 else ""
-        )
+        more = [f"and {len(kinds) - KINDS_SHOWN} more kinds"] if len(kinds) > KINDS_SHOWN else []
+        lies = "; ".join([*kinds[:KINDS_SHOWN], *more])
         seen = f"It has the files of no known code. Its images: {lies or 'none'}{_of_other_size(folder, scene)}."
-    inner = (
-        []
-        if candidates
-        else [str(place) for place in sorted(folder.glob("**/")) if place != folder and _holds(place, scene)]
-    )
+        inner = [str(place) for place in sorted(folder.glob("**/")) if place != folder and _holds(place, scene)]
     raise DataError(
         f"cannot tell which code wrote {folder}",
         seen,

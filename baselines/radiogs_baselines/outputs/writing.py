@@ -46,11 +46,9 @@ class LayoutWriter:
         """Write the maps of a view under its own light. ``coverage``: used if there is no map ``alpha``."""
         # A folder that has the files of all rules is read by the first rule of each map.
         rules = {rule.map: rule for rule in reversed(CODES[self.code].rules)}.values()
-        for path, parts in groupby(sorted(rules, key=lambda rule: rule.path), key=lambda rule: rule.path):
-            together = [rule for rule in parts if rule.map in maps]
-            if together:
-                parts_of_file = [(rule, maps[rule.map]) for rule in together]
-                self._file(path, view, parts_of_file, maps.get("alpha", coverage))
+        for path, together in groupby(sorted(rules, key=lambda rule: rule.path), key=lambda rule: rule.path):
+            if parts := [(rule, maps[rule.map]) for rule in together if rule.map in maps]:
+                self._file(path, view, parts, maps.get("alpha", coverage))
 
     def write_relit(self, light: str, view: View, maps: Maps, coverage: Float[Tensor, "height width 1"]) -> None:
         """Write the map ``image`` of a view under another light; see ``write``."""

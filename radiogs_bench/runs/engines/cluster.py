@@ -26,15 +26,7 @@ from ...store.folder import Store, stage_claim
 from ..cell import Cell
 from ..interruption import STOPPING_SIGNALS, Interruption
 from ..progress import Progress
-from .delegate import (
-    Recipe,
-    RemoteCell,
-    RemoteResult,
-    file_of,
-    names_of,
-    run_remote_cell,
-    run_shared_stages,
-)
+from .delegate import Recipe, RemoteCell, RemoteResult, file_of, names_of, run_remote_cell, run_shared_stages
 from .in_process import STOPPING, Task, record_failure
 
 logger = logging.getLogger(__name__)

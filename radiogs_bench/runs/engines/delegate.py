@@ -101,7 +101,12 @@ def _run(remote: RemoteCell, given: Files, wanted: list[str], work: Callable[[Be
     use_threads(remote.threads)
     try:
         scene = scene_for(remote.recipe, remote.scene_path)
-        _check_scene(remote, scene, node)
+        if scene.checksum != remote.cell.checksum:
+            raise DataError(
+                f"the scene {remote.scene_path} of {node} is not that of the machine that asks",
+                f"Its checksum is {scene.checksum[:12]}, not {remote.cell.checksum[:12]}.",
+                "Put the same files under the same path on every machine, or share the folder.",
+            )
         _check_sources(remote, scene, node)
         _compile(remote.recipe, remote.cell, device)
         with TemporaryDirectory(prefix="radiogs-bench-") as folder:
@@ -151,13 +156,4 @@ def _check_sources(remote: RemoteCell, scene: Scene, node: str) -> None:
             " asks",
             "A value would be kept under the name of code that did not make it.",
             "Install the same versions and the same weights on every machine (radiogs-bench datasets weights).",
-        )
-
-
-def _check_scene(remote: RemoteCell, scene: Scene, node: str) -> None:
-    if scene.checksum != remote.cell.checksum:
-        raise DataError(
-            f"the scene {remote.scene_path} of {node} is not that of the machine that asks",
-            f"Its checksum is {scene.checksum[:12]}, not {remote.cell.checksum[:12]}.",
-            "Put the same files under the same path on every machine, or share the folder.",
         )

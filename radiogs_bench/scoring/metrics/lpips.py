@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from pathlib import Path
 
 import torch
 from jaxtyping import Float
@@ -69,10 +68,7 @@ def _unit(value: Tensor) -> Tensor:
     return value / (value.square().sum(1, keepdim=True).sqrt() + UNIT_GUARD)
 
 
-@cache
-def _network(net: Net, folder: Path) -> tuple[dict[str, Tensor], list[Tensor]]:
-    return read_weights(net, folder)
-
+_network = cache(read_weights)
 
 Weights = Mapping[str, Tensor]
 Layers = Iterator[Float[Tensor, "1 channels rows columns"]]

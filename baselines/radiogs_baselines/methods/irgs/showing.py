@@ -11,14 +11,7 @@ from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
-from radiogs_core.on_surfels.trained import (
-    ARRIVING,
-    SHOWN_WITH_INCIDENT,
-    Shown,
-    TrainedOnSurfels,
-    light_start,
-    reduced,
-)
+from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler

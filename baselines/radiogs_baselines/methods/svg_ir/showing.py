@@ -10,13 +10,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.on_surfels.trained import (
-    ARRIVING,
-    SHOWN_WITH_INCIDENT,
-    Shown,
-    TrainedOnSurfels,
-    reduced,
-)
+from radiogs_core.on_surfels.trained import ARRIVING, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
