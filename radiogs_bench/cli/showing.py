@@ -145,11 +145,13 @@ def heading(column: Column) -> str:
 
 
 def entry(cell: PrintedCell) -> str:
-    """Mean with its mark, and below it the paired difference with its interval and a star where it is resolved."""
-    value = f"{cell.text}{cell.marks[:1] and MARKS[0]}"
-    if cell.difference is None:
-        return value
-    return f"{value}\n{cell.difference.plus_minus.replace(' ', '')}{'*' if cell.verdict else ''}"
+    """Mean with its mark, paired difference with its interval and a star where it is resolved, and published value."""
+    lines = [f"{cell.text}{cell.marks[:1] and MARKS[0]}"]
+    if cell.difference is not None:
+        lines.append(f"{cell.difference.plus_minus.replace(' ', '')}{'*' if cell.verdict else ''}")
+    if cell.published is not None:
+        lines.append(f"paper {cell.published.text}")
+    return "\n".join(lines)
 
 
 def say_without_weights(protocols: Sequence[Protocol]) -> None:

@@ -24,7 +24,7 @@ NUMBER = re.compile(r"(?<![\w.])[+-]?\d+\.\d+")
 def in_terminal(made: Summary) -> str:
     console = Console(width=200)
     with console.capture() as shown:
-        for part in parts_of(suite_table(made), "", 200):
+        for part in parts_of(suite_table(made), 200):
             console.print(part)
     return shown.get()
 

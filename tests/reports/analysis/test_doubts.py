@@ -46,8 +46,8 @@ def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
 
 def test_every_form_marks_values_and_gives_the_reason_below() -> None:
     made = doubted()
-    (table,) = parts_of(suite_table(made), "", 160)
-    assert [str(cell).splitlines()[0] for cell in table.columns[2].cells] == ["7.50†", "7.00†‡"]
+    (table,) = parts_of(suite_table(made), 160)
+    assert [str(cell).splitlines()[0] for cell in table.columns[2].cells] == ["7.50†", "7.00†"]
     text = suite_markdown(suite_table(made), "")
     assert "| 7.50† |" in text
     assert "| 7.00†‡ (-0.50, -1.00 to 0.00) |" in text
