@@ -45,16 +45,17 @@ LIMITS: Mapping[str, int] = {
     "long functions of a thousand": 50,
     "lines of radiogs_core": 12_340, "functions of radiogs_core": 728,
     "lines of radiogs": 4_967, "functions of radiogs": 269,
-    "lines of radiogs_datasets": 11_412, "functions of radiogs_datasets": 635,
-    "lines of radiogs_baselines": 8_564, "functions of radiogs_baselines": 488,
-    "lines of radiogs_reports": 8_497, "functions of radiogs_reports": 508,
-    "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_398,
+    "lines of radiogs_datasets": 11_834, "functions of radiogs_datasets": 646,
+    "lines of radiogs_baselines": 8_553, "functions of radiogs_baselines": 485,
+    "lines of radiogs_reports": 8_495, "functions of radiogs_reports": 505,
+    "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_390,
     "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_323,
-    "lines of tests": 59_946,
+    "lines of tests": 61_514,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
-unless readers look for it by its own name."""
+unless readers look for it by its own name. Those of datasets rose once, on 2026-11-30, with the kinds of photos, masks,
+names and splits that captures by others have."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",
