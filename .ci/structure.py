@@ -54,8 +54,8 @@ LIMITS: Mapping[str, int] = {
     "lines of tests": 61_514,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
-unless readers look for it by its own name. The bounds of datasets rose once, on 2026-11-30, with the kinds of photos, masks,
-names and splits that captures by others have."""
+unless readers look for it by its own name. The bounds of datasets rose once, on 2026-11-30, with the kinds of photos,
+masks, names and splits that captures by others have."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",
