@@ -62,22 +62,21 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
 
 def below(table: Table) -> list[str]:
     """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
-    tested = [column for column in table.columns if column.smallest is not None]
-    smallest = [f"{each.label} {number(each.smallest or 0.0, each.decimals)} {each.unit}".rstrip() for each in tested]
-    marked = [
-        each.label for place, each in enumerate(table.columns) if any(row.cells[place].marks for row in table.rows)
-    ]
-    how = []
+    columns, lines = table.columns, []
     if table.reference and any(cell.difference is not None for cell in table.cells):
-        how.append(f"Below each value its difference to '{table.reference.text}'; * resolved.")
-    if marked:
-        how.append(f"{MARKS[0]} doubtful, the page tells why: {', '.join(marked)}.")
-    lines = [
-        " ".join(how),
-        f"Not resolved is what is smaller than about: {', '.join(smallest)}." if smallest else "",
-        *(f"n/a in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items()),
-    ]
-    return [each for each in lines if each]
+        lines.append(f"Below each value its difference to '{table.reference.text}'; * resolved.")
+    if marked := [
+        each.label for place, each in enumerate(columns) if any(row.cells[place].marks for row in table.rows)
+    ]:
+        lines.append(f"{MARKS[0]} doubtful, the page tells why: {', '.join(marked)}.")
+    lines = [" ".join(lines)] if lines else []
+    if apart := sorted({each.published_by for each in columns} - {""}):
+        own = f"a run with --protocol {apart[0]} has them beside its own"
+        lines.append(f"The paper's values are on other data and by protocol {', '.join(apart)}: {own}.")
+    if told := [each for each in columns if each.smallest is not None]:
+        smallest = (f"{each.label} {number(each.smallest or 0.0, each.decimals)} {each.unit}".rstrip() for each in told)
+        lines.append(f"Not resolved is what is smaller than about: {', '.join(smallest)}.")
+    return [*lines, *(f"n/a in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items())]
 
 
 def in_the_record(summary: Summary) -> list[str]:

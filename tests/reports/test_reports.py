@@ -237,5 +237,5 @@ def test_the_document_compiles_whatever_rows_are_called(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     said = pdflatex("report.tex", tmp_path)
-    assert "Output written on report.pdf (1 page" in said  # both tables fit on one
+    assert "Output written on report.pdf (2 pages" in said  # tables, then their findings as text
     assert "Missing character" not in said

@@ -312,8 +312,8 @@ def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
     said = capsys.readouterr()
     assert "Detach L_G" in said.out
     assert "paper 37.86" not in said.out, "protocol default has other conventions"
-    assert "in a run with --protocol radiogs" in said.out
-    assert said.out.endswith(f"files in {tmp_path}; open {tmp_path / 'report.html'}\n")
+    assert "a run with --protocol radiogs has them beside its own" in " ".join(said.out.split())
+    assert f"\nOpen {tmp_path / 'report.html'}: " in said.out
     assert said.err.count("done in") == 10
     assert len(list(Store(tmp_path).results())) == 10
 

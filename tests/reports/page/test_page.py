@@ -253,13 +253,16 @@ def picture(made: Album, key: str, name: str, side: str, view: int) -> np.ndarra
 
 
 def test_what_no_entry_has_is_neither_explained_nor_offered(tmp_path: Path) -> None:
+    def of_means(made: Summary) -> str:
+        text = page(made, Album())
+        return text[text.index('id="table-means"') : text.index('id="cells"')]
+
     made = summary()
-    assert "In italics: the published value" in page(made, Album())
+    assert "In italics: the published value" in of_means(made)
     for row in made["published"].values():
         row.clear()
-    text = page(made, Album())
-    assert "In italics: the published value" not in text
-    block = text[text.index('id="table-means"') : text.index('id="cost"')]
+    block = of_means(made)
+    assert "In italics: the published value" not in block
     assert '<option value="difference">' in block
     assert '<option value="published">' not in block
 

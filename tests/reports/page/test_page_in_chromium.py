@@ -124,7 +124,7 @@ def test_a_run_that_trained_nothing_and_keeps_no_pictures_has_no_empty_parts(
     made["runs"][0] |= {"seconds": {}, "work": {}, "view": None, "light": None, "by_view": {}}
     watched = Watched(browser, written_page(made, tmp_path), viewport=DESK)
     there = watched.page.eval_on_selector_all("main > section", "each => each.map(part => part.id)")
-    assert there == ["overview", "table", "cells", "paper", "protocol"]
+    assert there == ["overview", "table", "cells", "paper", "conditions", "protocol"]
     linked = watched.page.eval_on_selector_all("nav a", "each => each.map(link => link.hash.slice(1))")
     assert linked == there
     watched.page.locator("button.open").click()
