@@ -174,7 +174,7 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
     (train, axes), (test, turned_axes) = ((pose[:, :3, 3], pose[:, :3, :3].flatten(1)) for pose in poses)
     apart = torch.cdist(train, train)
     near = torch.where(apart > 1e-9 * apart.max(), apart, math.inf).min(-1).values
-    spacing = float(near[near.isfinite()].median().nan_to_num())
+    spacing = float(known.median()) if len(known := near[near.isfinite()]) else 0.0  # all may be at one place
     turned = torch.cdist(turned_axes, axes) / 2**0.5  # radians, for small turns
     same = (torch.cdist(test, train) <= SAME_POSE * spacing) & (turned <= SAME_POSE)
     pairs = [

@@ -255,3 +255,11 @@ def test_the_headline_names_what_the_first_row_resolves_and_the_papers_values_of
     first, counts = headline(compared_run(three_rows()))
     assert first.startswith("lambda_rad = 0 beside Ours: NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)")
     assert counts == sentences(three_rows())[0]
+
+
+def test_a_difference_unresolved_by_the_correction_alone_is_named_so_and_the_headline_has_the_papers() -> None:
+    made = three_rows()
+    difference(made, "no-rad", "nvs/psnr")["verdict"] = None
+    assert headline(compared_run(made))[0].endswith("nothing else that this run could show (paper: NVS PSNR -2.04).")
+    (told,) = (each for each in sentences(made) if "excludes zero alone, not after correction for all rows" in each)
+    assert told.startswith("lambda_rad = 0, not resolved: NVS PSNR -1.23 dB")
