@@ -49,7 +49,7 @@ def report(
     out: Path,
     /,
     *,
-    self_contained: bool = False,
+    pictures_beside: bool = False,
     scenes: Names = (),
     no_pictures: bool = False,
     beside: Path | None = None,
@@ -61,8 +61,8 @@ def report(
     Example:  radiogs-bench report out/ablations
 
     :param out: Read the results in this folder.
-    :param self_contained: Write report.html as a single file. It has fewer views, then smaller ones, where pictures
-        take more than 20 MiB.
+    :param pictures_beside: Keep all pictures of report.html in the folder report_files, as stored. Without this option
+        the page is a single file of about 15 MB, with as many views as fit.
     :param scenes: Report on these of its scenes alone (default: all).
     :param no_pictures: Leave out figures, images and surfels: tables and page are there within seconds.
     :param beside: Compare the run with the one in this folder, cell by cell: on the page, in tables/beside.* and here.
@@ -83,7 +83,7 @@ def report(
     if style is not None:
         _report_for_paper(out, columns)
     else:
-        write_and_show(Store(out), sweep, Shown(self_contained, scenes, not no_pictures, beside))
+        write_and_show(Store(out), sweep, Shown(pictures_beside, scenes, not no_pictures, beside))
 
 
 def _report_for_paper(out: Path, columns: Sequence[str]) -> None:

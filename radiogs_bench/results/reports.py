@@ -36,8 +36,8 @@ from .summary import summarise
 class Shown:
     """How much of a run its reports show."""
 
-    alone: bool = False
-    """Whether the page has to be a single file."""
+    pictures_beside: bool = False
+    """Whether the page's pictures are files in a folder."""
     scenes: Sequence[str] = ()
     """The scenes that are reported on; all, if it is empty."""
     pictures: bool = True
@@ -66,7 +66,7 @@ def write(store: Store, sweep: Sweep, shown: Shown = EVERYTHING) -> tuple[Summar
         write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder), damage_explained():
             told = partial(progress.advance, "figures, tables, page")
-            written = write_reports(store.folder, shown.alone, told, shown.pictures)
+            written = write_reports(store.folder, shown.pictures_beside, told, shown.pictures)
     return summary, [store.folder / "summary.json", *written]
 
 

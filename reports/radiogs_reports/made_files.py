@@ -39,17 +39,17 @@ DRAWN_WITH = ("matplotlib", "numpy", "pandas", "jinja2", "pillow")
 """Packages that decide a report's bytes."""
 
 
-def made_from(summary: Summary, out: Path, alone: bool = False, pictures: bool = True) -> str:
+def made_from(summary: Summary, out: Path, beside: bool = False, pictures: bool = True) -> str:
     """Digest of everything that decides the reports in ``out``: the summary, its arrays, the code and its packages.
 
-    ``alone``: whether the page has to be a single file. ``pictures``: whether there are figures and images.
+    ``beside``: whether the page's pictures are files. ``pictures``: whether there are figures and images.
     """
     arrays = sorted({each["arrays"] for each in (*summary["sheet"], *summary["runs"]) if each["arrays"] is not None})
     parts = [
         seal_of(summary),
         *(f"{name} {digest_of(out / name)}" for name in arrays),
         own_code(),
-        *(["alone"] if alone else []),
+        *(["pictures beside"] if beside else []),
         *([] if pictures else ["without pictures"]),
         *(f"{package} {version(package)}" for package in DRAWN_WITH),
     ]

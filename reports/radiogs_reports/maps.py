@@ -122,10 +122,7 @@ def read_maps(path: Path, start: str = "") -> dict[str, Image]:
 
     Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
     """
-    with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
-        if sum(part.file_size for part in parts.infolist() if not part.filename.startswith(VIEWS)) > MOST_BYTES:
-            raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
-    with np.load(path) as archive:
+    with open_codes(path) as archive:
         wanted = [name for name in archive.files if name.startswith(start) and not name.startswith(VIEWS)]
         return {name: archive[name].astype(np.float64) for name in wanted}
 
@@ -133,10 +130,11 @@ def read_maps(path: Path, start: str = "") -> dict[str, Image]:
 def open_codes(path: Path) -> "np.lib.npyio.NpzFile":
     """A cell's archive, to read codes of further views from: ``views/<number>/<side>/<map>``, uint8. To be closed.
 
-    Raises ValueError for an array that grows beyond every map of a view when it is unpacked.
+    Raises ValueError for an array, or arrays without codes, that grow beyond every map of a view when unpacked.
     """
     with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
-        if any(part.file_size > MOST_BYTES for part in parts.infolist()):
+        sizes = [part.file_size * (not part.filename.startswith(VIEWS)) for part in parts.infolist()]
+        if sum(sizes) > MOST_BYTES or any(part.file_size > MOST_BYTES for part in parts.infolist()):
             raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     return np.load(path)
 

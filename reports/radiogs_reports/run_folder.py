@@ -38,13 +38,13 @@ PARTS = 4
 
 def write_reports(
     out: Path,
-    alone: bool = False,
+    beside: bool = False,
     advance: Callable[[int, int], object] = lambda done, total: None,
     pictures: bool = True,
 ) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
-    ``alone``: the page has to be a single file, with fewer pictures if they are many. Without ``pictures`` there are
+    ``beside``: the page's pictures are files in a folder, all of them and without loss. Without ``pictures`` there are
     neither figures nor images nor surfels, which take nearly all of the time.
 
     The same stored results give the same bytes; reports that are there and would be the same are not made again.
@@ -54,7 +54,7 @@ def write_reports(
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER, PICTURES)
-    source = made_from(summary, out, alone, pictures)
+    source = made_from(summary, out, beside, pictures)
     there = unchanged(out, source)
     if there is not None:
         return there
@@ -70,7 +70,7 @@ def write_reports(
     if summary["sheet"] and pictures:
         written.append(write_contact_sheet(summary, out))
     advance(3, PARTS)
-    written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], alone, pictures)
+    written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], beside, pictures)
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
     keep_record(out, written, source)
     advance(PARTS, PARTS)

@@ -1,6 +1,7 @@
 """Values, headings and counts in plain text."""
 
 import re
+from collections.abc import Sequence
 
 from .statistics import Level
 from .summary import LIMIT, ColumnSummary, RecordedRun, Summary, counted_scenes
@@ -10,6 +11,14 @@ ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 
 SYMBOL = re.compile(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?")
 """Symbols in labels: L_rad, L_G^PBR, λ_rad, N_g."""
+
+
+def mathematics(symbol: str, lower: str, upper: str | None) -> str:
+    r"""The groups of ``SYMBOL`` as LaTeX and matplotlib set them: ``$L_\mathrm{G}^\mathrm{PBR}$``."""
+    base = {"λ": r"\lambda"}.get(symbol, symbol)
+    raised = "" if upper is None else rf"^\mathrm{{{upper}}}"
+    return rf"${base}_\mathrm{{{lower}}}{raised}$"
+
 
 SUFFIXES = (("M", 1e6), ("k", 1e3))
 
@@ -41,6 +50,14 @@ def signed_number(value: float, decimals: int) -> str:
     """A difference with its sign; with two significant digits where its decimals would all be 0."""
     text = f"{value:+.{decimals}f}"
     return text if float(text) else f"{value:+.2g}" if value else text[1:]
+
+
+def shared_decimals(values: Sequence[float], decimals: int) -> int:
+    """The decimals of values that stand together: two more at most where one of them would be printed as zero."""
+    enough = (
+        each for each in (decimals, decimals + 1) if all(float(f"{value:.{each}f}") or not value for value in values)
+    )
+    return next(enough, decimals + 2)
 
 
 def plus_minus(text: str, half_width: float | None, decimals: int) -> str:

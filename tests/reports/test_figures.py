@@ -15,7 +15,8 @@ from matplotlib import rcParams
 from PIL import Image
 
 from made_up_run import LIGHTS, arrays, run, summary, write_run
-from radiogs_reports.figures.canvas import ALL, STYLE, file_name
+from radiogs_reports.figures.canvas import ALL, STYLE, file_name, plain, wrapped
+from radiogs_reports.figures.convergence import convergence_figures
 from radiogs_reports.figures.cost import cost_figures
 from radiogs_reports.figures.crops import away_from_edges, crop_place
 from radiogs_reports.figures.light import (
@@ -354,6 +355,30 @@ def test_dollars_in_names_are_dollars(tmp_path: Path) -> None:
         sketch.figure.draw_without_rendering()  # raises where a name is taken for a formula
     (figure,) = [sketch.figure for sketch in cost_figures(made) if sketch.name == "cost-seconds"]
     assert figure.axes[0].get_title() == r"\$^\$ ↑ (dB)"
+
+
+def test_symbols_are_formulas_that_no_line_breaks() -> None:
+    text = "Detach L_G^PBR and λ_rad of $5"
+    assert plain(text) == r"Detach $L_\mathrm{G}^\mathrm{PBR}$ and $\lambda_\mathrm{rad}$ of \$5"
+    assert wrapped(text).split("\n") == [r"Detach $L_\mathrm{G}^\mathrm{PBR}$ and", r"$\lambda_\mathrm{rad}$ of \$5"]
+
+
+def test_pictures_in_a_document_have_their_own_pixels(reports: Path) -> None:
+    """Magnified ones would take several times the bytes. Crops have a third of 16 pixels, the scale of errors 6."""
+    for name in ("image", "relit", "overview"):
+        widths = re.findall(rb"/Width (\d+)", content(reports)[f"my_scene-{name}.pdf"])
+        assert {*map(int, widths)} <= {5, 6, 16, 64, 256}, name
+        assert b"16" in widths
+
+
+def test_losses_have_the_sum_of_all_beside_radiometric_consistency() -> None:
+    made = two_rows()
+    losses, _ = convergence_figures(made)
+    titles = [axes.get_title() for axes in losses.figure.axes if axes.get_visible()]
+    assert titles == [
+        "all losses (weighted), stage 1", "all losses (weighted), stage 2", r"$L_\mathrm{rad}$ (weighted), stage 2",
+    ]  # fmt: skip
+    assert list(losses.figure.axes[1].lines[0].get_ydata()) == [1.5, 0.75, 0.375, 0.1875]
 
 
 def test_names_of_files_suit_every_system_and_latex() -> None:

@@ -12,7 +12,6 @@ import pytest
 from made_up_run import summary, write_run
 from radiogs_reports import run_folder
 from radiogs_reports.made_files import RECORD, keep_record
-from radiogs_reports.page import assemble
 from radiogs_reports.run_folder import write_reports
 
 
@@ -120,15 +119,13 @@ def test_all_are_made_again_after(change: Callable[[Path], None], tmp_path: Path
         assert (folder / "report.html").read_bytes() == expected
 
 
-def test_pictures_beside_the_page_go_when_it_is_to_stand_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_beside_the_page_go_when_it_is_to_stand_alone(tmp_path: Path) -> None:
     folder = write_run(tmp_path, {**summary(), "sheet": []})
-    monkeypatch.setattr(assemble, "BUDGET", 1)
-    written = write_reports(folder)
+    written = write_reports(folder, beside=True)
     beside = sorted((folder / "report_files").iterdir())
     assert beside
     assert set(beside) < set(written)
     (folder / "report_files" / "mine.txt").write_text("of somebody")
-    monkeypatch.undo()
-    again = write_reports(folder, alone=True)
+    again = write_reports(folder)
     assert set(again) == set(written) - set(beside)
     assert [path.name for path in (folder / "report_files").iterdir()] == ["mine.txt"]

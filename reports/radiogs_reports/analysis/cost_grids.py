@@ -95,7 +95,7 @@ def _fronts(summary: Summary) -> Grid:
     return Grid(
         "fronts",
         "Pareto fronts",
-        "Rows that no other row beats in both metric and cost; the plots and the CSV hold all measured points.",
+        "Rows resolved to be better, and to cost more, than the cheaper ones of them; plots and CSV hold all points.",
         ["metric", "cost", "row", "amount", "value"],
         rows,
     )

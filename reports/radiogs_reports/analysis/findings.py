@@ -23,7 +23,7 @@ from ..summary import (
     counted_scenes,
     is_doubted,
 )
-from ..wording import count_of, number, signed_number
+from ..wording import count_of, number, shared_decimals, signed_number
 from .comparisons import upwards
 
 Outcome = Literal["holds", "does not hold", "not resolved"]
@@ -286,11 +286,10 @@ def _entry(column: ColumnSummary, found: MeasuredDifference) -> str:
 
 def measured(column: ColumnSummary, difference: Interval) -> str:
     """A difference with its unit and its interval, if it has one."""
-    ends = [
-        signed_number(each, column["decimals"]) for each in (difference["low"], difference["high"]) if each is not None
-    ]
-    interval = f"[{', '.join(ends)}]" if ends else ""
-    parts = [signed_number(difference["mean"], column["decimals"]), column["unit"], interval]
+    values = [each for each in (difference["mean"], difference["low"], difference["high"]) if each is not None]
+    decimals = shared_decimals(values, column["decimals"])
+    mean, *ends = (signed_number(each, decimals) for each in values)
+    parts = [mean, column["unit"], f"[{', '.join(ends)}]" if ends else ""]
     return "".join(f" {part}" for part in parts if part)
 
 

@@ -1,12 +1,11 @@
 """Quality against cost: a point for each row of the table, and which points lie on the Pareto front."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..statistics import Sample, mean_of, paired_difference
+from ..statistics import Sample, mean_of
 from ..summary import ColumnSummary, Summary, half_width
-from .comparisons import Direction, beaten, upwards
+from .comparisons import Direction, beaten
 from .samples import costs_of, values_of
 
 
@@ -32,27 +31,22 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[CostPoint
         if cell["mean"] is not None and spent is not None:
             found.append(CostPoint(row["key"], spent.mean, cell["mean"], half_width(cell["difference"]), False))
     samples = [values_of(summary, point.row, column["key"]) for point in found]
-    best = pareto_front([point.cost for point in found], samples, column["direction"])
+    best = pareto_front([costs_of(summary, point.row, cost) for point in found], samples, column["direction"])
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
 
 
-def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: Direction) -> set[int]:
-    """Indices of the rows that are better than every cheaper one on the front.
+def pareto_front(costs: Sequence[Sample], samples: Sequence[Sample], direction: Direction) -> set[int]:
+    """Indices of the rows of which each is resolved to be better, and to cost more, than the cheaper ones of them.
 
-    Rows are compared by ``comparisons.beaten`` over all of them, and by their plain difference where no two rows share
-    more than a single unit. Among rows of equal cost the better one comes first.
+    Both by ``comparisons.beaten`` over all rows; of two rows that cost alike only the better one can be there. Empty
+    where fewer than two rows are told apart, or nothing can be tested: a line through noise would say the opposite.
     """
-    worse = beaten(dict(enumerate(samples)), direction)
-
-    def better(row: int, other: int) -> bool:
-        if worse is not None:
-            return other in worse.get(row, set())
-        gain = paired_difference(upwards(samples[row], direction), upwards(samples[other], direction))
-        return gain is not None and gain.mean > 0
-
-    means = [-math.inf if (mean := mean_of(upwards(each, direction))) is None else mean.mean for each in samples]
+    worse, dearer = beaten(dict(enumerate(samples)), direction), beaten(dict(enumerate(costs)), "down")
+    means = {place: mean.mean for place, each in enumerate(costs) if (mean := mean_of(each)) is not None}
+    if worse is None or dearer is None:
+        return set()
     front: list[int] = []
-    for place in sorted(range(len(costs)), key=lambda place: (costs[place], -means[place])):
-        if samples[place] and all(better(place, other) for other in front):
-            front.append(place)
-    return set(front)
+    for place in sorted(means, key=lambda place: means[place]):
+        if samples[place] and all(other in worse[place] for other in front):
+            front = [*(other for other in front if place in dearer[other]), place]
+    return set(front) if len(front) > 1 else set()

@@ -13,12 +13,14 @@ from matplotlib import rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from numpy import object_
 from numpy.typing import NDArray
 
 from radiogs_core.own_files import fresh
 
 from .. import maps
+from ..wording import SYMBOL, mathematics
 
 FOLDER = "figures"
 DOTS_PER_INCH = 150
@@ -113,9 +115,13 @@ def tiles(bands: int, lines: int, across: int, room: float) -> tuple[Figure, NDA
     return figure, figure.subplots(lines * bands, across, squeeze=False).reshape(bands, lines, across)
 
 
+MARKUP = re.compile(r"\\mathrm|[${}_^]")
+"""What is not seen of the formulas of ``plain``."""
+
+
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
     """The number of columns, as wide as the labels' longest line, that fit into ``width`` inches; at most ``most``."""
-    longest = max(len(line) for label in labels for line in label.split("\n"))
+    longest = max(len(MARKUP.sub("", line)) for label in labels for line in label.split("\n"))
     return max(1, min(len(labels), most, int(width / (INCHES_PER_CHARACTER * longest + 0.5))))
 
 
@@ -123,6 +129,8 @@ def save(sketch: Sketch, out: Path) -> Drawn:
     """Write a figure as PNG and PDF, without the date and version that matplotlib would add."""
     png, pdf = (fresh(out / FOLDER / f"{sketch.name}.{ending}", out) for ending in ("png", "pdf"))
     sketch.figure.savefig(png, metadata={"Software": None})
+    for image in sketch.figure.findobj(AxesImage):  # else magnified ones are stored as pixels of 1/150 inch
+        image.set_interpolation("none")
     sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     return Drawn(png, pdf, sketch.caption, sketch.on_page, sketch.images)
 
@@ -141,13 +149,13 @@ def file_name(*parts: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Escape dollars, which matplotlib would read as the ends of a formula."""
-    return text.replace("$", r"\$")
+    """Text for matplotlib: dollars, which would begin a formula, are escaped, and symbols such as L_G are formulas."""
+    return SYMBOL.sub(lambda found: mathematics(*found.groups()), text.replace("$", r"\$"))
 
 
-def wrapped(text: str) -> str:
-    """Break a row's name into lines that fit over a tile."""
-    return textwrap.fill(text, CHARACTERS_PER_TILE, break_long_words=False)
+def wrapped(text: str, width: int = CHARACTERS_PER_TILE) -> str:
+    """``plain`` in lines of so many characters, which fit over a tile."""
+    return plain(textwrap.fill(text, width, break_long_words=False))
 
 
 def show(axes: Axes, image: maps.Image) -> None:

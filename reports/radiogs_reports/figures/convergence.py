@@ -1,7 +1,7 @@
 """Losses and metrics during training, by iteration."""
 
+import itertools
 import math
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from ..statistics import Origin, mean_of
 from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail
 from ..wording import mean_over
 from .axes import add_grid, logarithmic, metric_title
-from .canvas import ALL, COLOURS, Sketch, legend_columns, panels, plain
+from .canvas import ALL, COLOURS, Sketch, legend_columns, panels, plain, wrapped
 
 CONSISTENCY = "consistency"
 """The loss L_rad of methods that train for radiometric consistency."""
@@ -66,26 +66,21 @@ def _curves(summary: Summary, trail_of: Callable[[RunSummary], Sequence[TrailPoi
 
 
 def _losses(summary: Summary) -> tuple[str, str, list[Panel]]:
-    """Name, caption and panels: L_rad where any run trains for it, otherwise the sum of all weighted losses."""
+    """Name, caption and panels: the sum of all weighted losses by stage, and L_rad where any run trains for it."""
     trained = [point for run in summary["runs"] for trail in run["trail"].values() for point in trail]
-    consistent = any(CONSISTENCY in point["losses"] for point in trained)
-    symbol = r"$L_\mathrm{rad}$" if consistent else "loss"
-
-    def read(point: TrailPoint) -> float | None:
-        losses = point["losses"]
-        if consistent:
-            return losses.get(CONSISTENCY)
-        return math.fsum(losses.values()) if losses else None
-
+    reads: dict[str, Read] = {"all losses": lambda point: math.fsum(point["losses"].values()) or None}
+    what = "the sum of all weighted losses"
+    if any(CONSISTENCY in point["losses"] for point in trained):
+        reads[plain("L_rad")] = lambda point: point["losses"].get(CONSISTENCY)
+        what += " and of the weighted loss of radiometric consistency"
     drawn = []
     titles = {stage["name"]: stage["title"] for run in summary["runs"] for stage in run["stages"]}
-    for stage, title in titles.items():
+    for (stage, title), (symbol, read) in itertools.product(titles.items(), reads.items()):
         every = _curves(summary, lambda run, stage=stage: run["trail"].get(stage, []), read)  # type: ignore[misc]
         # L_rad is zero before it sets in and where its weight is zero, which a logarithmic axis cannot show.
         curves = {row: [(x, y) for x, y in curve if y > 0] for row, curve in every.items()}
         if any(curves.values()):
             drawn.append(Panel(f"{symbol} (weighted), {plain(title)}", curves, logarithmic=True))
-    what = "the weighted loss of radiometric consistency" if consistent else "the sum of all weighted losses"
     caption = (
         f"Convergence of {what}: mean over the steps since the previous point and over"
         f" {mean_over(summary)}. A row whose loss is zero has no curve."
@@ -142,7 +137,7 @@ def _labels(summary: Summary, drawn: list[Panel]) -> dict[str, str]:
         same = (
             first for first in texts_by_row if all(panel.curves[first] == panel.curves[row["key"]] for panel in drawn)
         )
-        texts_by_row.setdefault(next(same, row["key"]), []).append(plain(row["text"]))
+        texts_by_row.setdefault(next(same, row["key"]), []).append(row["text"])
     if len(texts_by_row) == 1 < len(summary["rows"]):
         return dict.fromkeys(texts_by_row, ALL)
-    return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in texts_by_row.items()}
+    return {row: wrapped("; ".join(texts), LONGEST) for row, texts in texts_by_row.items()}

@@ -55,7 +55,7 @@ def _figure(summary: Summary, cost: str, drawn: list[tuple[ColumnSummary, list[C
     caption = (
         f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
         " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel,"
-        f" {population_of(summary)}; line: the front, whose rows are resolved to be better than the cheaper ones on it."
+        f" {population_of(summary)}; line: the front, of rows resolved to be better and to cost more."
     )
     return Sketch(f"cost-{cost}", caption, figure)
 

@@ -233,14 +233,14 @@ def _picture_grid(
     summary: Summary, views: SceneViews, found: dict[str, Image], modes: dict[Mode, list[Tuned]]
 ) -> Sketch:
     reference = reference_of(summary)
-    beside = [(plain(row_texts(summary)[reference]), found[reference]), ("truth", views.truth["relit"])]
+    beside = [(row_texts(summary)[reference], found[reference]), ("truth", views.truth["relit"])]
     across = max(map(len, modes.values()))
     figure, grid = tiles(len(modes), 1, across + len(beside), 0.2)
     for line, (mode, mine) in zip(grid[:, 0], modes.items(), strict=True):
         for axes, each in zip(line, mine, strict=False):
             show(axes, found[each.row])
             axes.set_title(each.text)
-        line[0].set_ylabel(wrapped(plain(mode.title)))
+        line[0].set_ylabel(wrapped(mode.title))
     for axes, (label, image) in zip(grid[0, 0, across:], beside, strict=True):
         show(axes, image)
         axes.set_title(wrapped(label))

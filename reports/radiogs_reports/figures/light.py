@@ -67,7 +67,7 @@ def _figure(views: SceneViews) -> Sketch:
     for label, found in views.rows:
         scale = factors(found["environment"], truth)
         times = ", ".join(f"{each:.2g}" for each in scale)
-        tiles.append((f"{label}\nRGB times {times}", scale * found["environment"]))
+        tiles.append((f"{plain(label)}\nRGB times {times}", scale * found["environment"]))
     figure, grid = panels(len(tiles), min(len(tiles), ACROSS), (WIDTH, WIDTH / 2 + 0.45))
     for axes, (label, radiance) in zip(grid, tiles, strict=True):
         show(axes, maps.display(tone_mapped(radiance, truth)))

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import maps
-from ..summary import Summary
-from .canvas import ALL, plain
+from ..summary import Summary, row_texts
+from .canvas import ALL
 
 MOST_ACROSS = 7
 """Rows of the table side by side; more rows continue below, because print would make them too small to see."""
@@ -22,7 +22,7 @@ class SceneViews:
     light: str
     truth: dict[str, maps.Image]
     rows: list[tuple[str, dict[str, maps.Image]]]
-    """Label and maps of each row, in the table's order."""
+    """Text and maps of each row, in the table's order."""
 
     def bands(self) -> "list[SceneViews]":
         """Split the rows, in order, into bands of nearly equal size; none is wider than the first."""
@@ -41,7 +41,7 @@ class SceneViews:
 
 def scene_views(summary: Summary, out: Path) -> list[SceneViews]:
     """Views of every scene with stored maps. Raises ValueError if the rows of a scene show different views."""
-    labels = {row["key"]: plain(row["text"]) for row in summary["rows"]}
+    labels = row_texts(summary)
     found = []
     for scene in summary["scenes"]:
         entries = [entry for entry in summary["sheet"] if entry["scene"] == scene]

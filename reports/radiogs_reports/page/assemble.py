@@ -18,9 +18,9 @@ from ..tables.caption import origin, run_note
 from ..tables.model import Table
 from ..tables.record import HEADING, record_reports
 from ..tables.suite import suite_table
-from ..wording import marked
+from ..wording import SYMBOL, marked
 from .assets import json_for_script, part, rendered, scripts, styles
-from .pictures import BUDGET, FOLDER, KIND, Album, album, filter_tables, scale_bar
+from .pictures import FOLDER, KIND, Album, album, filter_tables, scale_bar
 from .sheets import encoded
 from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, paper_tables
@@ -40,19 +40,25 @@ METRICS_OF = {
 STYLES = ("page", "tables", "comparison", "printing")
 
 
+LARGEST = 15_000_000
+"""Bytes of a page that is a single file, about: what can be sent by mail. Pictures may have a third in any case."""
+
+
 def write_page(
-    summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False, pictures: bool = True
+    summary: Summary, out: Path, figures: Sequence[Drawn] = (), beside: bool = False, pictures: bool = True
 ) -> list[Path]:
     """Write ``report.html`` into ``out`` and return its path, then those of the pictures that are files beside it.
 
-    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``. Without
-    ``pictures`` it has neither images nor surfels, and says so.
+    The same stored results give the same bytes. ``figures``: those that it shows. ``beside``: all pictures are files in
+    a folder; else as many as fit are in the page. Without ``pictures`` it has neither images nor surfels, and says so.
     """
     path = fresh(out / "report.html", out)
     runs = summary["runs"] if pictures else []
-    made = album(runs, out, alone, BUDGET)
     note = run_note(summary) if pictures else f"{run_note(summary)} {WITHOUT_PICTURES}"
-    text = page(summary, made, figures, packed_surfels(runs, out), note)
+    surfels = packed_surfels(runs, out)
+    without = len(page(summary, Album(), figures, surfels, note))
+    made = album(runs, out, None if beside else max(LARGEST // 3, LARGEST - without))
+    text = page(summary, made, figures, surfels, note)
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [path, *made.files.values()]
 
@@ -129,12 +135,13 @@ def data(summary: Summary, means: Table, pictures: Album) -> dict[str, Any]:
         "maps": {name: _look(name) for name in pictures.maps},
         "files": {"folder": FOLDER, "kind": KIND},
         "conventions": summary["conventions"],
+        "symbol": SYMBOL.pattern,
     }
 
 
 def _look(name: str) -> dict[str, Any]:
-    """The label of a map, the unit and range of its error, and its metric."""
-    kind, metric = maps.kind_of(name), METRICS_OF.get(name.partition("/")[0])
+    """The label of a map without its light, the unit and range of its error, and its metric."""
+    kind, metric = maps.KINDS[name.partition("/")[0]], METRICS_OF.get(name.partition("/")[0])
     return {"label": kind.label, "unit": kind.error_to, "range": kind.error_range, "metric": metric}
 
 

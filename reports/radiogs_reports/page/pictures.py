@@ -1,11 +1,12 @@
 """Maps and error maps of every kept view of every cell, for the page's browser of images.
 
-The sheets stand inside the page as long as they are few bytes, and in a folder beside it from then on.
+The sheets stand inside the page, as many as fit, or on request in a folder beside it.
 """
 
 import base64
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,9 +18,6 @@ from radiogs_core.own_files import fresh
 from .. import maps
 from ..summary import RunSummary
 from .sheets import Binder, Levels, encoded, name_of
-
-BUDGET = 20 * 2**20
-"""Bytes of the pictures within a page, as text."""
 
 SHOWN_BY_AUTO = 0.99
 """Share of the pixels whose error lies within the range of colours under the gain ``auto``."""
@@ -45,6 +43,8 @@ class Album:
     """Divisor of the stored width and height."""
     reduced: bool = False
     """Whether there are fewer views than are kept."""
+    exact: bool = True
+    """Whether all are as stored; if not, errors and normals are, and the others about 40 dB from it."""
 
     @property
     def maps(self) -> list[str]:
@@ -52,25 +52,28 @@ class Album:
         return list(dict.fromkeys(name for sheets in self.cells.values() for name in sheets))
 
 
-def album(runs: Sequence[RunSummary], out: Path, alone: bool = False, budget: int = BUDGET) -> Album:
-    """Pictures of all cells that keep maps, inside the page if they fit its budget, else in a folder beside it.
+def album(runs: Sequence[RunSummary], out: Path, budget: int | None) -> Album:
+    """Pictures of all cells that keep maps: within ``budget`` bytes of the page's text; None: in a folder beside it.
 
-    ``alone``: the page has to be a single file. Then there are as many views of each cell as fit, and if one is too
-    many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder cannot be written.
+    What does not fit is first compressed with loss (not errors and normals), then it has fewer views of each cell; if
+    one is too many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder cannot
+    be written.
     """
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
         return Album()
     whole = max(len(run.get("views") or [None]) for run in shown)
-    most, factor = whole, 1
+    most, factor, exact = whole, 1, True
     while True:
-        shelf = Shelf(budget, None if alone else out / FOLDER)
+        shelf = Shelf(budget, out / FOLDER, exact)
         try:
             cells = {run["key"]: sheets_of(run, out, shelf, most, factor) for run in shown}
-            return Album(cells, shelf.inside, shelf.files, factor, reduced=most < whole)
+            return Album(cells, shelf.inside, shelf.files, factor, most < whole, exact)
         except Full:
-            if most > 1:
-                most //= 2
+            if exact:
+                exact = False
+            elif most > 1:
+                most = most * 3 // 4
             elif min(next(pairs(shown[0], out)).mine.shape[:2]) // (2 * factor) >= LEGIBLE:
                 factor *= 2
             else:
@@ -84,40 +87,42 @@ KIND = ".webp"
 
 
 class Full(Exception):
-    """The sheets exceed the bytes that a page may hold, and there is no folder for them."""
+    """The sheets exceed the bytes that a page may hold."""
 
 
 class Shelf:
-    """Keeps encoded sheets by name. ``budget``: bytes, as base64, that a page may hold.
+    """Keeps encoded sheets by name. ``budget``: bytes, as base64, that a page may hold; None: all go into ``folder``.
 
-    ``folder``: where all sheets go once there are more; None: ``Full`` is raised then.
+    ``exact``: whether all sheets are kept without loss, and not only those that ask for it.
     """
 
-    def __init__(self, budget: int, folder: Path | None) -> None:
-        self.budget, self.folder = budget, folder
+    def __init__(self, budget: int | None, folder: Path, exact: bool) -> None:
+        self.budget, self.folder, self.exact = budget, folder, exact
         self.inside: dict[str, str] = {}
-        """Sheets within the page by name, in base64; empty if they are in the folder."""
+        """Sheets within the page by name, in base64."""
         self.files: dict[str, Path] = {}
         self.size = 0
 
-    def keep(self, sheet: Levels) -> str:
+    def keep(self, sheet: Levels, exact: bool) -> str:
         """Encode and keep a sheet, unless it is there; returns its name. Raises Full, OSError."""
         name = name_of(sheet)
-        if name not in self.inside and name not in self.files:
-            content = base64.b64encode(encoded(sheet)).decode("ascii")
-            self.size += len(content)
-            self.inside[name] = content
-            if self.size > self.budget:
-                if self.folder is None:
-                    raise Full
-                for each, kept in self.inside.items():
-                    self.files[each] = fresh(self.folder / f"{each}{KIND}", self.folder.parent)
-                    self.files[each].write_bytes(base64.b64decode(kept))
-                self.inside = {}
+        if name in self.inside or name in self.files:
+            return name
+        content = encoded(sheet, exact or self.exact)
+        if self.budget is None:
+            self.files[name] = fresh(self.folder / f"{name}{KIND}", self.folder.parent)
+            self.files[name].write_bytes(content)
+            return name
+        self.inside[name] = base64.b64encode(content).decode("ascii")
+        self.size += len(self.inside[name])
+        if self.size > self.budget:
+            raise Full
         return name
 
 
 RENDER, TRUTH = "render", "truth"
+EXACT = ("normal",)
+"""Maps that are never compressed with loss: WebP halves the resolution of colours, which are directions here."""
 
 
 class ViewMap(NamedTuple):
@@ -136,21 +141,19 @@ def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int, factor: int) 
     """The sheets of a cell, of at most so many views, with width and height divided by a factor."""
     wanted, made = chosen(run, most), {}
     for name, of_map in groupby(pairs(run, out), lambda pair: pair.name):
-        binders = {side: Binder(shelf.keep) for side in ("mine", "truth", "error")}
+        exact = {"mine": name in EXACT, "truth": name in EXACT, "error": True}
+        binders = {side: Binder(partial(shelf.keep, exact=each)) for side, each in exact.items()}
         for pair in of_map:
-            if wanted(pair.view):
+            if pair.view in wanted:
                 add(binders, pair, factor)
         made[name] = {side: binder.bound() for side, binder in binders.items()}
     return made
 
 
-def chosen(run: RunSummary, most: int) -> Callable[[int], bool]:
+def chosen(run: RunSummary, most: int) -> set[int]:
     """The views that are shown: all, or at most so many, evenly spread, among them the one that the result shows."""
     count = len(run.get("views") or [None])
-    if most >= count:
-        return lambda view: True
-    views = {(shown_view(run) + place * count // most) % count for place in range(most)}
-    return views.__contains__
+    return {(shown_view(run) + place * count // most) % count for place in range(most)}
 
 
 def add(binders: dict[str, Binder], pair: ViewMap, factor: int) -> None:

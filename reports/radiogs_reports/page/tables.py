@@ -61,7 +61,7 @@ def cells_table(summary: Summary) -> Table:
             PrintedCell(str(run["seed"]), run["seed"]),
             *(value_cell(run["metrics"].get(column["key"]), column, absent) for column in summary["columns"]),
             training_cell(cost_of(run, "seconds"), "nothing was trained" if finished else state),
-            uncounted if surfels is None else PrintedCell(str(surfels), surfels),
+            uncounted if surfels is None else PrintedCell(f"{surfels:,}", surfels),
             PrintedCell(state, state),
         ]
         rows.append(PrintedRow(texts[run["row"]], cells, opens=run["key"]))

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from ..analysis.findings import Sentence
 from ..summary import Summary, Verdict
-from ..wording import SYMBOL
+from ..wording import SYMBOL, mathematics
 from .mathematics import GREEK, is_mathematics
 
 COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
@@ -98,9 +98,7 @@ def as_formula(text: str) -> str:
     parts = SYMBOL.split(text)
     made = escape(parts[0])
     for symbol, lower, upper, rest in zip(parts[1::4], parts[2::4], parts[3::4], parts[4::4], strict=True):
-        base = {"λ": r"\lambda"}.get(symbol, symbol)
-        raised = "" if upper is None else rf"^\mathrm{{{upper}}}"
-        made += rf"${base}_\mathrm{{{lower}}}{raised}$" + escape(rest)
+        made += mathematics(symbol, lower, upper) + escape(rest)
     return made
 
 

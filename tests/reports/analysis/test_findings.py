@@ -187,7 +187,7 @@ def test_rows_that_are_compared_with_none_of_them_have_no_findings() -> None:
 def test_a_small_difference_is_not_said_to_be_zero() -> None:
     made = summary()
     difference(made, "no-rad", "nvs/psnr").update(mean=-0.00123, low=-0.002, high=-0.0004)
-    assert "NVS PSNR -0.0012 dB [-0.002, -0.0004]" in sentences(made)[-1]
+    assert "NVS PSNR -0.0012 dB [-0.0020, -0.0004]" in sentences(made)[-1], "with one number of decimals"
 
 
 def test_a_table_of_the_paper_has_findings_with_its_own_decimals_and_without_settings() -> None:

@@ -11,7 +11,6 @@ from PIL import Image
 from chromium import DESK, Watched, browser, made_up, needed, playwright
 from made_up_run import arrays, run, summary, write_run
 from radiogs_reports.maps import false_colour, levels
-from radiogs_reports.page import assemble
 from radiogs_reports.page.assemble import write_page
 
 pytestmark = needed
@@ -64,7 +63,14 @@ def test_the_browser_opens_with_the_shown_view_beside_its_truth(opened: Watched)
 
 
 def test_the_canvas_shows_the_chosen_view_map_light_and_rows(opened: Watched) -> None:
-    choose(opened, browse_view="2", browse_map="relit/night", compare_left="row ours", compare_right="row no-rad")
+    choose(
+        opened,
+        browse_view="2",
+        browse_map="relit",
+        browse_light="night",
+        compare_left="row ours",
+        compare_right="row no-rad",
+    )
     assert np.array_equal(pixels(opened, "compare-right-image"), arrays(1)["views/2/render/relit/night"])
     assert np.array_equal(pixels(opened, "compare-left-image"), arrays(0)["views/2/render/relit/night"])
     choose(opened, browse_map="depth", compare_left="truth")
@@ -75,20 +81,31 @@ def test_the_canvas_shows_the_chosen_view_map_light_and_rows(opened: Watched) ->
     assert np.array_equal(pixels(opened, "compare-right-image")[..., :1], arrays(3)["views/2/render/depth"])
 
 
-@pytest.mark.parametrize(("gain", "factor", "until"), [("1", 1, "0.25"), ("4", 4, "0.063"), ("auto", None, None)])
+@pytest.mark.parametrize(("gain", "factor", "until"), [("1", 1, "0.25"), ("4", 4, "0.063"), ("auto", 8, "0.031")])
 def test_errors_are_shown_in_false_colours_times_a_gain(
-    gain: str, factor: float | None, until: str | None, opened: Watched
+    gain: str, factor: float, until: str, browser: "playwright.Browser", tmp_path: Path
 ) -> None:
-    """The screen has the colours of ``maps``; under ``auto`` 99 % of the errors lie within them."""
+    """The screen has the colours of ``maps``; by ``auto`` the gain is one for all rows, by the one with most errors."""
+    made = summary()
+    folder = write_run(tmp_path, made)
+    for place, largest in ((0, 2), (1, 5)):
+        stored = arrays(place)
+        truth = stored["views/2/truth/image"].clip(10)
+        less = np.linspace(0, largest, 16 * 16).reshape(16, 16, 1).round().astype(np.uint8)
+        stored |= {"views/2/truth/image": truth, "views/2/render/image": truth - less}
+        np.savez(folder / made["runs"][place]["arrays"], allow_pickle=False, **stored)
+    opened = Watched(browser, write_page(made, folder)[0], viewport=DESK)
+    assert opened.page.locator("#error-gain").input_value() == "auto", "a first look shows structure"
     choose(opened, browse_view="2", browse_map="image", compare_right="row ours", error_gain=gain)
     grey = pixels(opened, "error-image")[..., :1] / 255
-    factor = 1 / np.quantile(grey, 0.99) if factor is None else factor
     expected = levels(false_colour(np.minimum(factor * grey, 1)))
     shot = np.array(Image.open(io.BytesIO(opened.page.locator("#error-stage").screenshot())).convert("RGB"))
     centres = [((np.arange(16) + 0.5) * side / 16).astype(int) for side in shot.shape[:2]]
     difference = np.abs(shot[np.ix_(*centres)].astype(int) - expected)
     assert np.quantile(difference, 0.95) <= 8
-    assert said(opened, "error-unit").endswith(f"0 to {until or f'{0.25 / factor:.2g}'}")
+    assert said(opened, "error-unit").endswith(f"0 to {until}")
+    assert f"its error times {factor} " in said(opened, "browse-said")
+    opened.close()
 
 
 def test_a_map_without_truth_says_so_and_has_no_error(opened: Watched) -> None:
@@ -97,7 +114,7 @@ def test_a_map_without_truth_says_so_and_has_no_error(opened: Watched) -> None:
     assert opened.page.evaluate(PIXELS, "error-image") is None
     assert opened.page.locator("#error-none").is_visible()
     assert opened.page.locator("#browse-view option").all_text_contents() == ["test_004"], "of one view alone"
-    assert opened.page.locator("#gallery .tile").all_inner_texts()[1].split() == ["lambda_rad", "=", "0", "n/a"]
+    assert opened.page.locator("#strip .tile").all_inner_texts()[1].split() == ["lambda_rad", "=", "0", "n/a"]
     choose(opened, compare_right="row no-rad")
     assert said(opened, "compare-right-name") == "n/a: lambda_rad = 0 has no such map ▶"
 
@@ -119,12 +136,16 @@ def test_arrow_keys_go_from_view_to_view_and_from_row_to_row(opened: Watched) ->
 
 
 def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: Watched) -> None:
+    rows = opened.page.locator("#strip .tile")
+    assert opened.page.locator("#strip .tile span:first-of-type").all_text_contents() == [
+        "ground truth",
+        "Ours",
+        "lambda_rad = 0",
+    ]
+    rows.nth(2).click()
+    assert opened.page.locator("#compare-right").input_value() == "row no-rad"
     tiles = opened.page.locator("#gallery .tile")
     names = opened.page.locator("#gallery .tile span:first-of-type")
-    assert names.all_text_contents() == ["ground truth", "Ours", "lambda_rad = 0"]
-    tiles.nth(2).click()
-    assert opened.page.locator("#compare-right").input_value() == "row no-rad"
-    choose(opened, gallery_of="views")
     assert names.all_text_contents() == ["test_000", "test_004", "test_008"]
     tiles.nth(2).click()
     assert opened.page.locator("#browse-view").input_value() == "2"
@@ -139,25 +160,27 @@ def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: W
 
 
 def test_the_address_leads_to_the_same_picture_again(browser: "playwright.Browser", opened: Watched) -> None:
-    choose(opened, browse_map="relit/night", browse_view="2", compare_left="row no-rad")
+    choose(opened, browse_map="relit", browse_light="night", browse_view="2", compare_left="row no-rad")
     address = opened.page.url
     again = browser.new_page()
     again.goto(address)
-    assert again.locator("#browse-said").text_content() == "my_scene, test_008: relit under night"
+    assert (again.locator("#browse-said").text_content() or "").startswith(
+        "my_scene, test_008; from top to bottom: relit under night; "
+    )
     assert again.locator("#compare-left").input_value() == "row no-rad"
     again.goto("about:blank")
     again.goto(address.split("#")[0] + "#browse:map=nothing&view=77&right=row+no-rad")
-    assert again.locator("#browse-said").text_content() == "my_scene, test_004: image", "what is not there is left out"
+    said = again.locator("#browse-said").text_content() or ""
+    assert said.startswith("my_scene, test_004; from top to bottom: image; "), "what is not there is left out"
     assert again.locator("#compare-right").input_value() == "row no-rad"
     again.close()
 
 
 def test_pictures_beside_the_page_are_read_from_the_disk_when_they_are_shown(
-    browser: "playwright.Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    browser: "playwright.Browser", tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(assemble, "BUDGET", 1)
     made = summary()
-    path, *files = write_page(made, write_run(tmp_path, made))
+    path, *files = write_page(made, write_run(tmp_path, made), beside=True)
     watched = Watched(browser, path, viewport=DESK)
     watched.page.wait_for_function("document.getElementById('compare-right-image').width === 16")
 
@@ -175,12 +198,9 @@ def test_pictures_beside_the_page_are_read_from_the_disk_when_they_are_shown(
     watched.close()
 
 
-def test_a_page_without_its_folder_says_which_file_it_misses(
-    browser: "playwright.Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(assemble, "BUDGET", 1)
+def test_a_page_without_its_folder_says_which_file_it_misses(browser: "playwright.Browser", tmp_path: Path) -> None:
     made = summary()
-    path, *files = write_page(made, write_run(tmp_path, made))
+    path, *files = write_page(made, write_run(tmp_path, made), beside=True)
     for each in files:
         each.unlink()
     watched = Watched(browser, path, expected="ERR_FILE_NOT_FOUND", viewport=DESK)

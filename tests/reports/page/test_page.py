@@ -17,8 +17,8 @@ from PIL import Image
 from made_up_run import arrays, summary, write_run, written_page
 from radiogs_reports.figures.canvas import Drawn
 from radiogs_reports.maps import decoded, error, levels
-from radiogs_reports.page import sheets
-from radiogs_reports.page.assemble import page
+from radiogs_reports.page import assemble, sheets
+from radiogs_reports.page.assemble import LARGEST, page
 from radiogs_reports.page.assets import json_for_script
 from radiogs_reports.page.pictures import Album, album, reduced_by
 from radiogs_reports.run_folder import texts
@@ -136,7 +136,7 @@ def test_json_in_a_script_is_the_same_json_without_a_character_that_could_end_it
 
 
 def test_pictures_are_the_stored_maps_without_loss_and_shared_truths_stand_once(tmp_path: Path) -> None:
-    made = album(summary()["runs"], write_run(tmp_path, summary()))
+    made = album(summary()["runs"], write_run(tmp_path, summary()), LARGEST)
     assert made.factor == 1
     assert not made.files
     assert made.cells.keys() == {"abc", "def"}
@@ -149,7 +149,7 @@ def test_pictures_are_the_stored_maps_without_loss_and_shared_truths_stand_once(
 
 
 def test_pictures_of_further_views_are_their_codes(tmp_path: Path) -> None:
-    made, stored = album(summary()["runs"], write_run(tmp_path, summary())), arrays(0)
+    made, stored = album(summary()["runs"], write_run(tmp_path, summary()), LARGEST), arrays(0)
     assert list(made.cells["abc"]) == [
         "image", "albedo", "normal", "roughness", "depth", "indirect", "incident", "relit/night", "relit/sky",
     ]  # fmt: skip
@@ -166,10 +166,9 @@ def test_pictures_of_further_views_are_their_codes(tmp_path: Path) -> None:
     assert (expected <= sheet["tops"][0] + 1e-4).mean() >= 0.99
 
 
-def test_many_pictures_are_files_beside_the_page_and_few_are_inside(tmp_path: Path) -> None:
+def test_pictures_are_inside_the_page_and_on_request_files_beside_it(tmp_path: Path) -> None:
     folder = write_run(tmp_path, summary())
-    inside = album(summary()["runs"], folder)
-    beside = album(summary()["runs"], folder, budget=1)
+    inside, beside = (album(summary()["runs"], folder, budget) for budget in (LARGEST, None))
     assert beside.cells == inside.cells
     assert not beside.inside
     assert {name: base64.b64encode(path.read_bytes()).decode() for name, path in beside.files.items()} == inside.inside
@@ -178,21 +177,42 @@ def test_many_pictures_are_files_beside_the_page_and_few_are_inside(tmp_path: Pa
     assert [re.findall(r"img-src ([^;]*);", each)[0] for each in policies] == ["data:", "data: 'self' file:"]
 
 
-def test_a_page_that_has_to_stand_alone_gives_up_views_then_size_then_cells(tmp_path: Path) -> None:
+def test_pictures_that_do_not_fit_give_up_exactness_then_views_then_size_then_cells(tmp_path: Path) -> None:
+    """Errors and normals are exact in any case."""
     runs, folder = summary()["runs"], write_run(tmp_path, summary(), size=64)
-    whole = size(album(runs, folder, alone=True))
-    fewer = album(runs, folder, alone=True, budget=whole * 2 // 3)
+    exact = album(runs, folder, LARGEST)
+    lossy = album(runs, folder, size(exact) - 1)
+    assert (exact.exact, lossy.exact, lossy.reduced, lossy.factor) == (True, False, False, 1)
+    kept = [(name, side) for name, side in (("image", "error"), ("normal", "mine"), ("image", "mine"))
+            if np.array_equal(*(picture(each, "abc", name, side, 2) for each in (exact, lossy)))]  # fmt: skip
+    assert kept == [("image", "error"), ("normal", "mine")]
+    fewer = album(runs, folder, size(lossy) * 3 // 4)
     assert fewer.reduced
-    assert fewer.cells["abc"]["image"]["mine"][0]["views"] == [1], "the view that the result shows"
+    assert 1 in fewer.cells["abc"]["image"]["mine"][0]["views"], "the view that the result shows"
     assert fewer.factor == 1
-    smaller = album(runs, folder, alone=True, budget=size(fewer) // 2)
+    one = album(runs, folder, size(lossy) * 2 // 5)
+    assert one.cells["abc"]["image"]["mine"][0]["views"] == [1]
+    smaller = album(runs, folder, size(one) // 2)
     assert smaller.factor == 2
-    assert smaller.cells.keys() == fewer.cells.keys()
+    assert smaller.cells.keys() == one.cells.keys()
     assert picture(smaller, "abc", "image", "mine", 1).shape == (32, 32, 3)
-    few = album(runs, folder, alone=True, budget=size(smaller) * 2 // 3)
+    few = album(runs, folder, size(smaller) * 2 // 3)
     assert few.cells.keys() == {"abc"}
-    assert "1 of 2 finished cells have pictures here" in page(summary(), few)
-    assert not album(runs, folder, alone=True, budget=1).cells
+    shown = page(summary(), few)
+    for said in (
+        "1 of 2 finished cells have pictures here",
+        "errors and normals without loss",
+        "only some of the views",
+    ):
+        assert said in shown
+    assert not album(runs, folder, 1).cells
+
+
+def test_figures_and_surfels_leave_less_of_a_page_to_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, folder = summary(), write_run(tmp_path, summary(), size=64)
+    whole = written_page(made, folder).stat().st_size
+    monkeypatch.setattr(assemble, "LARGEST", whole - 20_000)
+    assert whole / 2 < written_page(made, folder).stat().st_size < whole - 10_000
 
 
 def test_a_sheet_has_one_size_of_picture_and_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,63 +1,64 @@
-// Small pictures below the comparison: every row, every view or every map; a click shows one on the right side.
+// Small pictures: the strip below the table, and every view or map below the comparison. A click shows one on the right side.
 (() => {
   if (!browser) return;
-  const { data, texts, element } = shared;
-  const box = document.getElementById("gallery");
-  const [ofSelect, errors] = ["gallery-of", "gallery-errors"].map((name) => document.getElementById(name));
+  const { texts, element, formula } = shared;
+  const [strip, gallery, ofSelect, errors] = ["strip", "gallery", "gallery-of", "gallery-errors"].map((name) => document.getElementById(name));
 
-  function ofRows() {
-    const view = browser.view();
-    const map = browser.map();
+  function ofRows() { // the truth and every row: picture, error, relit
+    const [map, view] = [browser.map(), browser.view()];
+    const { relit } = browser.lines();
+    const pictures = (...sides) => [[map, sides[0], view], [map, sides[1], view], ...(relit ? [[relit, sides[0], view]] : [])];
     const rows = browser.here().map((run) => ({
-      run, map, view, side: "mine", name: texts[run.row], value: browser.value(run), chosen: run === browser.right(),
+      run, name: texts[run.row], value: browser.value(run), chosen: run === browser.right(), pictures: pictures("mine", "error"),
       choice: { right: browser.rowValue(run.row) },
     }));
     const truth = browser.here().find((run) => sheets.viewsOf(run.key, map, "truth").includes(view));
-    if (!truth || errors.checked) return rows;
-    return [{ run: truth, map, view, side: "truth", name: "ground truth", value: "", chosen: false, choice: { left: "truth" } }, ...rows];
+    if (!truth) return rows;
+    return [{ run: truth, name: "ground truth", value: "", chosen: false, pictures: pictures("truth", "none"), choice: { left: "truth" } }, ...rows];
   }
 
-  function ofViews() {
-    const run = browser.right();
-    return sheets.viewsOf(run.key, browser.map(), "mine").map((view) => ({
-      run, map: browser.map(), view, side: "mine", name: browser.viewName(view), value: browser.value(run, view),
-      chosen: view === browser.view(), choice: { view },
+  function ofRight() { // every view, or every map, of the right side
+    const [run, side] = [browser.right(), errors.checked ? "error" : "mine"];
+    const has = (map, view) => sheets.viewsOf(run.key, map, "mine").includes(view);
+    const shown = ofSelect.value === "views"
+      ? sheets.viewsOf(run.key, browser.map(), "mine").map((view) => [browser.map(), view, browser.viewName(view), { view }])
+      : sheets.mapsOf(run.key).filter((map) => has(map, browser.view())).map((map) => [map, browser.view(), browser.label(map), browser.choiceOf(map)]);
+    return shown.map(([map, view, name, choice]) => ({
+      run, name, value: browser.value(run, view, map), chosen: map === browser.map() && view === browser.view(), pictures: [[map, side, view]], choice,
     }));
   }
 
-  function ofMaps() {
-    const run = browser.right();
-    return sheets.mapsOf(run.key).filter((map) => sheets.viewsOf(run.key, map, "mine").includes(browser.view())).map((map) => ({
-      run, map, view: browser.view(), side: "mine", name: data.maps[map].label, value: browser.value(run, browser.view(), map),
-      chosen: map === browser.map(), choice: { map },
-    }));
-  }
-
-  function tile(each) {
+  function tile({ run, name, value, chosen, pictures, choice }) {
     const made = element("button", undefined, "tile");
     made.type = "button";
-    made.setAttribute("aria-pressed", String(each.chosen));
-    const canvas = element("canvas");
-    canvas.setAttribute("role", "img");
-    canvas.classList.toggle("error", errors.checked);
-    const side = errors.checked ? "error" : each.side;
-    const size = sheets.sizeOf(each.run.key, each.map, side, each.view);
-    if (size) [canvas.width, canvas.height] = [size.width, size.height];
-    made.append(canvas, element("span", each.name), element("span", size ? each.value : "n/a", "hint"));
-    made.addEventListener("click", () => browser.choose(each.choice));
-    made.draw = () => sheets.draw(canvas, each.run.key, each.map, side, each.view, `${each.name}${errors.checked ? ", error" : ""}`);
+    made.setAttribute("aria-pressed", String(chosen));
+    const canvases = pictures.map(([map, side, view]) => {
+      const canvas = element("canvas", undefined, side === "error" ? "error" : "");
+      canvas.setAttribute("role", "img");
+      const size = sheets.sizeOf(run.key, map, side, view) ?? sheets.sizeOf(run.key, map, "mine", view);
+      if (size) [canvas.width, canvas.height] = [size.width, size.height];
+      return canvas;
+    });
+    const [title, [map, side, view]] = [element("span"), pictures[0]];
+    title.append(formula(name));
+    made.append(title, ...canvases, element("span", sheets.sizeOf(run.key, map, side, view) ? value : "n/a", "hint"));
+    made.addEventListener("click", () => browser.choose(choice));
+    made.draw = () => pictures.forEach((each, place) => sheets.draw(canvases[place], run.key, ...each, `${browser.label(each[0])}${each[1] === "error" ? ", error" : ""}`));
     return made;
   }
 
-  function show() {
+  function show(box, entries) {
     const focused = [...box.children].indexOf(document.activeElement);
-    const tiles = { rows: ofRows, views: ofViews, maps: ofMaps }[ofSelect.value]().map(tile);
+    const tiles = entries.map(tile);
     box.replaceChildren(...tiles);
-    requestIdleCallback(() => tiles.forEach((each) => each.draw())); // the comparison above comes first
+    requestIdleCallback(() => tiles.forEach((each) => each.draw())); // the comparison comes first
     if (focused >= 0) box.children[Math.min(focused, box.children.length - 1)].focus();
   }
 
-  for (const each of [ofSelect, errors]) each.addEventListener("change", show);
-  document.addEventListener("browse", show);
+  for (const each of [ofSelect, errors]) each.addEventListener("change", () => show(gallery, ofRight()));
+  document.addEventListener("browse", () => {
+    show(strip, ofRows());
+    show(gallery, ofRight());
+  });
   browser.start();
 })();

@@ -5,7 +5,7 @@
   const runs = new Map(data.runs.map((run) => [run.key, run]));
 
   function shown(value) {
-    if (value === null) return "none";
+    if (value === null || typeof value === "object") return "none"; // an object that has nothing in it
     if (typeof value === "number" && !Number.isInteger(value)) return Number(value.toPrecision(6)).toString();
     return typeof value === "number" ? value.toLocaleString("en") : String(value);
   }
@@ -16,10 +16,7 @@
       const line = element("div");
       line.append(element("dt", name.replaceAll("_", " ")));
       const place = element("dd");
-      if (value !== null && typeof value === "object") {
-        if (Object.keys(value).length) place.append(listed(value));
-        else place.textContent = "none";
-      } else place.textContent = shown(value);
+      place.append(value !== null && typeof value === "object" && Object.keys(value).length ? listed(value) : shown(value));
       line.append(place);
       list.append(line);
     }
@@ -44,7 +41,7 @@
   }
 
   function open(run) {
-    document.getElementById("provenance-head").textContent = nameOf(run);
+    shared.say(document.getElementById("provenance-head"), nameOf(run));
     const body = document.getElementById("provenance-body");
     body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
     if (run.arrays) body.append(files(run));

@@ -1,21 +1,16 @@
-// Quality against cost: rows as large marks with intervals and the Pareto front, cells as small marks; hover or arrow keys.
+// Quality against cost: rows as large marks with intervals and the front, cells as small marks; hover or arrow keys.
 (() => {
-  const { data, fill, colour, colourOf, hollow, legend, meanOf } = shared;
-  const box = document.getElementById("scatter");
+  const { data, texts, element, fill, say, colour, colourOf, hollow, legend, meanOf } = shared;
+  const [box, said, qualitySelect, costSelect] = ["", "-said", "-quality", "-cost"].map((end) => document.getElementById(`scatter${end}`));
   if (!box) return; // nothing was trained
-  const said = document.getElementById("scatter-said");
-  const qualitySelect = document.getElementById("scatter-quality");
-  const costSelect = document.getElementById("scatter-cost");
   const HOVER = 28; // pixels from a mark within which it is hovered
   const LOGARITHMIC_FROM = 8; // ratio of the largest to the smallest cost
-
-  const textOf = shared.texts;
 
   let plot = null;
   let marks = [];
   let current = -1;
 
-  function partial(column, cost, holds) { // means of the ticked cells, which have neither interval nor front
+  function partial(column, cost, holds) { // means of the ticked cells, which have no interval
     return data.rows.flatMap((row) => {
       const held = data.runs.filter((run) => run.row === row.key && holds(run));
       const [quality, spent] = [meanOf(held, (run) => run.metrics[column.key]), meanOf(held, (run) => run.cost[cost])];
@@ -38,7 +33,7 @@
 
   function describe(mark, column, cost) {
     const unit = column.unit ? ` ${column.unit}` : "";
-    const name = mark.large ? `${textOf[mark.row]}, mean` : `${textOf[mark.row]}, ${mark.run.scene}, seed ${mark.run.seed}`;
+    const name = mark.large ? `${texts[mark.row]}, mean` : `${texts[mark.row]}, ${mark.run.scene}, seed ${mark.run.seed}`;
     const interval = mark.large && mark.half_width !== null ? ` ± ${mark.half_width.toFixed(column.decimals)}` : "";
     const amount = cost === "seconds" ? `${digits(mark.cost)} s` : `${digits(mark.cost)} ${cost}`;
     const front = mark.large && mark.on_front ? "; on the front" : "";
@@ -54,7 +49,7 @@
         size: large ? 12 : 6,
         width: large ? 3 : 1,
         stroke: colourOf(row.key),
-        fill: large && !hollow(row.key) ? colourOf(row.key) : "transparent",
+        fill: large && !hollow(row.key) ? `${colourOf(row.key)}80` : "transparent", // a mark below another is seen
       },
     }));
   }
@@ -73,33 +68,24 @@
     return found;
   }
 
-  function drawFront(chart, column) {
-    const place = (mark) => [chart.valToPos(mark.cost, "x", true), chart.valToPos(mark.quality, "y", true)];
-    const context = chart.ctx;
-    const { left, top, width: across, height: tall } = chart.bbox;
+  function drawLines(chart) { // the intervals of rows, and the front
+    const { ctx: context, bbox: { left, top, width: across, height: tall } } = chart;
+    const line = (look, points) => {
+      context.strokeStyle = look;
+      context.beginPath();
+      for (const point of points) context.lineTo(chart.valToPos(point.cost, "x", true), chart.valToPos(point.quality, "y", true));
+      context.stroke();
+    };
     context.save();
     context.beginPath();
     context.rect(left, top, across, tall);
     context.clip(); // a bar may be longer than the plot is high
     context.lineWidth = devicePixelRatio;
-    const front = marks.filter((mark) => mark.large && mark.on_front);
-    context.strokeStyle = colour("--faint");
-    context.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
-    context.beginPath();
-    front.forEach((mark, step) => (step ? context.lineTo(...place(mark)) : context.moveTo(...place(mark))));
-    context.stroke();
-    context.setLineDash([]);
-    for (const mark of marks) {
-      if (!mark.large || mark.half_width === null) continue;
-      const [middle] = place(mark);
-      const low = chart.valToPos(mark.quality - mark.half_width, "y", true);
-      const high = chart.valToPos(mark.quality + mark.half_width, "y", true);
-      context.strokeStyle = colourOf(mark.row);
-      context.beginPath();
-      context.moveTo(middle, low);
-      context.lineTo(middle, high);
-      context.stroke();
+    for (const mark of marks.filter((each) => each.large && each.half_width !== null)) {
+      line(colourOf(mark.row), [-1, 1].map((side) => ({ ...mark, quality: mark.quality + side * mark.half_width })));
     }
+    context.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
+    line(colour("--faint"), marks.filter((mark) => mark.large && mark.on_front));
     context.restore();
   }
 
@@ -112,7 +98,7 @@
     const mark = marks[place];
     const across = plot.valToPos(mark.cost, "x");
     const down = plot.valToPos(mark.quality, "y");
-    tip.textContent = describe(mark, column, cost);
+    say(tip, describe(mark, column, cost));
     ring.style.transform = `translate(${across}px, ${down}px)`;
     const room = plot.over.clientWidth - tip.offsetWidth;
     const below = down < tip.offsetHeight + 20; // near the upper edge the text goes below the mark
@@ -139,7 +125,6 @@
     plot = null;
     legend(document.getElementById("scatter-legend"), data.rows.filter((row) => shared.selection().rows(row.key)));
     said.textContent = "";
-    if (!column) return;
     marks = collect(column, cost);
     current = -1;
     if (!marks.length) {
@@ -153,9 +138,7 @@
     const values = (large) =>
       data.rows.map((row) => marks.map((mark) => (mark.large === large && mark.row === row.key ? mark.quality : null)));
     const ticked = logarithmic ? { splits: (chart, place, from, to) => ticks(from, to), filter: (chart, splits) => splits } : {};
-    const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
     const better = { up: "higher is better", down: "lower is better", zero: "closer to zero is better" }[column.direction];
-    const unit = column.unit ? `, ${column.unit}` : "";
     plot = new uPlot(
       {
         width: box.clientWidth,
@@ -167,33 +150,24 @@
           y: { range: padded(Math.min(...qualities), Math.max(...qualities), false) },
         },
         axes: [
-          { ...axis, ...ticked, label: data.costs[cost], labelSize: 26, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) },
-          { ...axis, label: `${column.label}${unit} (${better})`, labelSize: 26, size: 64 },
+          shared.axis(data.costs[cost], { ...ticked, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) }),
+          shared.axis(`${shared.titled(column)} (${better})`, { size: 64 }),
         ],
         series: [{}, ...seriesOf(false), ...seriesOf(true)],
-        hooks: { drawAxes: [(chart) => drawFront(chart, column)] },
+        hooks: { drawAxes: [drawLines] },
       },
       [costs, ...values(false), ...values(true)],
       box,
     );
-    for (const name of ["ring", "tip"]) {
-      const made = document.createElement("div");
-      made.className = name;
-      made.hidden = true;
-      plot.over.append(made);
-    }
+    plot.over.append(...["ring", "tip"].map((name) => Object.assign(element("div", undefined, name), { hidden: true })));
     const hover = (event) => show(nearest(event), column, cost);
     plot.over.addEventListener("pointermove", hover);
     plot.over.addEventListener("pointerdown", hover);
     plot.over.addEventListener("pointerleave", () => show(-1, column, cost));
-    box.onkeydown = (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (event.key === "Escape") show(-1, column, cost);
-      if (!step) return;
-      event.preventDefault();
-      show(current < 0 && step < 0 ? marks.length - 1 : (current + step + marks.length) % marks.length, column, cost);
-      said.textContent = describe(marks[current], column, cost);
-    };
+    shared.arrows(box, marks.length, () => current, (place) => {
+      show(place, column, cost);
+      if (place >= 0) say(said, describe(marks[place], column, cost));
+    });
   }
 
   fill(qualitySelect, data.columns.map((column) => [column.key, column.label]));

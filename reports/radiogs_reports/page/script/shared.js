@@ -21,22 +21,25 @@ const shared = (() => {
     if (entries.some(([value]) => value === before)) select.value = before;
   }
 
+  function formula(text) { // nodes, with indices and exponents of symbols such as L_G^PBR set as such
+    const made = document.createDocumentFragment();
+    text.split(new RegExp(data.symbol)).forEach((part, place) => part && made.append(place % 4 ? element(["i", "sub", "sup"][(place % 4) - 1], part) : part));
+    return made;
+  }
+
+  const say = (place, text) => place.replaceChildren(formula(text));
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colourOf = (row) => colour(`--row-${places[row] % 8}`);
   const hollow = (row) => Math.floor(places[row] / 8) % 2 === 1; // colours come round again after eight rows
   const nameOf = (run) => run.name ?? `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
 
   function legend(list, rows) {
-    list.replaceChildren(
-      ...rows.map((row) => {
-        const item = element("li");
-        const dot = element("span", undefined, "dot");
-        dot.style.borderColor = colourOf(row.key);
-        dot.style.backgroundColor = hollow(row.key) ? "transparent" : colourOf(row.key);
-        item.append(dot, row.text);
-        return item;
-      }),
-    );
+    list.replaceChildren(...rows.map((row) => {
+      const [item, dot] = [element("li"), element("span", undefined, "dot")];
+      Object.assign(dot.style, { borderColor: colourOf(row.key), backgroundColor: hollow(row.key) ? "transparent" : colourOf(row.key) });
+      item.append(dot, formula(row.text));
+      return item;
+    }));
   }
 
   function drawnAnew(box, draw) { // now, and when the width, the colours or the ticked cells change
@@ -50,6 +53,20 @@ const shared = (() => {
     draw();
   }
 
+  function arrows(box, count, current, show) { // the left and right keys go from mark to mark, round at the ends
+    box.onkeydown = (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (event.key === "Escape") show(-1);
+      if (!step) return;
+      event.preventDefault();
+      show(current() < 0 && step < 0 ? count - 1 : (current() + step + count) % count);
+    };
+  }
+
+  const axis = (label, rest) => ({ // of a plot
+    stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") }, label, labelSize: 26, ...rest,
+  });
+  const titled = (column) => (column.unit ? `${column.label}, ${column.unit}` : column.label);
   const mean = (values) => (values.length ? values.reduce((sum, each) => sum + each, 0) / values.length : null);
   function grouped(items, key) {
     const groups = new Map();
@@ -66,7 +83,7 @@ const shared = (() => {
   const numbers = (values) => values.filter((each) => typeof each === "number");
 
   return {
-    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, drawnAnew, mean, meanOf, numbers,
+    data, texts, element, fill, formula, say, colour, colourOf, hollow, nameOf, legend, drawnAnew, arrows, axis, titled, mean, meanOf, numbers,
     selection: () => selection,
     select(chosen) {
       selection = chosen ?? ALL;

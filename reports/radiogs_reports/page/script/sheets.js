@@ -33,7 +33,7 @@ const sheets = (() => {
   }
 
   function sheetOf(key, map, side, view) {
-    return cell(key)?.[map]?.[side].find((sheet) => sheet.views.includes(view));
+    return cell(key)?.[map]?.[side]?.find((sheet) => sheet.views.includes(view));
   }
 
   function complain(text) {

@@ -1,10 +1,8 @@
 // Tables sort by a click on a heading: best first, then in reverse. Missing values stay last both ways.
 (() => {
   function valueOf(row, place, by) {
-    const cell = row.cells[place];
-    const text = cell.dataset[by];
-    if (text === undefined) return null;
-    return cell.classList.contains("number") ? Number(text) : text;
+    const { dataset: { [by]: text = null }, classList } = row.cells[place];
+    return text !== null && classList.contains("number") ? Number(text) : text;
   }
 
   function compare(first, second) {

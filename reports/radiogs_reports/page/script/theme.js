@@ -4,19 +4,12 @@
   const order = Object.keys(names);
   const button = document.getElementById("theme");
 
-  function kept() {
+  function kept(theme) { // what is stored, or a theme that is stored now
     try {
+      if (theme) localStorage.setItem("radiogs-bench-theme", theme);
       return localStorage.getItem("radiogs-bench-theme");
     } catch {
-      return null; // storage is forbidden for this file
-    }
-  }
-
-  function keep(theme) {
-    try {
-      localStorage.setItem("radiogs-bench-theme", theme);
-    } catch {
-      return; // then the choice lasts as long as the page
+      return null; // storage is forbidden for this file: the choice lasts as long as the page
     }
   }
 
@@ -29,7 +22,7 @@
   let theme = order.includes(kept()) ? kept() : "system";
   button.addEventListener("click", () => {
     theme = order[(order.indexOf(theme) + 1) % order.length];
-    keep(theme);
+    kept(theme);
     apply(theme);
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => apply(theme));

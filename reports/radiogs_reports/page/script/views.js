@@ -2,7 +2,7 @@
 (() => {
   const box = document.getElementById("views-plot");
   if (!box) return; // no metric has values by view
-  const { data, texts, fill, colour, colourOf, hollow, legend, mean, numbers } = shared;
+  const { data, texts, fill, say, colourOf, hollow, legend, mean, numbers } = shared;
   const [metricSelect, sceneSelect, orderSelect] = ["views-metric", "views-scene", "views-order"].map((name) => document.getElementById(name));
   const said = document.getElementById("views-said");
   let plot = null;
@@ -45,8 +45,11 @@
       return;
     }
     said.textContent = "";
-    const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
-    const unit = column.unit ? `, ${column.unit}` : "";
+    let place = -1;
+    const show = (next) => {
+      place = next;
+      say(said, place < 0 ? "" : describe(drawn, column, place));
+    };
     plot = new uPlot(
       {
         width: box.clientWidth,
@@ -55,25 +58,20 @@
         cursor: { y: false, drag: { x: false, y: false }, points: { show: false } },
         scales: { x: { time: false, range: [-0.5, drawn.names.length - 0.5] } },
         axes: [
-          { ...axis, label: orderSelect.value === "value" ? "views, lowest mean first" : "views, as stored", labelSize: 26, incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500], values: (chart, splits) => splits.map((each) => drawn.names[each] ?? "") },
-          { ...axis, label: `${column.label}${unit}`, labelSize: 26, size: 64 },
+          shared.axis(orderSelect.value === "value" ? "views, lowest mean first" : "views, as stored", {
+            incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500], values: (chart, splits) => splits.map((each) => drawn.names[each] ?? ""),
+          }),
+          shared.axis(shared.titled(column), { size: 64 }),
         ],
         series: [{}, ...drawn.rows.map((row) => ({
           label: row.text, stroke: colourOf(row.key), width: 1.5, dash: hollow(row.key) ? [5, 4] : undefined, points: { show: true, size: 6 },
         }))],
-        hooks: { setCursor: [(chart) => { if (chart.cursor.idx !== null && chart.cursor.left >= 0) said.textContent = describe(drawn, column, chart.cursor.idx); }] },
+        hooks: { setCursor: [(chart) => { if (chart.cursor.idx !== null && chart.cursor.left >= 0) show(chart.cursor.idx); }] },
       },
       [drawn.names.map((name, place) => place), ...drawn.values],
       box,
     );
-    let place = -1;
-    box.onkeydown = (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (!step) return;
-      event.preventDefault();
-      place = place < 0 && step < 0 ? drawn.names.length - 1 : (place + step + drawn.names.length) % drawn.names.length;
-      said.textContent = describe(drawn, column, place);
-    };
+    shared.arrows(box, drawn.names.length, () => place, show);
   }
 
   fill(metricSelect, columns.map((column) => [column.key, column.label]));

@@ -6,7 +6,6 @@ const zooming = (stages, layers, { slide, arrow }) => {
   let zoom = { scale: 1, across: 0, down: 0 }; // shift in shares of the stage's width and height
 
   function apply() {
-    zoom.scale = Math.min(LARGEST, Math.max(1, zoom.scale));
     const room = zoom.scale - 1; // the picture always fills the stage
     zoom.across = Math.min(0, Math.max(-room, zoom.across));
     zoom.down = Math.min(0, Math.max(-room, zoom.down));
