@@ -54,10 +54,8 @@ def signed_number(value: float, decimals: int) -> str:
 
 def shared_decimals(values: Sequence[float], decimals: int) -> int:
     """The decimals of values that stand together: two more at most where one of them would be printed as zero."""
-    enough = (
-        each for each in (decimals, decimals + 1) if all(float(f"{value:.{each}f}") or not value for value in values)
-    )
-    return next(enough, decimals + 2)
+    smallest = min((abs(each) for each in values if each), default=1.0)
+    return next((each for each in (decimals, decimals + 1) if float(f"{smallest:.{each}f}")), decimals + 2)
 
 
 def plus_minus(text: str, half_width: float | None, decimals: int) -> str:

@@ -77,8 +77,7 @@ def _panel(axes: Axes, summary: Summary, lines: Sequence[AuditLine]) -> None:
     if tolerance is not None:
         axes.axhline(tolerance, color="#444444", linestyle="--", linewidth=0.8, zorder=1)
         axes.axvline(tolerance, color="#444444", linestyle="--", linewidth=0.8, zorder=1)
-    axes.set_xlabel("predicted bound (dB)")
-    axes.set_ylabel("observed loss of NVS PSNR (dB)")
+    axes.set(xlabel="predicted bound (dB)", ylabel="observed loss of NVS PSNR (dB)")
     add_grid(axes)
 
 

@@ -161,16 +161,14 @@ def wrapped(text: str, width: int = CHARACTERS_PER_TILE) -> str:
 def show(axes: Axes, image: maps.Image) -> None:
     """Show a displayed map without ticks and frame; pixels stay sharp unless they must be made smaller."""
     axes.imshow(maps.levels(image), interpolation="auto")
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
     for spine in axes.spines.values():
         spine.set_visible(False)
 
 
 def show_absence(axes: Axes, like: maps.Image) -> None:
     """Show an empty frame, shaped like another map, where there is no ground truth."""
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
     axes.set_box_aspect(like.shape[0] / like.shape[1])
     axes.text(0.5, 0.5, "no ground\ntruth", transform=axes.transAxes, ha="center", va="center", color="#767676")
     for spine in axes.spines.values():

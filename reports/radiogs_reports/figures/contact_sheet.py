@@ -24,12 +24,12 @@ Tile = tuple[str, maps.Image]
 def write_contact_sheet(summary: Summary, out: Path) -> Path:
     """Write ``contact_sheet.png`` into ``out``; returns its path."""
     bands: list[Image.Image] = []
-    above: list[Tile] = []
+    above: list[tuple[str, bytes]] = []
     for entry in summary["sheet"]:
         truth, render = _tiles(maps.read_maps(out / entry["arrays"]), entry.get("light", ""))
-        lines = [render] if _same(truth, above) else [truth, render]
-        bands.append(_band(_title(summary, entry), lines))
-        above = truth
+        looks = [(label, image.tobytes()) for label, image in truth]
+        bands.append(_band(_title(summary, entry), [render] if looks == above else [truth, render]))
+        above = looks
     sheet = Image.new("RGB", (max(band.width for band in bands), sum(band.height for band in bands)), PAPER)
     top = 0
     for band in bands:
@@ -38,14 +38,6 @@ def write_contact_sheet(summary: Summary, out: Path) -> Path:
     path = fresh(out / "contact_sheet.png", out)
     sheet.save(path, optimize=True)
     return path
-
-
-def _same(some: list[Tile], others: list[Tile]) -> bool:
-    """Whether two lines of tiles look alike."""
-    return len(some) == len(others) and all(
-        label == other and np.array_equal(image, shown)
-        for (label, image), (other, shown) in zip(some, others, strict=True)
-    )
 
 
 def _band(title: str, lines: list[list[Tile]]) -> Image.Image:

@@ -122,8 +122,7 @@ def _figure(summary: Summary, name: str, caption: str, drawn: list[Panel]) -> Sk
                 marker = None if panel.logarithmic else "o"
                 axes.plot(*zip(*panel.curves[row], strict=True), marker=marker, markersize=3, **look)
     for axes, panel in zip(grid, drawn, strict=True):
-        axes.set_title(panel.title)
-        axes.set_xlabel("iteration")
+        axes.set(title=panel.title, xlabel="iteration")
         logarithmic(axes, *(("x", "y") if panel.logarithmic else ("x",)))
         add_grid(axes)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)

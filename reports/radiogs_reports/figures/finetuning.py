@@ -197,8 +197,7 @@ def _totals(axes: Axes, timed: list[Tuned], times: dict[str, RelightTimes], refe
             if crossing is not None:
                 axes.plot(crossing, after(np.array(crossing)), "o", color=colour, markersize=4)
     logarithmic(axes, "x", "y")
-    axes.set_xlabel("frames under one light")
-    axes.set_title("total seconds ↓")
+    axes.set(xlabel="frames under one light", title="total seconds ↓")
     add_grid(axes)
 
 

@@ -86,9 +86,7 @@ def panel(axes: Axes, run: RunSummary, arrays: dict[str, NDArray[np.float64]], t
     acted = sum((arrays[name] for name in arrays if name.startswith("guards/")), start=np.zeros_like(condition)) > 0
     if acted.any():
         axes.plot(condition[acted], np.full(int(acted.sum()), HIGHEST), "|", color="black", markersize=5, clip_on=False)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_ylim(LOWEST, HIGHEST)
+    axes.set(xscale="log", yscale="log", ylim=(LOWEST, HIGHEST))
     (axis,) = run["made_from"]["settings"]
     if task == TASKS[-1]:
         axes.set_xlabel(AXES.get(axis, axis))
