@@ -115,22 +115,14 @@ def _tensors(surfels: Surfels, light: torch.Tensor) -> dict[str, torch.Tensor]:
 
 
 def initialisation(
-    surfels: Surfels,
-    share: float,
-    variant: Variant | None = None,
-    light: torch.Tensor = WHITE,
-    budget: Budget = BUDGET,
+    surfels: Surfels, share: float, variant: Variant | None = None, light: torch.Tensor = WHITE, budget: Budget = BUDGET
 ) -> Initialisation:
     """Stage 1 as if it had come as far as ``share`` and had learnt these surfels and this log-radiance of the light."""
     return _placed(_begun(variant or Variant(), budget), _tensors(surfels, light), share)
 
 
 def inverse_rendering(
-    surfels: Surfels,
-    share: float,
-    variant: Variant | None = None,
-    light: torch.Tensor = WHITE,
-    budget: Budget = BUDGET,
+    surfels: Surfels, share: float, variant: Variant | None = None, light: torch.Tensor = WHITE, budget: Budget = BUDGET
 ) -> InverseRendering:
     """Stage 2 in the same way; it began with these surfels."""
     variant = variant or Variant()

@@ -52,16 +52,16 @@ class PlainReader:
     def build(self, kind: type, table: object, where: str) -> Any:
         """An instance of the dataclass ``kind`` from a table of its fields; fields with a default may be missing.
 
-        Raises UsageError for an unknown or missing field and for a value that the field or the dataclass refuses.
+        Raises UsageError for an unknown field, for all missing ones, and for a value that is refused.
         """
         if not isinstance(table, Mapping):
             self.fail(where, f"{table!r} is no table", "It has fields of its own.")
         hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
         for name in table:
             self.known(where, "field", name, declared)
-        for name, each in declared.items():
-            if name not in table and each.default is MISSING and each.default_factory is MISSING:
-                self.fail(where, f"the field '{name}' is missing")
+        required = [name for name, each in declared.items() if each.default is each.default_factory is MISSING]
+        if missing := [f"'{name}'" for name in required if name not in table]:
+            self.fail(where, f"it lacks {', '.join(missing)}")
         prefix = f"{where}." if where else ""
         values = {name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()}
         try:

@@ -316,18 +316,17 @@ def fill_column(
         cells[row] = CellSummary(
             mean=None if mean is None else mean.mean,
             count=0 if mean is None else mean.values,
-            difference=interval(compared[row], len(compared)) if row in compared else None,
+            difference=interval(compared, row) if row in compared else None,
             reason=None,
             rank=places.get(row),
         )
     return cells
 
 
-def interval(compared: Comparison, comparisons: int) -> Interval:
-    """A row's difference to the reference row as summaries hold it. ``comparisons``: rows that are compared."""
-    difference = compared.difference
+def interval(compared: Mapping[str, Comparison], row: str) -> Interval:
+    """A row's difference to the reference row as summaries hold it. ``compared``: the rows of the column."""
+    difference, parts, p_value, verdict = compared[row]
     return Interval(
         mean=difference.mean, low=difference.low, high=difference.high, over=difference.over, units=difference.units,
-        p_value=compared.p_value, verdict=compared.verdict, smallest=smallest_of(difference, comparisons),
-        spread=compared.parts,
+        p_value=p_value, verdict=verdict, smallest=smallest_of(difference, compared), spread=parts,
     )  # fmt: skip

@@ -81,15 +81,6 @@ def test_its_commands_are_ones_that_the_program_has(check: ModuleType, tmp_path:
                 assert not word.startswith("--") or word in done.stdout, (part.name, word)
 
 
-@pytest.mark.slow
-def test_a_part_runs_in_full_with_the_cpu_in_the_place_of_a_card(check: ModuleType, tmp_path: Path) -> None:
-    parts = {part.name: part for part in check.parts("cpu", tmp_path)}
-    frames = parts["frame speed"]
-    quick = check.Part(frames.name, frames.proves, (*frames.command, "--spacings", "0.3"))
-    assert check.run_part(quick, tmp_path / "frames-run.json")["state"] == "passed"
-    assert json.loads((tmp_path / "frames.json").read_text())["rows"]
-
-
 def test_a_bundle_has_everything_but_pytorch_and_comes_together_again(bundle: ModuleType, tmp_path: Path) -> None:
     wanted = bundle.wanted((ROOT / "constraints.txt").read_text())
     assert any(line.startswith("warp-lang==") for line in wanted)

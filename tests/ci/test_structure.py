@@ -6,7 +6,7 @@ from types import ModuleType
 import pytest
 
 from ci_scripts import script
-from radiogs_bench.sources import OURS, SourceTree, installed
+from radiogs_bench.sources import SourceTree, installed
 
 
 @pytest.fixture(scope="module")
@@ -147,15 +147,3 @@ def test_what_a_test_may_not_reach_for_is_found(structure: ModuleType, text: str
     (tmp_path / "tests" / "test_it.py").write_text(text)
     found = list(structure.reaching(tmp_path / "tests", private))
     assert [each.partition(" ")[2] for each in found] == ([said] if said else [])
-
-
-@pytest.mark.slow
-def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
-    tree = installed()
-    modules = list(tree.closure(*OURS))
-    assert structure.findings(tree, *OURS) == []
-    assert list(structure.reaching(structure.TESTS, structure.private_names(tree, modules))) == []
-    assert list(structure.sizes_of_test_folders(structure.TESTS)) == []
-    counted = structure.counts(tree, modules, structure.TESTS)
-    assert counted.keys() == structure.LIMITS.keys()
-    assert {name: number for name, number in counted.items() if number > structure.LIMITS[name]} == {}

@@ -1,6 +1,7 @@
 """A wheel and a source distribution are whole: kernels' C++, scenes, published tables and templates come with them."""
 
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,25 +52,73 @@ def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
     assert max(file.stat().st_size for file in built.values()) < LARGEST
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["wheel", "source distribution"])
-def test_a_model_is_trained_where_there_is_no_checkout(kind: str, built: Built, tmp_path: Path) -> None:
-    """A .pth file lends the new environment the dependencies of this one; ``make packages`` installs them anew."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "fresh"], check=True)
-    (site,) = (tmp_path / "fresh").glob("lib/python*/site-packages")
+@pytest.fixture(scope="module")
+def fresh(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, str]:
+    """Variables of an environment in which the wheel is installed, and no checkout is found.
+
+    A .pth file lends it the dependencies of this one; ``make packages`` installs them anew.
+    """
+    folder = tmp_path_factory.mktemp("fresh")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    (site,) = folder.glob("lib/python*/site-packages")
     paths = sysconfig.get_paths()
     (site / "dependencies.pth").write_text(f"{paths['purelib']}\n{paths['platlib']}\n")
-    python = tmp_path / "fresh" / "bin" / "python"
-    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--disable-pip-version-check"]
-    options = ("--no-index", "--no-deps", "--no-build-isolation", "--ignore-installed")
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run([*pip, *options, built[kind]], env=environment, check=True)
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    train = [python.with_name("radiogs-bench"), "train", "corner", "--preset", "smoke", "--out", "model"]
-    done = subprocess.run(train, cwd=empty, env=environment, capture_output=True, text=True, check=False)
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    installed(folder, variables, built["wheel"])
+    return variables | {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}", "VIRTUAL_ENV": str(folder)}
+
+
+def installed(environment: Path, variables: Mapping[str, str], *what: Path) -> None:
+    """Install what needs no index, in the place of what is there."""
+    pip = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python", "install", "--quiet"]
+    options = ("--no-index", "--no-deps", "--no-build-isolation", "--ignore-installed", "--disable-pip-version-check")
+    subprocess.run([*pip, *options, *what], env=variables, check=True)
+
+
+@pytest.mark.slow
+def test_a_model_is_trained_where_there_is_no_checkout(fresh: Mapping[str, str], tmp_path: Path) -> None:
+    """By the wheel, which is what pip builds of the source distribution, too."""
+    train = ["radiogs-bench", "train", "corner", "--preset", "smoke", "--out", "model"]
+    done = subprocess.run(train, cwd=tmp_path, env=fresh, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert (empty / "model" / "surfels.ply").is_file()
+    assert (tmp_path / "model" / "surfels.ply").is_file()
     find = "import radiogs, radiogs_core, radiogs_datasets, radiogs_bench as bench; print(bench.__file__)"
-    found = subprocess.run([python, "-c", find], cwd=empty, env=environment, capture_output=True, text=True, check=True)
-    assert Path(found.stdout.strip()).is_relative_to(site)
+    found = subprocess.run(["python", "-c", find], cwd=tmp_path, env=fresh, capture_output=True, text=True, check=True)
+    assert Path(found.stdout.strip()).is_relative_to(fresh["VIRTUAL_ENV"])
+
+
+@pytest.mark.slow
+def test_the_gate_of_another_repository_s_method_passes_and_stops_a_worse_one(
+    fresh: Mapping[str, str], tmp_path: Path
+) -> None:
+    """The recipe of docs/gate.md and then its workflow, step by step, with the wheel in the place of a Git address.
+
+    Two seeds of few pixels take the place of eight of all.
+    """
+    shutil.copytree(ROOT / "docs/examples/own_method", tmp_path, dirs_exist_ok=True)
+    for file in (tmp_path / "pyproject.toml", method := tmp_path / "mean_image" / "method.py"):
+        file.write_text(file.read_text().replace("mean-image", "mine"))
+    subprocess.run(["git", "init", "--quiet"], cwd=tmp_path, check=True)
+    (tmp_path / ".github").mkdir()
+
+    def step(line: str) -> "subprocess.CompletedProcess[str]":
+        if line.startswith("pip install "):
+            line = "true"
+            installed(Path(fresh["VIRTUAL_ENV"]), fresh, tmp_path)
+        line = line.replace("--seeds 8", "--seeds 2 --long-side 24")
+        return subprocess.run(
+            ["bash", "-ec", line], cwd=tmp_path, env=fresh, capture_output=True, text=True, check=False
+        )
+
+    block = (ROOT / "docs/gate.md").read_text().split("```sh\n")[2].split("```")[0]
+    for line in (line for line in block.splitlines() if not line.startswith("#")):
+        done = step(line)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+    assert "no worse than the baseline, and computed alike" in done.stdout
+    sound = '{"mean": self.total'
+    assert method.read_text().count(sound) == 1
+    method.write_text(method.read_text().replace(sound, '{"mean": 0.5 * self.total'))
+    workflow = yaml.safe_load((ROOT / "docs/examples/own_method_gate.yml").read_text())
+    *_, compared = [step(each["run"]) for each in workflow["jobs"]["gate"]["steps"] if "run" in each]
+    assert compared.returncode == 1, f"{compared.stdout}{compared.stderr}"
+    assert "nvs/psnr worse by" in compared.stdout

@@ -12,15 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from radiogs_core.errors import DataError
-from radiogs_datasets.image_files import (
-    LOGGING,
-    read_exr,
-    read_hdr,
-    read_image,
-    write_exr,
-    write_hdr,
-    write_png,
-)
+from radiogs_datasets.image_files import LOGGING, read_exr, read_hdr, read_image, write_exr, write_hdr, write_png
 from radiogs_datasets.image_structure import image_header
 
 RANDOM = np.random.default_rng(0)

@@ -7,13 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from hard_cases.constructions import (
-    cast,
-    facing,
-    rays_along_z,
-    unit,
-    with_radiance,
-)
+from hard_cases.constructions import cast, facing, rays_along_z, unit, with_radiance
 from radiogs_core.kernels.shade.brdf import specular
 from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP
 from radiogs_core.kernels.trace.trace import Hits

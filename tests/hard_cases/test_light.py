@@ -15,9 +15,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.light_filters import filtered, grid_solid_angles, turned_spectrum
-from radiogs_core.transport.sampling import (
-    relighting_directions,
-)
+from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.splatting import shade_surfels, towards
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident, visibility_of
 

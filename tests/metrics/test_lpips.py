@@ -262,12 +262,7 @@ def test_a_damaged_file_is_replaced(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("path", "complaint"),
-    [
-        ("/gone", "404"),
-        ("/short", r"100 of \d+ bytes"),
-        ("/wrong", f"not with {DIGEST[:8]}"),
-        ("/stuck", "timed out"),
-    ],
+    [("/gone", "404"), ("/short", r"100 of \d+ bytes"), ("/wrong", f"not with {DIGEST[:8]}"), ("/stuck", "timed out")],
 )
 def test_anything_else_is_an_error_that_leaves_nothing_behind(tmp_path: Path, path: str, complaint: str) -> None:
     with serving() as server, pytest.raises(DataError, match=complaint) as raised:

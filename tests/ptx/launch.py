@@ -17,7 +17,7 @@ import warp as wp
 from torch.multiprocessing.reductions import StorageWeakRef
 
 from cuda_compile import kernels_of_the_cpu
-from ptx.machine import Account, Executable
+from ptx.machine import Account, Executable, kept_folder
 from ptx.parse import parsed
 from radiogs_core.kernels import runtime
 from radiogs_core.kernels.arguments import Arguments
@@ -36,7 +36,7 @@ BOUNDS = struct.Struct("<I4xQQ")
 def ptx_of(kernel: wp.Kernel) -> str:
     """The PTX of a kernel that is alone in its module, from Warp's cache or by NVRTC."""
     digest = hashlib.sha256(repr((wp.__version__, ARCHITECTURE, kernel.module.get_module_hash())).encode())
-    kept = _folder() / f"{kernel.key}-{digest.hexdigest()[:16]}.ptx"
+    kept = kept_folder() / f"{kernel.key}-{digest.hexdigest()[:16]}.ptx"
     if not kept.exists():
         with TemporaryDirectory(dir=kept.parent) as made:
             (path,) = wp.compile_aot_module(
@@ -46,16 +46,10 @@ def ptx_of(kernel: wp.Kernel) -> str:
     return kept.read_text(encoding="utf-8")
 
 
-def _folder() -> Path:
-    folder = Path(str(wp.config.kernel_cache_dir)) / "ptx"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
-
-
 @cache
 def executable(kernel: wp.Kernel) -> Executable:
     """A kernel, ready to be executed."""
-    return Executable(parsed(ptx_of(kernel)), kernel.key, _folder())
+    return Executable(parsed(ptx_of(kernel)), kernel.key)
 
 
 class Memory:

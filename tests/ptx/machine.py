@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
 from ptx.operations import MEETINGS, cases
 from ptx.parse import BASES, Program
@@ -24,20 +25,21 @@ KINDS = ("race", "misaligned", "outside", "meeting")
 and lanes that wait in vain."""
 
 FLAGS = (
-    "-std=c++17",
-    "-O3",
-    "-shared",
-    "-fPIC",
-    "-ffp-contract=off",
-    "-frounding-math",
-    "-fwrapv",
-    "-fno-strict-aliasing",
-)
+    "-std=c++17", "-O3", "-shared", "-fPIC", "-ffp-contract=off", "-frounding-math", "-fwrapv", "-fno-strict-aliasing",
+)  # fmt: skip
+
+
+def kept_folder() -> Path:
+    """Where the machine and kernels' PTX are kept: in Warp's cache, so that all processes compile them once."""
+    wp.init()
+    folder = Path(str(wp.config.kernel_cache_dir)) / "ptx"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 @cache
-def machine(folder: Path) -> ctypes.CDLL:
-    """The machine, from a folder that keeps it by the digest of its text. Skips without g++, but fails in CI."""
+def machine() -> ctypes.CDLL:
+    """The machine, kept by the digest of its text. Skips without g++, but fails in CI."""
     compiler = shutil.which("g++")
     if compiler is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)("g++ is not installed")
@@ -46,7 +48,7 @@ def machine(folder: Path) -> ctypes.CDLL:
         "cases.inc": "".join(f"case {number}: {{ {case.text} break; }}\n" for number, case in enumerate(cases())),
         "meetings.inc": ", ".join(name.replace(".", "_").upper() for name in MEETINGS),
     }
-    kept = folder / f"machine-{hashlib.sha256(repr((parts, FLAGS)).encode()).hexdigest()[:16]}"
+    kept = kept_folder() / f"machine-{hashlib.sha256(repr((parts, FLAGS)).encode()).hexdigest()[:16]}"
     if not (library := kept / "machine.so").exists():
         kept.mkdir(parents=True, exist_ok=True)
         for name, text in parts.items():
@@ -99,8 +101,8 @@ class Account:
 class Executable:
     """A program, ready for the machine."""
 
-    def __init__(self, program: Program, name: str, folder: Path) -> None:
-        self.program, self.name, self.machine = program, name, machine(folder)
+    def __init__(self, program: Program, name: str) -> None:
+        self.program, self.name, self.machine = program, name, machine()
         self.adds_floats = any(re.search(r"(atom|red)\..*add\.f\d+ ", each.text) for each in program.code)
         """Whether sums round in the order of its threads."""
         rows = [(each.operation, each.guard, each.negated, *each.operands) for each in program.code]

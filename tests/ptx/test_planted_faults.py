@@ -2,7 +2,6 @@
 what PTX's operations are defined to compute."""
 
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,34 +63,28 @@ FAULTS = {
 """By the kind of a fault, the body of a kernel that has it and of one that has not."""
 
 
-def run(body: str, folder: Path, seed: int = 0) -> tuple[np.ndarray, Account]:
+def run(body: str, seed: int = 0) -> tuple[np.ndarray, Account]:
     """The array after 64 threads, and what they did."""
     array, account = np.zeros(64, np.uint32), Account()
     begin = array.ctypes.data
-    kernel = Executable(parsed(KERNEL.format(body=body)), "planted", folder)
+    kernel = Executable(parsed(KERNEL.format(body=body)), "planted")
     kernel.execute_twice([struct.pack("Q", begin)], [(begin, begin + array.nbytes)], (1, 64), seed, account)
     return array, account
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the machine is compiled once."""
-    return tmp_path_factory.mktemp("machine")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_planted_fault_is_found_and_nothing_in_its_repaired_twin(fault: str, seed: int, folder: Path) -> None:
-    faulty, repaired = (run(body, folder, seed)[1] for body in FAULTS[fault])
+def test_a_planted_fault_is_found_and_nothing_in_its_repaired_twin(fault: str, seed: int) -> None:
+    faulty, repaired = (run(body, seed)[1] for body in FAULTS[fault])
     assert [kind for kind in (*KINDS, "order") if faulty.found[kind]] == [fault.split()[0]]
     assert faulty.reports
     assert not any(repaired.found.values())
 
 
 @pytest.mark.slow
-def test_lanes_that_meet_add_up_and_only_one_of_a_warp_changes_memory(folder: Path) -> None:
-    array, account = run(FAULTS["race between warps"][1], folder)
+def test_lanes_that_meet_add_up_and_only_one_of_a_warp_changes_memory() -> None:
+    array, account = run(FAULTS["race between warps"][1])
     assert array.view(np.float32)[0] == 64
     assert account.atomics.total() == 2
 
@@ -112,10 +105,10 @@ def test_lanes_that_meet_add_up_and_only_one_of_a_warp_changes_memory(folder: Pa
         ("bar.warp.sync -1; bar.sync 0; mov.u32 %r2, 9;", 9),
     ],
 )
-def test_lanes_hand_over_what_ptx_defines(body: str, expected: int, folder: Path) -> None:
+def test_lanes_hand_over_what_ptx_defines(body: str, expected: int) -> None:
     """At lane 3, which alone has %p1."""
     place = "mov.u32 %r9, %laneid; setp.eq.u32 %p1, %r9, 3;"
-    array, account = run(f"{place} {body} st.global.u32 [%rd4], %r2;", folder)
+    array, account = run(f"{place} {body} st.global.u32 [%rd4], %r2;")
     assert array[3] == expected
     assert not any(account.found.values())
 
@@ -133,10 +126,8 @@ def test_lanes_hand_over_what_ptx_defines(body: str, expected: int, folder: Path
         ("mov.f32 %f1, 0f00000001; mul.ftz.f32 %f2, %f1, %f1; mov.b32 %r2, %f2;", 0),
         ("fma.rm.f32 %f2, 0f3F800001, 0f3F800001, 0f00000000; mov.b32 %r2, %f2;", 0x3F800002),
         ("fma.rp.f32 %f2, 0f3F800001, 0f3F800001, 0f00000000; mov.b32 %r2, %f2;", 0x3F800003),
-        (
-            "mul.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;",
-            0x28800000,
-        ),  # one step
+        # In one step.
+        ("mul.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;", 0x28800000),
         ("mul.rn.f32 %f1, 0f3F800001, 0f3F800001; sub.f32 %f2, %f1, 0f3F800002; mov.b32 %r2, %f2;", 0),
         ("mov.f32 %f1, 0f7FC00000; setp.ne.f32 %p1, %f1, %f1; selp.u32 %r2, 1, 2, %p1;", 2),
         ("setp.lt.and.s32 %p1, -1, 0, %p2; selp.u32 %r2, 1, 2, %p1;", 2),
@@ -154,8 +145,8 @@ def test_lanes_hand_over_what_ptx_defines(body: str, expected: int, folder: Path
         ("{ .reg .b32 %r1; mov.u32 %r1, 8; } mov.u32 %r2, 4;", 4),
     ],
 )
-def test_operations_compute_what_ptx_defines(body: str, expected: int, folder: Path) -> None:
-    array, _ = run(f"{body} st.global.u32 [%rd4], %r2;", folder)
+def test_operations_compute_what_ptx_defines(body: str, expected: int) -> None:
+    array, _ = run(f"{body} st.global.u32 [%rd4], %r2;")
     assert set(array) == {expected}
 
 

@@ -9,11 +9,7 @@ from radiogs_core.scene.camera import Camera
 
 
 def matching_costs(
-    matched: Matched,
-    others: list[tuple[Camera, Tensor, Tensor]],
-    planes: Tensor,
-    window: int,
-    agreeing: int,
+    matched: Matched, others: list[tuple[Camera, Tensor, Tensor]], planes: Tensor, window: int, agreeing: int
 ) -> Tensor:
     """The reference of K16's ``matching_costs``; other views are given as camera, colours and coverage."""
     points = matched.camera.centre + planes[:, None, None] * matched.directions

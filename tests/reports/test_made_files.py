@@ -103,8 +103,7 @@ def a_record_of_earlier_versions(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
-    [another_summary, another_array, a_damaged_report, a_deleted_report, a_link, a_record_of_earlier_versions],
+    "change", [another_summary, another_array, a_damaged_report, a_deleted_report, a_link, a_record_of_earlier_versions]
 )
 def test_all_are_made_again_after(change: Callable[[Path], None], tmp_path: Path) -> None:
     folder = write_run(tmp_path, summary())

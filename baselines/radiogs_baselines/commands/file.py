@@ -30,21 +30,20 @@ MANUAL = "The fields of a method's file are described in docs/methods_as_command
 
 @dataclass(frozen=True)
 class PublicCode:
-    """The origin of a public code, and its location on this machine."""
+    """The location of a code on this machine; of a public one also its origin, which one with a ``folder`` may lack."""
 
-    url: str
+    url: str = ""
     """Address of its repository."""
-    commit: str
+    commit: str = ""
     """Commit that the commands were written for."""
-    licence: str
+    licence: str = ""
     """Name of its licence."""
     variable: str = ""
     """Environment variable that holds the path of a checkout."""
     folder: str = ""
     """Path of the checkout if that variable is not set, relative to the method's file."""
     python: str = ""
-    """Environment variable that holds the path of the code's Python interpreter; if it is not set, ``python`` is
-    run."""
+    """Environment variable that holds the path of the code's Python; if it is not set, ``python`` is run."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +133,7 @@ class MethodFile:
     presets: Mapping[str, Iterations] = field(default_factory=dict)
     """Iterations by preset."""
     resumes: bool = False
-    """Whether an interrupted command continues from the files in its folder. If not, the files that it wrote are
-    removed before it runs again."""
+    """Whether an interrupted command continues from its files; if not, they are removed before it runs again."""
     traps: tuple[str, ...] = ()
     """Sentences on peculiarities of the code; they go with the results."""
 
@@ -206,6 +204,8 @@ class _Checks:
         code, fail = self.file.code, self.reader.fail
         if not code.variable and not code.folder:
             fail("code", "the location of the code is missing", "Set 'folder', or 'variable' to a variable's name.")
+        if lacks := [name for name in ("url", "commit", "licence") if not (code.folder or getattr(code, name))]:
+            fail("code", f"it lacks {', '.join(lacks)}", "They say where others get it. A code in a 'folder' may lack them.")
         for where, name in (("code.variable", code.variable), ("code.python", code.python)):
             if name and not VARIABLE.fullmatch(name):
                 fail(where, f"'{name}' is not a name of an environment variable")

@@ -168,7 +168,7 @@ class Workspace:
         folder = Path(named) if named else self.home / code.folder
         if (named or code.folder) and folder.is_dir():
             return folder.absolute()
-        get = f"git clone --recursive {code.url} && git checkout {code.commit}"
+        get = f"git clone --recursive {code.url} && git checkout {code.commit}" if code.url else "it has no 'url'"
         if not named and not code.folder:
             raise UsageError(
                 f"{self.file.title}: its code is not found",

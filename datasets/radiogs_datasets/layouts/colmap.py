@@ -78,10 +78,10 @@ def _points(place: Path, model: SparseModel) -> tuple[Points | None, tuple[str, 
     if path.suffix == ".ply":
         points, said = read_points(path)
         return points, (f"points are read from {path.name}", *said)
-    if path.stem != "points3D":
-        return None, ("the model has no points3D file: surfels start without points",)
-    colours = torch.from_numpy(model.colours.astype(np.float32) / 255)
-    return Points(torch.from_numpy(model.positions.astype(np.float32)), colours), ()
+    if not len(model.positions):
+        return None, ("the model has no points3D file, or no point in it: surfels start without points",)
+    positions, colours = (torch.from_numpy(each.astype(np.float32)) for each in (model.positions, model.colours))
+    return Points(positions, colours / 255), ()
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:

@@ -21,21 +21,21 @@ MOST = 1_000
 """The largest number of kinds, scenes or seeds that is tried."""
 
 
-def smallest_of(difference: Estimate, comparisons: int) -> float | None:
+def smallest_of(difference: Estimate, compared: Mapping[str, Comparison]) -> float | None:
     """The smallest true difference that a row with this spread resolves in four of five runs like this one.
 
-    ``comparisons``: rows of its column that are compared with the reference row; Holm's correction is taken at its
-    strictest. None for a single unit.
+    ``compared``: its column; Holm's correction over the rows that are tested is taken at its strictest. None for a
+    single unit.
     """
     if difference.deviation is None:
         return None
-    return shift(difference.units, comparisons) * difference.deviation / math.sqrt(difference.units)
+    tested = sum(each.p_value is not None for each in compared.values())
+    return shift(difference.units, tested) * difference.deviation / math.sqrt(difference.units)
 
 
 def smallest_difference(compared: Mapping[str, Comparison]) -> float | None:
     """``smallest_of`` a typical row of a column: the median over its rows; None where no row has several units."""
-    found = [smallest_of(each.difference, len(compared)) for each in compared.values()]
-    known = [each for each in found if each is not None]
+    known = [size for each in compared.values() if (size := smallest_of(each.difference, compared)) is not None]
     return median(known) if known else None
 
 

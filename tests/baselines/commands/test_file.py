@@ -1,5 +1,6 @@
 """A wrong value in a method's file, or one that does not fit a run, raises an error that names the possible values."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,16 @@ ANOTHER = "\n[[train]]\nname = '{}'\narguments = [{}]\nwrites = ['{{output}}']"
 WRONG = {
     "unknown field": (SOUND.replace("reader =", "readr ="), "there is no field 'readr'", "Did you mean 'reader'?"),
     "unknown field within": (SOUND.replace("writes =", "write ="), "train[0]: there is no field 'write'", "'writes'"),
-    "missing field": (SOUND.replace('title = "Stand-in"', ""), "the field 'title' is missing", ""),
+    "missing fields": (
+        SOUND.replace('title = "Stand-in"', "").replace("layouts = [", "# ["),
+        "it lacks 'title', 'layouts'",
+        "",
+    ),
+    "public code of unknown origin": (
+        SOUND.replace("url = ", "# ").replace("licence = ", "# "),
+        "code: it lacks url, licence",
+        "folder",
+    ),
     "no TOML": ("name = ", "is not valid TOML", ""),
     "wrong type": (SOUND.replace('title = "Stand-in"', "title = 3"), "title: 3 is not text", ""),
     "no list": (SOUND.replace('layouts = ["tensoir"]', 'layouts = "tensoir"'), "'tensoir' is not a list", ""),
@@ -66,6 +76,9 @@ def test_what_is_wrong_in_a_file_is_said(case: str, tmp_path: Path) -> None:
 
 def test_a_sound_file_is_read_and_a_missing_one_is_said_to_be(tmp_path: Path) -> None:
     assert isinstance(method_of(tmp_path, SOUND), CommandMethod)
+    own = re.sub(r"\[code\](\n.+){4}", '[code]\nfolder = "."', SOUND)
+    assert "url" not in own
+    assert isinstance(method_of(tmp_path, own), CommandMethod), "a code of one's own needs no origin"
     with pytest.raises(DataError, match="cannot read the method"):
         read_method(tmp_path / "none.toml")
 

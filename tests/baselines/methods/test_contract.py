@@ -51,11 +51,7 @@ def test_the_method_is_registered_and_implements_the_protocol(name: str) -> None
 def test_no_stage_depends_on_the_rendering_modules(name: str) -> None:
     """A reworded label or an additional map must not retrain a model: no stage's sources import such a module."""
     ours, sources = method(name), installed()
-    core = (
-        "radiogs_core.transport.maps",
-        "radiogs_core.surfels.ply",
-        "radiogs_core.on_surfels.trained",
-    )
+    core = ("radiogs_core.transport.maps", "radiogs_core.surfels.ply", "radiogs_core.on_surfels.trained")
     shows = {module for module in sources.closure(*ours.sources) if module.endswith("showing") or module in core}
     assert set(ours.sources) <= shows
     for stage in ours.stages(ours.variant(), ours.presets["smoke"]):

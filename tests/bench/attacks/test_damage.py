@@ -128,12 +128,7 @@ def killed_at_random(folder: Path, kills: int, processes: int) -> dict[str, Any]
 
 @pytest.mark.parametrize(
     ("kills", "processes"),
-    [
-        (8, 1),
-        (8, 2),
-        pytest.param(50, 1, marks=pytest.mark.slow),
-        pytest.param(100, 2, marks=pytest.mark.slow),
-    ],
+    [(8, 1), (8, 2), pytest.param(50, 1, marks=pytest.mark.slow), pytest.param(100, 2, marks=pytest.mark.slow)],
 )
 def test_no_finished_cell_is_lost_or_run_again_by_random_kills(kills: int, processes: int, tmp_path: Path) -> None:
     """From outside, at any moment; with two processes, each dies at its own while the other one works on."""

@@ -40,9 +40,7 @@ def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
 
 
 @pytest.mark.slow
-def test_a_run_reports_itself_where_another_was_started_in_its_folder(
-    tmp_path: Path,
-) -> None:
+def test_a_run_reports_itself_where_another_was_started_in_its_folder(tmp_path: Path) -> None:
     """Audit M9: the first printed the second's table and wrote no report of its own."""
     from dataclasses import replace
 

@@ -148,8 +148,7 @@ def test_the_command_writes_what_it_measured(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
-    [(["--kernels", "paint"], "unknown kernel 'paint'"), (["--scenes", "S,X"], "unknown scene 'X'")],
+    ("wrong", "said"), [(["--kernels", "paint"], "unknown kernel 'paint'"), (["--scenes", "S,X"], "unknown scene 'X'")]
 )
 def test_unknown_kernels_and_scenes_are_refused(
     wrong: list[str], said: str, capsys: pytest.CaptureFixture[str]

@@ -3,42 +3,50 @@
 import shlex
 import subprocess
 from pathlib import Path
+from typing import Any
 
+import pytest
 import yaml
 
 from radiogs_bench.cli.main import app, parsed, values_of
 from radiogs_bench.results.baseline import read_baseline
 
 ROOT = Path(__file__).parents[3]
-WORKFLOW = ROOT / "docs" / "examples" / "gate.yml"
+WORKFLOWS = ("gate.yml", "own_method_gate.yml")
+"""Those of a clone and of another repository's method, in the order of their recipes in the document."""
+
+BOTH = pytest.mark.parametrize("place", [0, 1], ids=WORKFLOWS)
 
 
-def recipe() -> list[str]:
-    block = (ROOT / "docs" / "gate.md").read_text().split("```sh\n", 1)[1].split("```", 1)[0]
+def recipe(place: int) -> list[str]:
+    block = (ROOT / "docs" / "gate.md").read_text().split("```sh\n")[1 + place].split("```", 1)[0]
     return [line.split(" && ")[0] for line in block.splitlines() if not line.startswith("#")]
 
 
-def commands() -> list[str]:
-    job = yaml.safe_load(WORKFLOW.read_text())["jobs"]["gate"]
-    return [step["run"] for step in job["steps"] if "run" in step]
+def workflow(place: int) -> dict[str, Any]:
+    return yaml.safe_load((ROOT / "docs" / "examples" / WORKFLOWS[place]).read_text())
 
 
-def test_the_recipe_has_six_lines_that_the_program_understands() -> None:
-    assert len(recipe()) == 6
-    for line in recipe()[1:]:
+@BOTH
+def test_the_recipe_has_six_lines_that_the_program_understands(place: int) -> None:
+    assert len(recipe(place)) == 6
+    for line in recipe(place)[1:]:
         program, *arguments = shlex.split(line)
         assert program == "radiogs-bench"
         assert callable(parsed(app, arguments)[0])
 
 
-def test_the_workflow_runs_the_recipe_without_the_update() -> None:
-    install, *_, again, compared = recipe()
-    assert commands() == [install, again, compared]
+@BOTH
+def test_the_workflow_runs_the_recipe_without_the_update(place: int) -> None:
+    install, *_, again, compared = recipe(place)
+    commands = [step["run"] for step in workflow(place)["jobs"]["gate"]["steps"] if "run" in step]
+    assert commands == [install, again, compared]
     assert "--update" not in compared
 
 
-def test_the_workflow_ends_within_a_stated_time_and_may_only_read() -> None:
-    content = yaml.safe_load(WORKFLOW.read_text())
+@BOTH
+def test_the_workflow_ends_within_a_stated_time_and_may_only_read(place: int) -> None:
+    content = workflow(place)
     assert content["jobs"]["gate"]["timeout-minutes"] <= 15
     assert content["permissions"] == {"contents": "read"}
 

@@ -78,8 +78,7 @@ def test_elsewhere_a_difference_of_rounding_is_none_though_a_rerun_has_none(
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
-    [(None, "is new"), ([0.0] * 3, "is no longer zero"), ([-1.0] * 3, "has the other sign")],
+    ("values", "said"), [(None, "is new"), ([0.0] * 3, "is no longer zero"), ([-1.0] * 3, "has the other sign")]
 )
 def test_a_lost_or_turned_term_is_said_on_every_machine(
     values: list[float] | None, said: str, finished: Path, content: dict[str, Any]

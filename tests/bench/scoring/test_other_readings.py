@@ -139,8 +139,7 @@ def test_the_reading_that_fits_far_better_is_named(
 
 
 @pytest.mark.parametrize(
-    ("flip", "sentence"),
-    [((1.0, 1.0, 1.0), "(x, y, z) of the file"), ((1.0, -1.0, -1.0), "(x, -y, -z) of the file")],
+    ("flip", "sentence"), [((1.0, 1.0, 1.0), "(x, y, z) of the file"), ((1.0, -1.0, -1.0), "(x, -y, -z) of the file")]
 )
 def test_normals_in_the_cameras_axes_are_named(
     tmp_path: Path, scene: Scene, flip: tuple[float, ...], sentence: str
@@ -174,10 +173,7 @@ def test_images_on_white_score_as_on_black_with_the_option(
     """The perfect image on white was scored 3 dB without a word. With an alpha channel there is no ground."""
     for view in load_scene("corner").test:
         image, mask = truth(view, "image"), coverage(view)
-        for folder, stored in (
-            ("white", image + 1 - mask),
-            ("straight", torch.cat([view.read("image"), mask], -1)),
-        ):
+        for folder, stored in (("white", image + 1 - mask), ("straight", torch.cat([view.read("image"), mask], -1))):
             (tmp_path / folder).mkdir(exist_ok=True)
             write_png(tmp_path / folder / f"{view.name}.png", stored.numpy())
     found = {}

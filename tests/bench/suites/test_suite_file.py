@@ -100,8 +100,8 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
     [
         ("title =", "titel =", r"suite: there is no field 'titel'\nDid you mean 'title'"),
         ('text = "b"', 'txt = "b"', r"suite.rows\[1\]: there is no field 'txt'\nDid you mean 'text'"),
-        ('title = "Mine & yours"', "", "the field 'title' is missing"),
-        ('text = "50 % of #1"', "", r"suite.rows\[0\]: the field 'text' is missing"),
+        ('title = "Mine & yours"', "", "it lacks 'title'"),
+        ('text = "50 % of #1"', "", r"suite.rows\[0\]: it lacks 'text'"),
         ('title = "Mine & yours"', "title = 3", "suite.title: 3 is not text"),
         ("detach =", "detatch =", r"suite.rows\[1\].variant: there is no field 'detatch'\nDid you mean 'detach'"),
         ('"pbr"', '"brdf"', r"variant.detach: 'brdf' is none of its values\nThere are: 'none', 'pbr', 'surfel'"),

@@ -31,14 +31,7 @@ from radiogs_bench.suites.data_sets import CAPTURES, as_published
 from radiogs_bench.suites.own import HARD_TRAINING
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import (
-    COLUMNS,
-    NUMBER,
-    PAPER_BUDGET,
-    Metric,
-    Row,
-    Suite,
-)
+from radiogs_bench.suites.suite import COLUMNS, NUMBER, PAPER_BUDGET, Metric, Row, Suite
 from radiogs_core.contract import scaled
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.plain_values import flat, to_plain

@@ -108,10 +108,7 @@ def test_focal_lengths_count_where_angles_contradict_them(tmp_path: Path) -> Non
     agreeing = 2 * math.atan(32 / 50)
     degrees = {"fovx": math.degrees(agreeing), "fovy": math.degrees(2 * math.atan(24 / 50))}
     for fields in ({"camera_angle_x": agreeing}, degrees, {"fovx": agreeing}):
-        for path in (
-            table(tmp_path / "a.json", PIXELS | fields),
-            table(tmp_path / "b.json", PIXELS, PIXELS | fields),
-        ):
+        for path in (table(tmp_path / "a.json", PIXELS | fields), table(tmp_path / "b.json", PIXELS, PIXELS | fields)):
             assert read_transforms(path).said == ()
     for name, wrong in (("camera_angle_x", 0.9 * agreeing), ("fovx", 40.0), ("camera_angle_y", 0.3)):
         path = table(tmp_path / "b.json", PIXELS | {name: wrong})

@@ -380,16 +380,24 @@ def test_start_points_of_any_colours_are_read(tmp_path: Path, layout: str, colou
     assert said(scene, "have no colours: grey is taken" if colour == "none" else "are of type") == (colour != "uchar")
 
 
-@pytest.mark.parametrize("layout", ["colmap", "blender"])
-def test_absent_start_points_stop_nothing(tmp_path: Path, layout: str) -> None:
+@pytest.mark.parametrize(
+    ("layout", "points", "lacks"),
+    [
+        ("colmap", None, "no points3D file, or no point in it: surfels start without points"),
+        ("colmap", "# none", "no points3D file, or no point in it: surfels start without points"),
+        ("blender", None, "p.ply is not there: surfels start without its points"),
+    ],
+)
+def test_absent_start_points_stop_nothing(tmp_path: Path, layout: str, points: str | None, lacks: str) -> None:
     folder = capture(tmp_path / "a", layout, encoded(COLOURS))
-    if layout == "colmap":
-        (folder / "sparse/0/points3D.txt").unlink()
-        scene = load_scene(str(folder))
-    else:
+    if layout == "blender":
         scene = rewritten(folder, lambda table: table.update(ply_file_path="p.ply"))
+    else:
+        path = folder / "sparse/0/points3D.txt"
+        path.unlink() if points is None else path.write_text(points)
+        scene = load_scene(str(folder))
     assert scene.points is None
-    assert said(scene, "surfels start without")
+    assert said(scene, lacks)
 
 
 @pytest.mark.parametrize("name", ["camera_linear_velocity", "camera_angular_velocity", "pose_acceleration"])

@@ -132,7 +132,7 @@ def test_wrong_values_are_refused_with_the_path_of_their_field(given: dict[str, 
 
 
 def test_a_field_without_a_default_is_asked_for() -> None:
-    with pytest.raises(UsageError, match="variant of m: the field 'name' is missing"):
+    with pytest.raises(UsageError, match="variant of m: it lacks 'name'"):
         READER.build(Outer, {}, "")
 
 

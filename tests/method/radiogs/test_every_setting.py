@@ -1,6 +1,7 @@
 """Every value that a setting's documentation allows trains, or is refused by the setting's name."""
 
 import math
+from itertools import product
 from typing import Any
 
 import pytest
@@ -64,16 +65,6 @@ def assert_trains_or_is_refused(name: str, number: float) -> None:
     assert not said or name.rpartition(".")[2] in said or "no surfel is left" in said
 
 
-SCHEDULES = [name for name in numbers() if ".schedule." in name or name.endswith(("_from", "end_share"))]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 1])
-@pytest.mark.parametrize("name", SCHEDULES)
-def test_both_ends_of_every_share_of_a_schedule_train(name: str, number: float) -> None:
-    assert_trains_or_is_refused(name, number)
-
-
 @pytest.mark.parametrize("name", numbers())
 def test_a_negative_setting_is_refused_by_its_name(name: str) -> None:
     if name.rpartition(".")[2] in SIGNED:
@@ -86,8 +77,11 @@ SIGNED = {"freest"}
 """Settings that may be negative."""
 
 
+SCHEDULES = [name for name in numbers() if ".schedule." in name or name.endswith(("_from", "end_share"))]
+"""Shares of a stage, whose other end is one."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 3])
-@pytest.mark.parametrize("name", numbers())
+@pytest.mark.parametrize(("name", "number"), [*product(numbers(), (0, 3)), *product(SCHEDULES, (1,))])
 def test_every_number_of_every_setting_trains_or_is_refused_by_its_name(name: str, number: float) -> None:
     assert_trains_or_is_refused(name, number)

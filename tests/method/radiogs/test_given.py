@@ -142,10 +142,7 @@ def test_given_materials_are_those_of_the_nearest_true_surface(with_geometry: bo
 
 
 def test_the_nearest_sample_at_a_crease_has_the_same_normal() -> None:
-    floor, wall = (
-        Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT),
-        Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT),
-    )
+    floor, wall = (Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT), Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT))
     true = surfels_on(surfaces_of([floor, wall], 0.1))
     near = surfels_facing(torch.tensor([[-0.99, 0.0, 0.03]] * 2), torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
     found = true.albedo[Nearest(true, true).of(near)]
@@ -224,9 +221,7 @@ def test_the_facts_list_given_parts_and_the_residual_of_given_radiance(initialis
     assert "given" not in TrainedRadioGS(model, replace(run, variant=Variant())).facts()
 
 
-def test_the_facts_have_the_largest_bounds_of_all_whole_plans(
-    initialised: dict[str, Any],
-) -> None:
+def test_the_facts_have_the_largest_bounds_of_all_whole_plans(initialised: dict[str, Any]) -> None:
     def evidence(effect: str, bound: float | None) -> dict[str, Any]:
         return {"effect": effect, "why": "", "measured": bound and {"bound": bound, "worst": 2 * bound}}
 

@@ -124,9 +124,7 @@ def test_detaching_one_side_of_the_residual_cuts_its_gradient(
     assert moved == learns
 
 
-def test_without_radiometric_weight_there_is_no_gradient_but_the_cache_is_updated(
-    initialised: dict[str, Any],
-) -> None:
+def test_without_radiometric_weight_there_is_no_gradient_but_the_cache_is_updated(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
     before = stage.shader.cache.incident.direction.clone()
     loss = stage.consistency_loss(stage.model, stage.views[0])

@@ -10,14 +10,7 @@ from scipy import stats
 from made_up_run import summary
 from radiogs_reports.analysis.comparisons import Direction, beaten, holm, ranks, to_reference
 from radiogs_reports.analysis.pareto import pareto_front
-from radiogs_reports.analysis.power import (
-    Plan,
-    expected_difference,
-    needed,
-    planned,
-    shift,
-    smallest_difference,
-)
+from radiogs_reports.analysis.power import Plan, expected_difference, needed, planned, shift, smallest_difference
 from radiogs_reports.statistics import Level, Origin, Sample, paired_difference, spread
 
 
@@ -199,7 +192,11 @@ def test_the_smallest_difference_is_that_of_the_typical_row() -> None:
     typical = paired_difference(rows["typical"], rows["ours"])
     assert typical is not None
     assert typical.deviation is not None
-    assert smallest_difference(compared) == pytest.approx(shift(3, 3) * typical.deviation / np.sqrt(3))
+    expected = pytest.approx(shift(3, 3) * typical.deviation / np.sqrt(3))
+    assert smallest_difference(compared) == expected
+    with_one_untested = to_reference({**rows, "unfinished": seeds(30.5)}, "ours", "up")
+    assert with_one_untested["unfinished"].p_value is None
+    assert smallest_difference(with_one_untested) == expected, "a row that is not tested costs the others nothing"
 
 
 def test_a_plan_reads_the_spread_of_a_stored_summary() -> None:

@@ -111,7 +111,7 @@ def test_the_papers_sign_is_compared_in_the_direction_of_better_values(
     made["columns"][0]["direction"] = direction
     made["published"] = {"ours": {"nvs/psnr": 20.0}, "no-rad": {"nvs/psnr": published}}
     compared = to_reference({"ours": ours, "no-rad": row}, "ours", direction)
-    made["cells"]["no-rad"]["nvs/psnr"]["difference"] = interval(compared["no-rad"], len(compared))
+    made["cells"]["no-rad"]["nvs/psnr"]["difference"] = interval(compared, "no-rad")
     found = next(each for each in findings(made) if each.column == "nvs/psnr")
     assert (found.row, found.verdict, found.resolved) == ("no-rad", expected, shifts is not NEAR)
     assert found.published == published - 20.0

@@ -39,9 +39,7 @@ def start() -> Values:
     """A floor of three overlapping surfels, and a sheet outside the camera's view 0.6 above it."""
     torch.manual_seed(3)
     surfels = together(
-        *floor(),
-        sheet(0.05, (-0.2, 0.1, 0.97), 0.2, 0.8, dtype=F64),
-        sheet(0.6, DOWN, 0.5, 0.8, dtype=F64),
+        *floor(), sheet(0.05, (-0.2, 0.1, 0.97), 0.2, 0.8, dtype=F64), sheet(0.6, DOWN, 0.5, 0.8, dtype=F64)
     )
     given = surfels.parameters()
     for name in ("albedo_logit", "roughness_logit"):

@@ -14,8 +14,7 @@ WIDE = 0.8 / SCENE.extent
 
 
 @pytest.mark.parametrize(
-    ("turned", "lacks"),
-    [({"occlusion": False}, {"irradiance"}), ({"indirect": False}, {"irradiance"}), ({}, set())],
+    ("turned", "lacks"), [({"occlusion": False}, {"irradiance"}), ({"indirect": False}, {"irradiance"}), ({}, set())]
 )
 def test_parameters_that_the_variant_lacks_are_not_learnt(turned: dict[str, bool], lacks: set[str]) -> None:
     stage = GS_IR.stage_of(GS_IR.variant(**turned))

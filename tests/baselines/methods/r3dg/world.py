@@ -24,11 +24,7 @@ def around(surfels: Surfels, radiance: float) -> Tensor:
 
 
 def trained(
-    surfels: Surfels,
-    light: EnvironmentMap | None = None,
-    local: Tensor | None = None,
-    samples: int = 64,
-    **turned: Any,
+    surfels: Surfels, light: EnvironmentMap | None = None, local: Tensor | None = None, samples: int = 64, **turned: Any
 ) -> TrainedR3DG:
     """A model with these surfels and a run, without training; ``turned``: changed fields of the variant."""
     variant = Variant(**{"ray_start": NEAR, "two_sided": False, **turned})

@@ -5,13 +5,7 @@ import math
 import pytest
 import torch
 
-from radiogs_core.kernels.shade.brdf import (
-    FRESNEL_NORMAL,
-    fresnel,
-    ggx_distribution,
-    smith_visibility,
-    specular,
-)
+from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, fresnel, ggx_distribution, smith_visibility, specular
 from reference.quadrature import lobe_quadrature
 
 ROUGHNESSES = [0.02, 0.1, 0.3, 0.6, 1.0]

@@ -289,11 +289,7 @@ def test_surfels_whose_centres_lie_behind_the_camera_come_first_and_in_the_order
     view, depths = camera(), torch.tensor([0.5, -0.3, 0.2, -0.9, -0.1, 0.2], dtype=torch.float64)
     right, down, forward = view.axes.T.expand(len(depths), 3, 3).unbind(1)
     geometry = SplatGeometry(
-        view.centre + depths[:, None] * forward + down,
-        right / 3,
-        forward / 3,
-        -down,
-        torch.full_like(depths, 0.9),
+        view.centre + depths[:, None] * forward + down, right / 3, forward / 3, -down, torch.full_like(depths, 0.9)
     )
     lists = project(view, geometry).lists
     assert lists.touched.all()

@@ -14,12 +14,7 @@ from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import DataError
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
 from radiogs_core.learning.views import load
-from radiogs_core.on_surfels.fit_geometry import (
-    FitGeometry,
-    fit_geometry,
-    largest_contribution,
-    surfels_of,
-)
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, fit_geometry, largest_contribution, surfels_of
 from radiogs_core.plain_values import with_values
 from radiogs_core.surfels.density import AdaptiveDensity, OpacityResets
 from radiogs_core.surfels.starting_points import SurfelStart

@@ -8,12 +8,7 @@ from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels import surfels as surfels_module
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.surfels import (
-    Surfels,
-    radiance_to_sh,
-    roughness_to_logit,
-    surfels_at,
-)
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
 from radiogs_core.transport.splatting import splat
 
 

@@ -6,15 +6,7 @@ import pytest
 import torch
 
 from radiogs.effects.bounds import RESAMPLES_PER_TAIL, bootstrap_t, resample_counts, sidak
-from radiogs.effects.decision import (
-    GRADIENT_TOLERANCE,
-    LEAST_SHARE,
-    OFF_BELOW,
-    Evidence,
-    Measured,
-    Tolerance,
-    decide,
-)
+from radiogs.effects.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, Evidence, Measured, Tolerance, decide
 from radiogs.effects.images import image_share
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import splat
