@@ -141,7 +141,7 @@ def read_json(path: Path) -> Any:
             json.dumps(value, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
         raise DataError(
-            f"{printable(path)} is not valid JSON: {error!s:.200}", "", "Copy the file again, or correct it."
+            f"{printable(path)} is not valid JSON: {error!s:.200}", "Nothing in it can be read.", "Copy or correct it."
         ) from error
     return value
 

@@ -37,7 +37,7 @@ def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
             f"{path} has {image.shape[2]} channels, 3 are needed", "Light has a colour.", "Export it as RGB."
         )
     if not float(image.max()) > 0:
-        raise DataError(f"{path} is dark: none of its radiance is above zero", "", "Export the light again.")
+        raise DataError(f"{path} is dark: none of its radiance is above zero", "It lights nothing.", "Export it again.")
     negative = int((image < 0).sum())
     said = [f"{path.name}: {negative} negative values of radiance were set to zero"] if negative else []
     stored = torch.from_numpy(np.ascontiguousarray(image)).clamp(min=0)

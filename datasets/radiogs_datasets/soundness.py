@@ -44,6 +44,10 @@ MOST_OBLONG = 16
 """Times the shorter side of an image that the longer one may have."""
 
 
+SHORTEST_LENS, LONGEST_LENS = 0.005, 5e3
+"""Bounds of a focal length, in longer sides of its image: angles of view of 179 and of 0.01 degrees."""
+
+
 def require_placed(scene: Scene) -> None:
     """Raise DataError for cameras out of all proportion, and for a scene too small, too large or too far away."""
     views = [*scene.train, *scene.test]
@@ -105,7 +109,8 @@ def _rounding(view: View, centre: torch.Tensor) -> float:
 
 
 def require_shaped(scene: Scene) -> None:
-    """Raise DataError for images so oblong that nothing of them is left at the size at which views are matched."""
+    """Raise DataError for images so oblong that nothing of them is left at the size at which views are matched, and for
+    lenses that see nearly half of all directions or next to none."""
     for view in (*scene.train, *scene.test):
         sides = sorted((view.camera.width, view.camera.height))
         if sides[1] > MOST_OBLONG * sides[0]:
@@ -113,6 +118,14 @@ def require_shaped(scene: Scene) -> None:
                 f"view '{view.name}' of scene '{scene.name}' has {view.camera.width} x {view.camera.height} pixels",
                 f"A side is up to {MOST_OBLONG} times as long as the other: views are matched at a reduced size.",
                 "Cut the images, or take such views out of the scene.",
+            )
+        lens = sorted((view.camera.fx, view.camera.fy))
+        if not SHORTEST_LENS * sides[1] <= lens[0] <= lens[1] <= LONGEST_LENS * sides[1]:
+            raise DataError(
+                f"view '{view.name}' of scene '{scene.name}' has a focal length of {view.camera.fx:g} (x) and"
+                f" {view.camera.fy:g} (y) pixels, its image {view.camera.width} x {view.camera.height} pixels",
+                "No lens sees more than 179 degrees, or less than a hundredth of one, in straight lines.",
+                "Correct the focal length; it is in pixels of the image, angles of view are in radians.",
             )
 
 
@@ -216,6 +229,9 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
     if small:
         few = _views(len(small))
         said.append(f"{few} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there")
+    lights = {**scene.lights, "of training": scene.training_light}
+    dark = [name for name, light in lights.items() if light is not None and not light.radiance.any()]
+    said += [f"light {name} is black throughout: what it lights is black" for name in dark]
     return (*said, *shared_poses(scene))
 
 

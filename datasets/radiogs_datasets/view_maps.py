@@ -98,11 +98,11 @@ def read_depth(path: Path, image: Path) -> Float[Tensor, "height width 1"]:
     solid = alpha == 1
     inside = depth[solid] if bool(solid.any()) else depth[alpha > 0]
     far = FARTHEST * float(inside.median())
-    wrong = solid & ((depth < 0) | (depth > far))
-    if bool(wrong.any()) or far <= 0:
+    wrong = solid & ((depth < 0) | (depth > far)) if far > 0 else (alpha > 0) & (depth <= 0)
+    if bool(wrong.any()):
         raise DataError(
-            f"{path} is no depth of its view: {int(wrong.sum())} covered pixels are from"
-            f" {float(inside.min()):g} to {float(inside.max()):g} away, half of them less than {far / FARTHEST:g}",
+            f"{path} is no depth of its view: {int(wrong.sum())} covered pixels are out of range; all of them are from"
+            f" {float(inside.min()):g} to {float(inside.max()):g} away, half of them up to {far / FARTHEST:g}",
             "Depth is the distance along the camera's axis, in world units, wherever something is seen.",
             "Export the depth again, or remove the map from all views.",
         )

@@ -33,6 +33,8 @@ from .transforms_fields import (
 
 SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
+NO_VIEWS = "It lists the views of a scene, with their cameras."
+
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
 
@@ -92,12 +94,12 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
     note = notes.append
     table = read_json(path) if content is None else content
     if not isinstance(table, dict):
-        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
+        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", NO_VIEWS, "Correct the file.")
     table = with_known_names(table, note)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:
         raise DataError(
-            f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
+            f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", NO_VIEWS, "Correct the file."
         )
     frames = [with_known_names(frame, note) if isinstance(frame, dict) else frame for frame in frames]
     own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]

@@ -49,6 +49,10 @@ class Pairs:
         """Median difference of colours if the view's were others."""
         return float(np.median(np.abs(own - self.other).mean(1)))
 
+    def without_gain(self) -> float:
+        """Median difference of colours if the view's exposure and white balance were the other views'."""
+        return self.difference(encoded(decoded(self.own) / np.exp(self.gain())))
+
 
 def exposure(evidence: Evidence) -> Iterator[Finding]:
     """Views brighter, darker or of another tint than the others show the same points, and curves applied twice."""
@@ -63,7 +67,12 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
         for place, each in pairs.items()
         if own[place] >= SUSPECT
     }
-    fits = {place: fit for place, fit in tried.items() if fit.cost < EXPLAINED * own[place]}
+    # A curve darkens or brightens, too: it is the cause only where it fits better than a gain.
+    fits = {
+        place: fit
+        for place, fit in tried.items()
+        if fit.cost < EXPLAINED * own[place] and fit.cost < pairs[place].without_gain()
+    }
     usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
     sound = max(SUSPECT, SOUND * usual)
     yield from (warning(evidence.looks[place].name, fit.explains(WHAT, sound)) for place, fit in fits.items())
@@ -82,8 +91,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
         yield warning("all views", what)
         return
     # Highlights, unlike exposure, keep most of their difference without the gain.
-    left = np.array([pairs[place].difference(encoded(decoded(pairs[place].own) / np.exp(pairs[place].gain())))
-                     for place in places])  # fmt: skip
+    left = np.array([each.without_gain() for each in pairs.values()])
     explained = left < EXPLAINED * np.array([each.difference(each.own) for each in pairs.values()])
     for place, gain, own, alike, cost in zip(places, apart, gains, explained, left.tolist(), strict=True):
         # A view may also stand apart because most of the others are brighter or darker.

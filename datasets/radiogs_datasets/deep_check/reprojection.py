@@ -6,13 +6,16 @@ from functools import partial
 import numpy as np
 
 from ..findings import Finding, warning
-from .cameras import Array, Cameras
+from .cameras import Array, Cameras, Fit
 from .evidence import Evidence, Look
 from .surface import Surface, sampled, seen, surface_of
 
 FEWEST, MISSED = 40, 0.25
 """Points below which a view says nothing, and the difference of colour, display sRGB, that counts for a point where a
 view shows nothing; larger ones count as this."""
+
+TRIED = 1400
+"""Points, at least, on which readings of a camera are tried."""
 
 SUSPECT, SUSPECT_FROM, EXPLAINED = 2.0, 0.01, 0.5
 """Factor on the median difference of all views, and a summand, above which a view is suspected; and the share of its
@@ -28,13 +31,15 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
     costs = np.array([
         difference(surface, colour, look, evidence.cameras.take([place])) for place, look in enumerate(evidence.looks)
     ])  # fmt: skip
-    usual = float(np.median(costs))
+    usual, step = float(np.median(costs)), max(1, len(colour) // TRIED)
+    few = Surface(surface.view[::step], (surface.pixel[0][::step], surface.pixel[1][::step]), surface.position[::step])
     for place in np.flatnonzero(costs > SUSPECT * usual + SUSPECT_FROM).tolist():
         look = evidence.looks[place]
-        better, _ = evidence.better_camera(place, partial(difference, surface, colour, look))
-        if better.cost < EXPLAINED * costs[place]:
+        better, read = evidence.better_camera(place, partial(difference, few, colour[::step], look))
+        left = difference(surface, colour, look, read)
+        if left < EXPLAINED * costs[place]:
             what = "its image contradicts the surface of the test views"
-            yield warning(look.name, better.explains(what, SUSPECT * usual + SUSPECT_FROM))
+            yield warning(look.name, Fit(better.says, left).explains(what, SUSPECT * usual + SUSPECT_FROM))
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:

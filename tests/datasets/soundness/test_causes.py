@@ -18,7 +18,9 @@ from datasets.painted_box import box, camera, changed, pose_of, with_pose
 from radiogs_datasets import load_scene
 from radiogs_datasets.deep_check import deep_findings
 from radiogs_datasets.deep_check.cameras import NO_CAUSE, Cameras, best_reading, stacked
-from radiogs_datasets.deep_check.evidence import Look
+from radiogs_datasets.deep_check.colours import decoded, encoded
+from radiogs_datasets.deep_check.evidence import Evidence, Look
+from radiogs_datasets.deep_check.exposure import exposure
 from radiogs_datasets.deep_check.silhouettes import silhouettes
 from radiogs_datasets.registry import TINY
 
@@ -105,6 +107,29 @@ def test_a_camera_that_a_convention_hardly_moves_is_not_said_to_be_mirrored(azim
     assert fit.cost < 1e-6
     assert fit.says == ("the pose mirrored in the world's x as a rotation" if named else "")
     assert (NO_CAUSE in fit.explains("it contradicts the others", 1.0)) is not named
+
+
+def recoloured(change: Callable[[int, NDArray[np.float64]], NDArray[np.float64]]) -> Evidence:
+    """The painted box with the linear colours of each view (by its number) changed."""
+    evidence = sound(True)
+    looks = [
+        replace(
+            look, image=np.rint(255 * encoded(change(number, decoded(look.image / 255.0)).clip(0, 1))).astype(np.uint8)
+        )
+        for number, look in enumerate(evidence.looks)
+    ]
+    return replace(evidence, looks=tuple(looks))
+
+
+def test_bracketed_exposures_are_no_curve() -> None:
+    """A curve brightens as well as a gain does, but leaves more of the difference."""
+    bracketed = recoloured(lambda number, linear: linear * (0.25, 1.0, 4.0)[number % 3])
+    assert [(each.place, each.what[:40]) for each in exposure(bracketed)] == [
+        ("all views", "exposure or white balance varies over vi")
+    ]
+    linear = recoloured(lambda number, linear: decoded(linear) if number < 4 else linear)
+    named = {each.place for each in exposure(linear) if "linear values" in each.what}
+    assert named == {f"train_{number:03d}" for number in range(4)}
 
 
 def shifted_poses(folder: Path) -> None:
