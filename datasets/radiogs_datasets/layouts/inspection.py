@@ -5,7 +5,7 @@ import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -160,16 +160,19 @@ def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tup
     pairs = dict(zip(sorted(names), sorted(files), strict=True))
     counted = dict(zip(sorted(names, key=by_number), sorted(files, key=lambda path: by_number(path.name)), strict=True))
     counted |= {} if renumbered else equal
-    differ = [
-        f"{name} with {file.name} or {counted[name].name}" for name, file in pairs.items() if file != counted[name]
-    ]
+    require_one_order(files[0].parent, [(name, file, counted[name]) for name, file in pairs.items()])
+    return pairs, f"in the order of names ({names[0]} with {pairs[names[0]].name})"
+
+
+def require_one_order(folder: Path, pairs: Iterable[tuple[str, Path, Path]]) -> None:
+    """Raises DataError where a name's file in the order of text is not that in the order of numbers."""
+    differ = [f"{name} with {by_text.name} or {counted.name}" for name, by_text, counted in pairs if by_text != counted]
     if differ:
         raise DataError(
-            f"the images of {files[0].parent} have other names than the photos with poses, and may belong to others",
+            f"which images of {folder} belong to which poses is not certain: names do not say it",
             f"By text or by number they would be paired otherwise: {shown(differ)}.",
-            "Call the images as the photos with poses are.",
+            "Call the images as the photos with poses are; poses without names follow images numbered 01, 02, ... 10.",
         )
-    return pairs, f"in the order of names ({names[0]} with {pairs[names[0]].name})"
 
 
 def split_lists(folder: Path, *places: Path) -> dict[str, Path]:

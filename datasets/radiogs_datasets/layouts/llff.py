@@ -26,7 +26,7 @@ from ..cameras.colmap_model import LARGEST_COORDINATE
 from ..cameras.lens import SIZE_TOLERANCE, Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
-from .inspection import names_in, require_distinct, split_lists, split_views
+from .inspection import by_number, names_in, require_distinct, require_one_order, split_lists, split_views
 from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
 
 TABLE = "poses_bounds.npy"
@@ -82,7 +82,10 @@ def _poses(table: Path) -> Float[ndarray, "views 3 5"]:
 
 
 def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
-    """The folder that is read and its images in the order of names, one for each pose."""
+    """The folder that is read and its images in the order of names, one for each pose.
+
+    Raises DataError where there is none, and where the order of names is not that of their numbers.
+    """
     found = {name: images_in(folder / name) for name in PHOTO_FOLDERS}
     fitting = next((name for name, images in found.items() if len(images) == count), None)
     if fitting is None:
@@ -92,6 +95,10 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
             "They belong together in the order of names; LLFF's script leaves photos without a pose out of the file.",
             "Take the photos that COLMAP did not register out of the folder.",
         )
+    # The file has no names. Capitals apart, only numbers tell the order of text from another.
+    by_text, counted = (sorted(found[fitting], key=key) for key in (lambda path: path.name.casefold(), lambda path: by_number(path.name)))
+    poses = (f"pose {place}" for place in range(count))
+    require_one_order(folder / fitting, zip(poses, by_text, counted, strict=True))
     return fitting, found[fitting]
 
 

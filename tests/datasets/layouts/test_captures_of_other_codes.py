@@ -4,6 +4,7 @@ import json
 import shutil
 import unicodedata
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
@@ -159,6 +160,23 @@ def test_llffs_poses_are_read(capture: Path) -> None:
     reduced(capture, lambda place: f"image{place:03}.png")
     small = load_scene(str(capture))
     assert small.train[0].camera.fx == pytest.approx(scene.train[0].camera.fx / 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (lambda k: f"frame_{k}.png", r"pose 1 with frame_10\.png or frame_2\.png, pose 2 with frame_11\.png or frame_3"),
+        (lambda k: f"{'aB'[k % 2]}_{k:02}.png", None),
+    ],
+)
+def test_poses_without_names_belong_to_images_whose_order_is_one(
+    capture: Path, name: Callable[[int], str], said: str | None
+) -> None:
+    with_llff(capture)
+    for place, path in enumerate(sorted((capture / "images").iterdir()), start=1):
+        path.rename(capture / "images" / name(place))
+    with pytest.raises(DataError, match=said) if said else nullcontext():
+        load_scene(str(capture))
 
 
 @pytest.mark.parametrize(
