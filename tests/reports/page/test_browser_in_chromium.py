@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from chromium import DESK, Watched, browser, made_up, needed, playwright
+from chromium import DESK, PHONE, Watched, browser, made_up, needed, playwright
 from made_up_run import arrays, run, summary, write_run
-from radiogs_reports.maps import false_colour, levels
+from radiogs_reports.maps import error, false_colour, levels
 from radiogs_reports.page.assemble import write_page
 
 pytestmark = needed
@@ -157,6 +157,49 @@ def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: W
         "#gallery .tile", "all => all.map(each => each.getAttribute('aria-pressed'))"
     )
     assert [place for place, each in enumerate(pressed) if each == "true"] == [1]
+
+
+def test_the_strip_has_the_truth_and_every_row_with_picture_error_and_relit_picture(opened: Watched) -> None:
+    choose(opened, browse_view="2", browse_map="image", browse_light="night")
+    pixels(opened, "error-image")
+    shown = opened.page.eval_on_selector_all(
+        "#strip canvas",
+        f"all => all.map(each => {{ each.id = 'one'; const seen = ({PIXELS})('one'); each.id = ''; return seen; }})",
+    )
+    stored = [arrays(0), arrays(1)]
+    expected = [stored[0]["views/2/truth/image"], None, stored[0]["views/2/truth/relit/night"]]
+    for each in stored:
+        expected += [each["views/2/render/image"], error_codes(each), each["views/2/render/relit/night"]]
+    assert len(shown) == len(expected)
+    for found, wanted in zip(shown, expected, strict=True):
+        assert (found is None) == (wanted is None)
+        assert wanted is None or np.array_equal(np.array(found).reshape(16, 16, 4)[..., :3], wanted)
+    choose(opened, browse_map="relit")
+    assert opened.page.locator("#strip canvas").count() == 3 * 2, "the relit picture stands there once"
+
+
+def error_codes(stored: dict[str, np.ndarray]) -> np.ndarray:
+    mine, theirs = (stored[f"views/2/{side}/image"] / 255 for side in ("render", "truth"))
+    return levels(error("image", mine, theirs).repeat(3, -1))
+
+
+def test_the_plot_of_views_follows_the_chosen_scene(opened: Watched) -> None:
+    choose(opened, browse_scene="other")
+    assert opened.page.locator("#views-scene").input_value() == "other"
+    choose(opened, views_scene="my_scene", browse_map="albedo")
+    assert opened.page.locator("#views-scene").input_value() == "other", "the choice for the page comes last"
+
+
+@pytest.mark.parametrize(("size", "last"), [({"width": 1400, "height": 900}, "#strip"), (PHONE, "#table table")])
+def test_the_first_screen_has_finding_table_and_on_a_desk_the_strip(
+    browser: "playwright.Browser", tmp_path: Path, size: dict[str, int], last: str
+) -> None:
+    watched = Watched(browser, write_page(made := made_up(), write_run(tmp_path, made))[0], viewport=size)
+    tops = [watched.page.evaluate("name => document.querySelector(name).getBoundingClientRect().top", name)
+            for name in (".headline", "#table tbody", last)]  # fmt: skip
+    assert tops[0] > 0
+    assert max(tops) < size["height"] - 100
+    watched.close()
 
 
 def test_the_address_leads_to_the_same_picture_again(browser: "playwright.Browser", opened: Watched) -> None:

@@ -28,7 +28,7 @@
   }
 
   function digits(value) {
-    return value >= 1000 ? Math.round(value).toLocaleString("en") : Number(value.toPrecision(3)).toString();
+    return value >= 1000 ? Math.round(value).toLocaleString("en") : Number(value.toPrecision(4)).toString();
   }
 
   function describe(mark, column, cost) {
