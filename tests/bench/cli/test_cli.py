@@ -219,9 +219,7 @@ def test_the_version_has_the_commit(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_plan_is_announced_before_what_is_slow_is_imported() -> None:
     told = 'lambda self, task, *steps: sys.exit(f\'{task}: {sorted({"torch", "numpy"} & sys.modules.keys())}\')'
-    code = (
-        "import sys; from radiogs_bench.cli import main; from radiogs_bench.runs.progress import LogProgress as Log"
-    )
+    code = "import sys; from radiogs_bench.cli import main; from radiogs_bench.runs.progress import LogProgress as Log"
     run = f"{code}; Log.advance = {told}; main(['run', 'ablations', '--dry-run'])"
     done = subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, check=False)
     assert done.stderr == "planning ablations: []\n"
