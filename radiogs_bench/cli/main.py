@@ -68,7 +68,7 @@ def shown_default(value: Any) -> str | None:
 app = App(
     name="radiogs-bench",
     help=PURPOSE,
-    version=lambda: f"{app.name[0]} {version_and_commit()}",
+    version=lambda: f"radiogs-bench {version_and_commit()}",
     group_parameters=OPTIONS,
     default_parameter=Parameter(converter=read, negative=(), allow_repeating=True, show_default=shown_default),
 )
