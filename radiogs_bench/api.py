@@ -143,11 +143,7 @@ class Model:
         return PreparedModel(self.trained.prepare(_light(self.run.scene, light), albedo_scale), self.run)
 
     def placed(
-        self,
-        light: EnvironmentMap,
-        up: Float[Tensor, "3"] | None = None,
-        turn: float = 0.0,
-        strength: float = 1.0,
+        self, light: EnvironmentMap, up: Float[Tensor, "3"] | None = None, turn: float = 0.0, strength: float = 1.0
     ) -> EnvironmentMap:
         """A light with Z up, as it stands in the world of this model's scene, times ``strength``.
 

@@ -12,7 +12,7 @@ from importlib.metadata import EntryPoint
 from typing import Any, Protocol, runtime_checkable
 
 from radiogs_core.capabilities import PARTS, OffersRecipes, TakesGiven
-from radiogs_core.contract import LARGEST_COUNT, Method
+from radiogs_core.contract import LARGEST_COUNT, Method, Run
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
 
@@ -231,6 +231,24 @@ def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
         if not (found.variant or found.budget):
             raise unknown("field", name, settable(of, preset), "See its fields:  radiogs-bench methods", of=of.name)
     return settings_of(of, preset, given)
+
+
+def settings_as_toml(of: Method, run: Run) -> tuple[str, int]:
+    """Every field of a run's variant and budget as TOML, and how many of the variant differ from the published recipe.
+
+    Beside each of these stands the published value. ``settings_for`` takes the tables, flat. None is left out, which
+    TOML cannot hold.
+    """
+    recipe = of.published_recipe if isinstance(of, OffersRecipes) else ""
+    published = flat(to_plain(variant_by_recipe(of, recipe, run.scene.layout, run.scene.name, {})))
+    values, lines = flat(to_plain(run.variant)), [f"# {of.name}, scene {json.dumps(run.scene.name)}", "", "[variant]"]
+    unlike = {name for name, value in values.items() if value != published.get(name)}
+    for name, value in values.items():
+        remark = f"  # published: {json.dumps(published.get(name))}" if name in unlike else ""
+        lines += [] if value is None else [f"{name} = {json.dumps(value)}{remark}"]
+    budget = {name: value for name, value in flat(to_plain(run.budget)).items() if name != "name" and value is not None}
+    lines += ["", "[budget]", *(f"{name} = {json.dumps(value)}" for name, value in budget.items())]
+    return "\n".join([*lines, ""]), len(unlike)
 
 
 class FoundMethods:

@@ -60,7 +60,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         ``surfels``: their number. ``effects``: the plan at the end of training, and its evidence, oldest first.
         ``metrics``: ``plan/bound`` and ``plan/worst``, upper bounds on the loss by the plan, dB of PSNR, of the probe
         with the largest; 0 if no probe left an effect out. ``labels``: differences from the paper, by name
-        (``labels_of``). ``remarks``: effects that are not simulated, or why all are, and the labels, in words.
+        (``labels_of``). ``remarks``: effects that are not simulated, or why all are, the recipe and the length.
         ``given``: the parts of the truth that training was given, and the residual of the given indirect light
         (``KnownRadiance``).
         """
@@ -79,7 +79,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
             "remarks": [
                 *([f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else []),
                 *(f"all effects are simulated, {each['why']}" for each in evidence[-1:] if each["measured"] is None),
-                *(f"{name}: {value}" for name, value in self.labels.items()),
+                *(f"{name}: {value}" for name, value in self.labels.items() if name in ("recipe", "length")),
             ],
         }
 

@@ -84,13 +84,7 @@ def listed(folder: Path) -> dict[str, str | float]:
 
 @datasets.command
 def check(
-    scene: SceneName,
-    /,
-    *,
-    deep: bool = False,
-    as_json: Json = False,
-    data: Data = None,
-    opened: Opened = AS_STORED,
+    scene: SceneName, /, *, deep: bool = False, as_json: Json = False, data: Data = None, opened: Opened = AS_STORED
 ) -> int:
     """Print everything that is wrong with a scene, and what it holds; the exit code is 3 if it cannot be used.
 
@@ -127,14 +121,7 @@ def check(
 
 @datasets.command
 def convert(
-    scene: SceneName,
-    /,
-    *,
-    to: Layout,
-    out: Path,
-    every: Count = 1,
-    data: Data = None,
-    opened: Opened = AS_STORED,
+    scene: SceneName, /, *, to: Layout, out: Path, every: Count = 1, data: Data = None, opened: Opened = AS_STORED
 ) -> None:
     """Write a scene in another layout, and print what that layout cannot hold.
 

@@ -109,7 +109,9 @@ def _run(folder: Path, out: Path | None, to: str) -> None:
         say(f"{place / 'wandb'}: progress of {count} cells; send it:  wandb sync {place / 'wandb'}/offline-run-*")
     else:
         path = out or folder / f"export.{to}"
-        say(f"{path}: {write(store, path, to)} values")
+        with progress_for_stderr() as progress:
+            count = write(store, path, to, partial(progress.advance, f"reading {folder}"))
+        say(f"{path}: {count} values")
         say_aside(store)
 
 

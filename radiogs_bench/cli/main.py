@@ -12,7 +12,6 @@ from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import is_dataclass
-from importlib.metadata import version
 from inspect import BoundArguments
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -21,6 +20,7 @@ from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..errors import UNEXPECTED, Interrupted, exit_code, explain, visible
+from ..extras import version_and_commit
 from ..trusted_methods import trusting
 from .options import OPTIONS
 from .reporter import VisibleFormatter, complain, complain_with_trace
@@ -68,7 +68,7 @@ def shown_default(value: Any) -> str | None:
 app = App(
     name="radiogs-bench",
     help=PURPOSE,
-    version=version("radiogs-bench"),
+    version=lambda: f"radiogs-bench {version_and_commit()}",
     group_parameters=OPTIONS,
     default_parameter=Parameter(converter=read, negative=(), allow_repeating=True, show_default=shown_default),
 )

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
+from rich.markup import escape
 
+from radiogs_core.errors import UsageError
 from radiogs_datasets.options import AS_STORED
 
 from .options import (
@@ -24,10 +26,17 @@ from .options import (
     SceneName,
     no_effects,
 )
-from .reporter import say
+from .reporter import say, show
 
 if TYPE_CHECKING:
     from ..api import Model
+
+
+SETTINGS = "settings.toml"
+"""The file of a trained model with every field of its variant and budget."""
+
+MAIN = ("nvs/psnr,ssim", "albedo/psnr", "normal/mae", "roughness/mse", "relight/psnr")
+"""The metrics that are printed after a training."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,8 @@ class Training:
     """Move the files of another model in the folder aside, and train."""
     no_score: bool = False
     """Leave out the scores of the test views at the end."""
+    config: Path | None = None
+    """Take settings from this file, such as the OUT/settings.toml of another training; --set changes some of them."""
 
 
 def train(
@@ -65,18 +76,24 @@ def train(
     :param scene: Train on this scene, by name or folder.
     """
     from .. import api
+    from ..methods import method, settings_as_toml
+    from ..store.atomic import write_atomically
 
     on.use()
-    variant, budget = fields_of(asked.method, asked.preset, changes)
+    variant, budget = fields_of(asked.method, asked.preset, changes, asked.config)
     folder = asked.out or Path("out") / Path(scene).absolute().name
     model = api.train(
         asked.method, scene, asked.preset, variant, asked.seed, on.device, folder,
         budget=budget, recipe=changes.recipe, scene_options=opened, replace=asked.force, say=say,
     )  # fmt: skip
-    written = [path.name for path in model.files]
+    written = [*(path.name for path in model.files), SETTINGS]
+    text, unlike = settings_as_toml(method(asked.method), model.run)
+    write_atomically(folder / SETTINGS, text.encode())
     size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
     say(f"{model.run.scene.name}: {size}{model.seconds:.0f} s")
     say(*model.facts.get("remarks", ()))
+    if unlike:
+        say(f"{unlike} settings are not as published: {folder / SETTINGS} says which")
     if not asked.no_score:
         _score(model, folder, folder / "score.json")
         written.append("score.json")
@@ -85,14 +102,20 @@ def train(
 
 
 def _score(model: "Model", folder: Path, path: Path) -> None:
-    """Print the new model's metrics, and write their record."""
+    """Print the new model's main metrics, and write the record of all."""
+    from rich.table import Table
+
+    from radiogs_reports.wording import ARROWS
+
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_checksum import checksum_now
     from ..runs.unchanged_scene import require_unchanged
+    from ..scoring.metrics.measures import MEASURES
     from ..scoring.metrics.protocols import protocol
     from ..scoring.score_record import record_of_model
     from ..store.seal import write_sealed
-    from .showing import say_without_weights, show_record
+    from ..suites.suite import metrics
+    from .showing import say_without_weights
 
     rules, run = [protocol("default")], model.run
     say_without_weights(rules)
@@ -101,32 +124,39 @@ def _score(model: "Model", folder: Path, path: Path) -> None:
         record = record_of_model(str(folder), model.method, model.trained, run.scene, run.device, rules, advance)
     require_unchanged(run.scene, checksum_now)
     write_sealed(path, record)
-    show_record(record)
+    table, found = Table("metric", "value", "unit"), record["protocols"]["default"]["metrics"]
+    for each in metrics(*MAIN):
+        measure, value = MEASURES[each.measure], found[each.key]["value"]
+        shown = f"n/a: {found[each.key]['reason']}" if value is None else f"{value:.{measure.decimals}f}"
+        table.add_row(f"{each.label} {ARROWS[measure.better]}", escape(shown), measure.unit)
+    show(table)
+    say(f"{len(found)} metrics, view by view: {path}")
 
 
-def fields_of(name: str, preset: str, changes: Changes) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fields of a method's variant and of its budget that are changed. Raises UsageError."""
-    from radiogs_core.plain_values import leaf_names
+def fields_of(name: str, preset: str, changes: Changes, config: Path | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of a method's variant and of its budget that a file or the command line sets. Raises UsageError, and
+    DataError for a file that cannot be read."""
+    from radiogs_core.plain_values import flat, leaf_names
+    from radiogs_datasets.bounded_reading import read_toml
 
     from ..methods import method, settings_for
 
     used = method(name)
+    try:
+        kept = settings_for(used, preset, {} if config is None else flat(read_toml(config)))
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{config} is not valid TOML: {error}", "", f"`train` writes one: {SETTINGS}.") from error
     variant: dict[str, Any] = {}
     if changes.effects != "all":
         if "effects" not in leaf_names(used.variant()):
             raise no_effects(used.name)
         variant["effects"] = changes.effects
     found = settings_for(used, preset, changes.fields())
-    return {**variant, **found.variant}, dict(found.budget)
+    return {**kept.variant, **variant, **found.variant}, {**kept.budget, **found.budget}
 
 
 def render(
-    folder: Path,
-    /,
-    *,
-    relight: bool = False,
-    views: Literal["test", "train"] = "test",
-    opening: Opening = AS_TRAINED,
+    folder: Path, /, *, relight: bool = False, views: Literal["test", "train"] = "test", opening: Opening = AS_TRAINED
 ) -> None:
     """Render the views of a trained model, and write its recovered light.
 

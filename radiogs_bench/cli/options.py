@@ -73,8 +73,7 @@ Opened = Annotated[SceneOptions, Parameter(name="*", group=OPENING)]
 Data = Annotated[
     Path | None,
     Parameter(
-        group=OPENING,
-        help="Look for scenes in this folder of data sets (default: the variable RADIOGS_BENCH_DATA).",
+        group=OPENING, help="Look for scenes in this folder of data sets (default: the variable RADIOGS_BENCH_DATA)."
     ),
 ]
 

@@ -72,9 +72,7 @@ class Asked:
     protocol: ProtocolName = ""
     """Score under this metric protocol (default: the suite's)."""
     enlarged: Annotated[
-        tuple[int, int, int] | None,
-        from_text(views_and_pixels),
-        Parameter(name="--as", metavar="VIEWSxWIDTHxHEIGHT"),
+        tuple[int, int, int] | None, from_text(views_and_pixels), Parameter(name="--as", metavar="VIEWSxWIDTHxHEIGHT")
     ] = None
     """Repeat and enlarge the scene's views to this number and size, in memory."""
     test_views: Count = 8

@@ -66,16 +66,16 @@ def relight(
 ) -> None:
     """Render the views of a trained model under another light.
 
-    Example:  radiogs-bench relight out/corner --envmap sunset.hdr
+    Example:  radiogs-bench relight out/corner --envmap sunset
 
     :param folder: Open the model that `train` left in this folder.
-    :param envmap: Relight by this .hdr or .exr file: latitude-longitude, or a cube map that says how its faces lie.
+    :param envmap: Relight by this light of the scene, or by this .hdr or .exr file: latitude-longitude, or a cube map
+        that says how its faces lie.
     """
     import torch
 
     from radiogs_core.capabilities import Remarking
     from radiogs_core.own_files import own_folder
-    from radiogs_datasets.lights import read_light
 
     from ..export.views import beyond_levels, count_levels, write_turntable, write_views
     from ..runs.progress import working
@@ -84,13 +84,11 @@ def relight(
     from ..store.folder import Store
 
     device, lit = opening.use(), lit_folder(envmap) + placing.marks
-    light, repairs = read_light(envmap)
-    say(*repairs)
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
     with Store(folder).keeping_tracebacks():
         run, model = read_trained(folder, device, changes)
-        light = _placed(placing, run.scene, light, envmap.name)
+        light = _placed(placing, run.scene, envmap)
         with working(f"preparing {envmap.name}"):
             relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
         if isinstance(relit, Remarking):
@@ -106,14 +104,21 @@ def relight(
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")
 
 
-def _placed(placing: Placing, scene: "Scene", light: "EnvironmentMap", name: str) -> "EnvironmentMap":
-    """The light in the scene's world; prints how it lies there."""
+def _placed(placing: Placing, scene: "Scene", envmap: Path) -> "EnvironmentMap":
+    """The scene's light of that name, or the one in a file, in the scene's world; prints how it lies there."""
+    from radiogs_core.errors import unknown
+    from radiogs_datasets.lights import read_light
+
     from ..scoring.recovered_light import NOT_DISTANT
 
+    name, named = str(envmap), not (envmap.suffix or envmap.exists())
+    if named and name not in scene.lights:
+        raise unknown("light", name, scene.lights, "Name one, or an .hdr or .exr file.", of=f"scene '{scene.name}'")
+    light, repairs = (scene.lights[name], []) if named else read_light(envmap)
     if scene.surrounded:
         say(f"relighting means little here: {NOT_DISTANT}")
     found, lies = placed(placing, scene, light)
-    say(f"{name}: {lies}")
+    say(*repairs, f"{envmap.name}: {lies}")
     return found
 
 

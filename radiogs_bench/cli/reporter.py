@@ -72,8 +72,23 @@ def wrapped(line: str, width: int) -> str:
 
 
 def show(table: "Table", width: int | None = None) -> None:
-    """Print a table, as wide as ``console``."""
-    console(width).print(table)
+    """Print a table, as wide as ``console``; into a file or a pipe as Markdown, unless a width is given."""
+    if width is not None or sys.stdout.isatty():
+        console(width).print(table)
+    else:
+        say(*in_markdown(table))
+
+
+def in_markdown(table: "Table") -> list[str]:
+    """A table, whose cells are text with rich's markup, as lines of Markdown below its title, one for each row."""
+    from rich.text import Text
+
+    from radiogs_reports.write.markdown import table_head, table_line
+
+    title = [Text.from_markup(f"{table.title}").plain, ""] if table.title else []
+    columns = ((column.header, *column.cells) for column in table.columns)
+    head, *rows = zip(*([Text.from_markup(f"{cell}").plain for cell in column] for column in columns), strict=True)
+    return [*title, *table_head(head), *map(table_line, rows)]
 
 
 def console(width: int | None = None) -> "Console":

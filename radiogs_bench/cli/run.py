@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +11,7 @@ from radiogs_core.errors import UsageError
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..runs.engines.choice import Name
+from ..runs.progress import working
 from .options import (
     UNCHANGED,
     Changes,
@@ -119,7 +119,9 @@ def run(
         elif suite is None:
             raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
         else:
-            code = _run(_spec(suite, asked, changes, where, opened), asked, where, words)
+            with working(f"planning {suite}"):  # shown before PyTorch is imported
+                spec = _spec(suite, asked, changes, where, opened)
+            code = _run(spec, asked, where, words)
     if asked.as_json:
         emit("end", exit_code=code)
     return code
@@ -164,7 +166,8 @@ def _run(spec: "RunSpec", asked: Asked, where: Where, words: Sequence[str]) -> i
             say_lines(lines, asked.as_json)
             return 0
     use(spec.device, spec.threads, planned=asked.dry_run)
-    plan = resolve(spec)
+    with working(f"reading the scenes of {spec.suite}"):
+        plan = resolve(spec)
     say_lines(plan.remarks, asked.as_json)
     store = Store(asked.out or Path("out") / plan.suite.name)
     if not asked.dry_run:
@@ -184,7 +187,7 @@ def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: boo
     from ..whole_runs import Audience, carry_out, other_run
     from .events import EventProgress, emit
 
-    to = Audience(partial(say_line, as_json=as_json), complain, table=not as_json)
+    to = Audience(lambda line: say_lines([line], as_json), complain, table=not as_json)
     if as_json:
         to = replace(to, progress=lambda store, cells: EventProgress(store, [ref for ref, _ in cells]))
     code, manifest = carry_out(plan, store, engine, to, words)
@@ -235,15 +238,7 @@ def describe(suite: "Suite") -> list[str]:
 
 def say_lines(lines: Sequence[str], as_json: bool) -> None:
     """Print lines, or write them as events."""
-    for line in lines:
-        say_line(line, as_json)
-
-
-def say_line(line: str, as_json: bool) -> None:
-    """Print a line, or write it as an event."""
     from .events import emit
 
-    if as_json:
-        emit("message", text=line)
-    else:
-        say(line)
+    for line in lines:
+        emit("message", text=line) if as_json else say(line)

@@ -162,7 +162,7 @@ def _of_files(
     from radiogs_datasets import load_scene
 
     from ..scoring.score_files import score_predictions
-    from ..scoring.score_record import record_of, scored
+    from ..scoring.score_record import NOTES, record_of, scored
 
     if compared.scene is None:
         raise UsageError(
@@ -172,17 +172,9 @@ def _of_files(
     predictions = compared.predictions(folder, scene)
     with progress_for_stderr() as progress:
         scores = score_predictions(predictions, scene, protocols, partial(progress.advance, "scoring"))
-    return record_of(
-        str(folder),
-        predictions.code,
-        scene,
-        {each.protocol.name: scored(each.protocol, each.metrics, each.albedo_scale) for each in scores},
-        predictions.files,
-        remarks=predictions.remarks,
-        absent=predictions.absent,
-        missing=predictions.missing,
-        ignored=predictions.ignored,
-    )
+    by_protocol = {each.protocol.name: scored(each.protocol, each.metrics, each.albedo_scale) for each in scores}
+    notes = {name: getattr(predictions, name) for name in NOTES}
+    return record_of(str(folder), predictions.code, scene, by_protocol, predictions.files, **notes)
 
 
 def _of_pairs(folder: Path, scene: str | None, protocols: "Sequence[Protocol]") -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Shows a run that has results on the terminal: its reports and their table; and the table of a score."""
 
+import math
 import sys
 from collections.abc import Sequence
 from textwrap import wrap
@@ -18,7 +19,6 @@ from radiogs_reports.tables.model import Column, PrintedCell, Table
 from radiogs_reports.tables.record import record_reports
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.wording import mean_over, number
-from radiogs_reports.write.markdown import table_head, table_line
 
 from ..results.reports import EVERYTHING, Shown, write
 from ..runs.sweep import Sweep
@@ -45,11 +45,8 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
     conditions = f"{preset_and_recipe(summary)}; protocol {protocol_title(summary)}"
     for each in (*table.headline, f"{summary['title']}. Mean over {mean_over(summary)}; {conditions}."):
         say(*wrap(each, room))
-    if width is None and not sys.stdout.isatty():
-        say(*in_markdown(table))
-    else:
-        for part in parts_of(table, room):
-            show(part, width)
+    for part in parts_of(table, room if width is not None or sys.stdout.isatty() else math.inf):
+        show(part, width)
     for each in (*below(table), *in_the_record(summary)):
         say(*wrap(each, room))
     if (compared := beside_report(summary)) is not None:
@@ -93,9 +90,9 @@ Texts = tuple[str, list[str]]
 """The heading of a column, and its text in each row."""
 
 
-def parts_of(table: Table, width: int) -> list[RichTable]:
+def parts_of(table: Table, width: float) -> list[RichTable]:
     """A table, cut between columns where ``width`` characters do not hold it."""
-    label: Texts = "", [row.text for row in table.rows]
+    label: Texts = table.lead, [row.text for row in table.rows]
     columns = [
         (heading(column), [entry(row.cells[place]) for row in table.rows]) for place, column in enumerate(table.columns)
     ]
@@ -106,13 +103,6 @@ def parts_of(table: Table, width: int) -> list[RichTable]:
         parts.append(table_part(label, columns[:count]))
         columns = columns[count:]
     return parts
-
-
-def in_markdown(table: Table) -> list[str]:
-    """A table as lines of Markdown, one for each row."""
-    heads = [table.lead, *(each.heading for each in table.columns)]
-    rows = [[row.text, *(entry(cell) for cell in row.cells)] for row in table.rows]
-    return [*table_head(heads), *map(table_line, rows)]
 
 
 def needed(columns: Sequence[Texts]) -> int:

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 from ..durations import time_left
 from .options import Json, MaybeCount
-from .reporter import console, say, say_aside, say_whole
+from .reporter import console, say, say_aside, say_whole, show
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rich.console import Console, Group
+    from rich.console import Console
+    from rich.table import Table
 
     from ..results.standing import CellStanding, Standing
     from ..runs.sweep import Sweep
     from ..store.folder import Store
-    from ..store.pace import Pace
 
 EVERY_SECONDS = 2
 """Seconds between two looks of ``--watch``."""
@@ -28,13 +28,7 @@ WIDE = 100
 """Width in characters from which a terminal has room for the cells' keys."""
 
 
-def status(
-    out: Path,
-    /,
-    *,
-    as_json: Json = False,
-    watch: MaybeCount = None,
-) -> None:
+def status(out: Path, /, *, as_json: Json = False, watch: MaybeCount = None) -> None:
     """Say how far a run is: its cells, their steps, and the time left.
 
     Example:  radiogs-bench status out/ablations --watch
@@ -46,9 +40,10 @@ def status(
     from ..results.standing import as_plain_values
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
+    from ..store.pace import paces
 
     every = None if watch is None else (*watch, EVERY_SECONDS)[0]
-    if not has_sweep(out) and is_training(out):
+    if not has_sweep(out) and (paces(Store(out)) or (out / "trained.json").exists()):
         show_training(out, as_json, every)
         return
     store, sweep = Store(out), read_sweep(out)
@@ -58,11 +53,13 @@ def status(
             say_whole(json.dumps(as_plain_values(standing, sweep), allow_nan=False))
             sys.stdout.flush()
         return
-    screen = console()
-    if every:
-        _watch(standings, store, sweep, screen)
+    if every and sys.stdout.isatty():
+        _watch(standings, store, sweep, console())
     else:
-        screen.print(_picture(next(standings), store, sweep, screen.width))
+        *_, last = standings  # a file gets the end alone
+        table, lines = _picture(last, store, sweep, console().width)
+        show(table)
+        say(*lines)
     say_aside(store)
 
 
@@ -79,21 +76,21 @@ def _standings(store: "Store", sweep: "Sweep", every: int | None) -> "Iterator[S
 
 
 def _watch(standings: "Iterator[Standing]", store: "Store", sweep: "Sweep", out: "Console") -> None:
-    """Print the table again and again, over the last one on a terminal."""
+    """Draw the table again and again, over the last one."""
+    from rich.console import Group
     from rich.live import Live
+    from rich.text import Text
 
     with Live(console=out, auto_refresh=False, vertical_overflow="visible") as screen:
         for standing in standings:
-            if out.is_terminal or standing.ended:  # a file gets the end alone
-                screen.update(_picture(standing, store, sweep, out.width), refresh=True)
+            table, lines = _picture(standing, store, sweep, out.width)
+            screen.update(Group(table, *map(Text, lines)), refresh=True)
 
 
-def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "Group":
+def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "tuple[Table, list[str]]":
     """The table of cells and the lines below it; it has a column of keys if ``width`` characters are enough for one."""
-    from rich.console import Group
     from rich.markup import escape
     from rich.table import Table
-    from rich.text import Text
 
     from ..runs.sweep import FINISHED, label
 
@@ -109,7 +106,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
             table.add_column(name, justify="right", no_wrap=True)
     for cell in standing.cells:
         row = [label(cell.ref), *([cell.ref["key"]] if keys else []), _state(cell)]
-        table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
+        table.add_row(*map(escape, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
     if any(cell.left for cell in standing.cells) and standing.ended:
         lines.append("nothing runs: what did was killed; the same command continues it")
@@ -119,10 +116,9 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
         lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")
-    page = store.folder / "report.html"
-    if standing.ended and page.exists():
+    if standing.ended and (page := store.folder / "report.html").exists():
         lines.append(f"open {page}")
-    return Group(table, *map(Text, lines))
+    return table, lines
 
 
 def _state(cell: "CellStanding") -> str:
@@ -139,19 +135,8 @@ def _pace(cell: "CellStanding") -> tuple[str, str, str]:
     if pace is None:
         return "", "", ""
     speed, left = pace.steps_a_second, pace.seconds_left
-    return (
-        f"{pace.done}/{pace.total}",
-        "" if speed is None else f"{speed:.3g}",
-        "" if left is None else time_left(left),
-    )
-
-
-def is_training(folder: Path) -> bool:
-    """Whether ``train`` works in a folder, or has left a model there."""
-    from ..store.folder import Store
-    from ..store.pace import paces
-
-    return bool(paces(Store(folder))) or (folder / "trained.json").exists()
+    a_second = "" if speed is None else f"{speed:.3g}"
+    return f"{pace.done}/{pace.total}", a_second, "" if left is None else time_left(left)
 
 
 def show_training(folder: Path, plain: bool, every: int | None) -> None:
@@ -165,15 +150,10 @@ def show_training(folder: Path, plain: bool, every: int | None) -> None:
             say_whole(json.dumps({"training": [asdict(pace) for pace in working]}, allow_nan=False))
         else:
             for pace in working:
-                say(line_of(pace))
+                left = "" if pace.seconds_left is None else f", about {time_left(pace.seconds_left)} left of it"
+                say(f"{pace.task}: {pace.done:,} of {pace.total:,}{left}")
             if not working:
                 say(f"trained: see {folder / 'trained.json'}" if (folder / "trained.json").exists() else "stopped")
         if every is None or not working:
             return
         time.sleep(every)
-
-
-def line_of(pace: "Pace") -> str:
-    """A training's pace, such as ``stage 2, inverse rendering: 466 of 3,000, about 41 min left``."""
-    left = "" if pace.seconds_left is None else f", about {time_left(pace.seconds_left)} left of it"
-    return f"{pace.task}: {pace.done:,} of {pace.total:,}{left}"

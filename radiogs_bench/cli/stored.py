@@ -36,8 +36,7 @@ def verify(out: Path, /) -> int:
     if found.others:
         say(f"{found.others} files of other versions were left alone")
     say_aside(Store(out))
-    rerun = found.rerun
-    if rerun is not None and rerun.cells:
+    if (rerun := found.rerun) is not None and rerun.cells:
         time = "as nothing like it has finished, its time is not known"
         if rerun.seconds is not None:
             time = f"about {rerun.seconds:.0f} s, as those that are there took"

@@ -132,10 +132,7 @@ class Fusion:
         self.blocks = VoxelBlocks(most_bytes)
 
     def add(
-        self,
-        camera: Camera,
-        depth: Float[Tensor, "height width"],
-        alpha: Float[Tensor, "height width"] | None = None,
+        self, camera: Camera, depth: Float[Tensor, "height width"], alpha: Float[Tensor, "height width"] | None = None
     ) -> None:
         """Add one view: z-depth in world units, and coverage (None: surfaces are where depth is above zero).
 

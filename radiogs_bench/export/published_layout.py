@@ -22,12 +22,7 @@ PLAIN = "plain"
 
 
 def write_as_published(
-    model: Trained,
-    run: Run,
-    writer: LayoutWriter,
-    method: str,
-    rules: Protocol,
-    advance: Callable[[int, int], None],
+    model: Trained, run: Run, writer: LayoutWriter, method: str, rules: Protocol, advance: Callable[[int, int], None]
 ) -> int:
     """Write every test view, and every relit one that the scene has; returns the number of files.
 

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,9 @@ from ..store.folder import Store
 from ..store.schema import Result
 
 
-def rows(store: Store, by_view: bool = False) -> Iterator[dict[str, Any]]:
+def rows(
+    store: Store, by_view: bool = False, advance: Callable[[int, int], None] = lambda done, total: None
+) -> Iterator[dict[str, Any]]:
     """Every metric of every finished cell, with the cell's settings and costs; with ``by_view``, every view's value.
 
     Columns: row (of the folder's last run; None for a cell of another one), scene, method, variant fields, budget,
@@ -27,7 +29,8 @@ def rows(store: Store, by_view: bool = False) -> Iterator[dict[str, Any]]:
     a damaged manifest.
     """
     named = {ref["key"]: ref["row"] for ref in read_sweep(store.folder)["cells"]} if has_sweep(store.folder) else {}
-    for result in store.results():
+    total = len(store.result_keys())
+    for done, result in enumerate(store.results(), start=1):
         common = {"row": named.get(result["key"]), **_of_cell(result)}
         for metric, each in sorted(result["metrics"].items()):
             if not by_view:
@@ -36,14 +39,19 @@ def rows(store: Store, by_view: bool = False) -> Iterator[dict[str, Any]]:
             for view, value in zip(result["views"], each["views"], strict=True):
                 if value is not None:
                     yield {**common, "metric": metric, "view": view, "value": value}
+        advance(done, total)
 
 
-def export(store: Store, path: Path, form: str) -> int:
-    """Write the table; returns its number of lines. Raises UsageError if pandas cannot write the format here."""
-    lines = list(rows(store))
-    table = pd.DataFrame(lines)
+def export(store: Store, path: Path, form: str, advance: Callable[[int, int], None]) -> int:
+    """Write the table; returns its number of lines. ``advance``: reports how many cells of all have been read.
+
+    Raises UsageError, before any cell is read, if pandas cannot write the format here.
+    """
     if form == "parquet":
         extra_library("pyarrow", "parquet needs pyarrow", "parquet")
+    lines = list(rows(store, advance=advance))
+    table = pd.DataFrame(lines)
+    if form == "parquet":
         content = table.to_parquet(index=False)
     elif form == "csv":
         content = csv_of(lines).encode()

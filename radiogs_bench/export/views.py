@@ -41,7 +41,8 @@ def write_views(
     place_of: Callable[[str], str] = str,
     seen: Callable[[Mapping[str, Tensor]], None] = lambda maps: None,
 ) -> str:
-    """Render each view of a split into ``folder``, images as PNG and maps as EXR; returns how many, and a frame's time.
+    """Render each view of a split into ``folder``, images as PNG and maps as EXR; returns how many, the path of the
+    first image, and a frame's time.
 
     ``place_of``: the folder of each map by the map's name. ``seen`` receives the maps of each view, on black.
     """
@@ -59,7 +60,8 @@ def write_views(
                     write_png(path.with_name(f"{path.name}.png"), image.numpy())
                 else:
                     write_exr(path.with_name(f"{path.name}.exr"), image.numpy())
-    written = f"{len(views)} views in {folder}"
+    first = folder / place_of("image") / f"{views[0].name.replace('/', '_')}.png"
+    written = f"{len(views)} views in {folder}, such as {first}"
     if not shown.timed:
         return written
     with calling(method, "render(), once more to be timed"):

@@ -156,7 +156,5 @@ def _within(archive: Path, name: str) -> PurePosixPath:
 
 def _refused(archive: Path, why: str) -> DataError:
     return DataError(
-        f"{archive} is not unpacked: {why}",
-        "Nothing of it was kept.",
-        "If you trust it, unpack it by hand.",
+        f"{archive} is not unpacked: {why}", "Nothing of it was kept.", "If you trust it, unpack it by hand."
     )

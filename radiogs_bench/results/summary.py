@@ -345,8 +345,5 @@ def plan_summary(result: Result) -> PlanSummary | None:
         plan=plan,
         bound=None if bound is None else bound["value"],
         tolerance=max(tolerances, default=None),
-        probing={
-            "seconds": result["parts"][last].get("probe", 0.0),
-            "rays": result["work"][last].get("probe_rays", 0),
-        },
+        probing={"seconds": result["parts"][last].get("probe", 0.0), "rays": result["work"][last].get("probe_rays", 0)},
     )

@@ -139,13 +139,13 @@ class SweepProgress(ForwardingProgress):
 
     def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
         super().__init__(progress)
-        self.stages, self.steps = stages, steps
+        self.stages, self.steps = tuple(stages), steps
         self.taken = 0
         self.stands: dict[str, int] = {}
 
     def advance(self, task: str, done: int, total: int) -> None:
         """Pass on, and count the step if it belongs to a stage."""
-        if task in self.stages:
+        if task.endswith(self.stages):  # after the name of its cell
             before = self.stands.get(task)
             if before is None:  # what a checkpoint brought was not taken here, and says nothing about the speed
                 self.steps -= done - 1

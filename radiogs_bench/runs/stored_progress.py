@@ -12,10 +12,13 @@ EVERY_SECONDS = 1.0
 
 
 class KeptPace(Progress):
-    """Progress of the cell ``key``; the file is gone when the context is left."""
+    """Progress of the cell ``key``, whose ``name`` what is passed on begins with; its file goes with the context."""
 
-    def __init__(self, progress: Progress, store: Store, key: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, progress: Progress, store: Store, key: str, clock: Callable[[], float] = time.monotonic, name: str = ""
+    ) -> None:
         self.progress, self.store, self.key, self.clock = progress, store, key, clock
+        self.before_task = f"{name}: " if name else ""
         self.task = ""
         self.begun = (0, 0.0)
         self.due = 0.0
@@ -29,7 +32,7 @@ class KeptPace(Progress):
 
     def advance(self, task: str, done: int, total: int) -> None:
         """Pass on, and keep what is due: the first report of every task, and one every EVERY_SECONDS."""
-        self.progress.advance(task, done, total)
+        self.progress.advance(f"{self.before_task}{task}", done, total)
         now = self.clock()
         if task != self.task:
             self.task, self.begun, self.due = task, (done, now), now

@@ -4,7 +4,6 @@ import hashlib
 import os
 import platform
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -20,7 +19,8 @@ import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory, workers
 
-from .schema import GitState, Machine, Session
+from ..extras import git_state
+from .schema import Machine, Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")
@@ -40,23 +40,6 @@ _before: dict[str, int] = {}
 def now() -> str:
     """The current date and time, UTC, ISO 8601 to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-@cache
-def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
-    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git."""
-
-    def git(*arguments: str) -> str | None:
-        try:
-            done = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, check=False)
-        except FileNotFoundError:
-            return None
-        return done.stdout.strip() if done.returncode == 0 else None
-
-    if git("ls-files", "--error-unmatch", "__init__.py") is None:
-        return None
-    commit = git("rev-parse", "HEAD")
-    return None if commit is None else {"commit": commit, "dirty": git("status", "--porcelain") != ""}
 
 
 @cache

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
+from ..extras import GitState
 from .shapes import mismatch
 
 RESULT_SCHEMA = "radiogs-bench/result/6"
@@ -61,14 +62,6 @@ class Machine(TypedDict):
     gpu: str | None
     threads: int
     """Threads of the kernels."""
-
-
-class GitState(TypedDict):
-    """The state of a repository."""
-
-    commit: str
-    dirty: NotRequired[bool]
-    """Whether files differ from the commit."""
 
 
 class Session(TypedDict):

@@ -39,10 +39,7 @@ DEPARTURE_GROUPS: Mapping[str, tuple[str, Values]] = {
         "split sum shapes no surfels",
         {"split_sum.image": 0.1, "split_sum.geometry_gradient": False, "split_sum.light": 1.0},
     ),
-    "rays": (
-        "ray starts, two-sided rays, masking",
-        {"deviations": [], "masking": "schlick"},
-    ),
+    "rays": ("ray starts, two-sided rays, masking", {"deviations": [], "masking": "schlick"}),
     "light": (
         "light sought, then held",
         {"materials.start.light": "least-variation", "materials.weights.light_smoothness": 0.005},

@@ -96,8 +96,9 @@ def test_the_gate_of_another_repository_s_method_passes_and_stops_a_worse_one(
     Two seeds of few pixels take the place of eight of all.
     """
     shutil.copytree(ROOT / "docs/examples/own_method", tmp_path, dirs_exist_ok=True)
-    for file in (tmp_path / "pyproject.toml", method := tmp_path / "mean_image" / "method.py"):
-        file.write_text(file.read_text().replace("mean-image", "mine"))
+    project, method = tmp_path / "pyproject.toml", tmp_path / "mean_image" / "method.py"
+    project.write_text(project.read_text().replace("\nmean-image = ", "\nmine = "))
+    method.write_text(method.read_text().replace('name = "mean-image"', 'name = "mine"'))
     subprocess.run(["git", "init", "--quiet"], cwd=tmp_path, check=True)
     (tmp_path / ".github").mkdir()
 

@@ -205,7 +205,7 @@ class _Checks:
         if not code.variable and not code.folder:
             fail("code", "the location of the code is missing", "Set 'folder', or 'variable' to a variable's name.")
         if lacks := [name for name in ("url", "commit", "licence") if not (code.folder or getattr(code, name))]:
-            fail("code", f"it lacks {', '.join(lacks)}", "They say where others get it. A code in a 'folder' may lack them.")
+            fail("code", f"it lacks {', '.join(lacks)}", "They say where others get it; a 'folder' may lack them.")
         for where, name in (("code.variable", code.variable), ("code.python", code.python)):
             if name and not VARIABLE.fullmatch(name):
                 fail(where, f"'{name}' is not a name of an environment variable")

@@ -252,11 +252,7 @@ Plain = dict[str, Any]
 
 
 def measured(
-    subject_at: Callable[[Size], Subject],
-    size: Size,
-    passes: int,
-    stages: int | None,
-    announce: Callable[[str], None],
+    subject_at: Callable[[Size], Subject], size: Size, passes: int, stages: int | None, announce: Callable[[str], None]
 ) -> Plain:
     """Measure everything at a size: the model, the images, and a row for each piece of work.
 

@@ -107,10 +107,10 @@ def in_turn(cells: Cells, store: Store, count: int) -> Cells:
 
 def run_tasks(plan: RunPlan, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
     """Run cells in this process; returns the errors of those that failed."""
-    experiment = plan.experiment
+    experiment, names = plan.experiment, {task.cell.key: task.label for task in tasks}
 
     def run(cell: Cell) -> None:
-        with KeptPace(bench.progress, bench.store, cell.key) as progress:
+        with KeptPace(bench.progress, bench.store, cell.key, name=names[cell.key]) as progress:
             experiment(replace(bench, progress=progress), cell, plan.scenes[cell.scene])
 
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
@@ -254,14 +254,7 @@ def _on_cluster(plan: RunPlan, tasks: Sequence[Task], bench: Bench, engine: Engi
                 "It keeps files between its stages, and stages run on any machine.",
                 "Leave --engine ray out.",
             )
-    recipe = Recipe(
-        bench.method,
-        plan.experiment,
-        load_scene,
-        COMPILED_ON,
-        plan.spec.scene_options,
-        bench.kept_views,
-    )
+    recipe = Recipe(bench.method, plan.experiment, load_scene, COMPILED_ON, plan.spec.scene_options, bench.kept_views)
     with connected(engine.address) as ray:
         threads = engine.threads or ONE_THREAD
         cluster = Cluster(ray, recipe, plan.places, threads, plan.spec.device, bench.store)

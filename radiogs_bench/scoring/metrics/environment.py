@@ -20,9 +20,7 @@ operation on them, which takes longer than the operation where there are few and
 
 
 def environment_error(
-    estimate: Float[Tensor, "height width 3"],
-    truth: Float[Tensor, "rows columns 3"],
-    rules: Environment = UNSCALED,
+    estimate: Float[Tensor, "height width 3"], truth: Float[Tensor, "rows columns 3"], rules: Environment = UNSCALED
 ) -> float:
     """Squared error over the squared truth, both integrated over solid angle; 0 is exact, 1 a black estimate.
 
@@ -66,9 +64,7 @@ def irradiance(
 
 
 def glossy_reflection(
-    radiance: Float[Tensor, "height width 3"],
-    mirrored: Float[Tensor, "points 3"],
-    roughness: Float[Tensor, "points 1"],
+    radiance: Float[Tensor, "height width 3"], mirrored: Float[Tensor, "points 3"], roughness: Float[Tensor, "points 1"]
 ) -> Float[Tensor, "points 3"]:
     """Mean radiance over the GGX lobe around unit mirror directions, linear RGB, in the type of the map.
 

@@ -25,9 +25,7 @@ def mse(image: Float[Tensor, "height width channels"], target: Float[Tensor, "he
 
 
 def psnr(
-    image: Float[Tensor, "height width channels"],
-    target: Float[Tensor, "height width channels"],
-    rules: Psnr = JOINT,
+    image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"], rules: Psnr = JOINT
 ) -> float:
     """PSNR in dB, capped at PSNR_CAP: of the error over all channels, or the mean of one PSNR per channel."""
     if rules.channels == "joint":

@@ -19,9 +19,7 @@ sigma 1.5, use_sample_covariance=False, data_range=1."""
 
 
 def ssim(
-    image: Float[Tensor, "height width channels"],
-    target: Float[Tensor, "height width channels"],
-    rules: Ssim = WANG,
+    image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"], rules: Ssim = WANG
 ) -> float:
     """Mean SSIM over pixels and channels. Raises UsageError for an image smaller than the window or its border."""
     smallest = smallest_side(rules)

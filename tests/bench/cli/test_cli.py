@@ -15,10 +15,12 @@ from typing import Any
 import pytest
 import torch
 
+import radiogs_bench
 import radiogs_datasets
 from bench import fake_method
 from radiogs_bench.cli import main
 from radiogs_bench.cli.main import app, parsed, values_of
+from radiogs_bench.runs import progress
 from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
@@ -209,6 +211,20 @@ def test_a_wrong_command_ends_with_exit_code_2(
     assert message.endswith("(exit code 2)\n")
 
 
+def test_the_version_has_the_commit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    commit = r"(unknown|[0-9a-f]{12}(, with changes)?)"
+    assert re.fullmatch(rf"radiogs-bench {radiogs_bench.__version__}, commit {commit}\n", capsys.readouterr().out)
+
+
+def test_a_plan_is_announced_before_what_is_slow_is_imported() -> None:
+    told = 'lambda self, task, *steps: sys.exit(f\'{task}: {sorted({"torch", "numpy"} & sys.modules.keys())}\')'
+    code = "import sys; from radiogs_bench.cli import main; from radiogs_bench.runs.progress import LogProgress as Log"
+    run = f"{code}; Log.advance = {told}; main(['run', 'ablations', '--dry-run'])"
+    done = subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, check=False)
+    assert done.stderr == "planning ablations: []\n"
+
+
 def test_options_have_their_last_value_and_repeatable_ones_every_value() -> None:
     given = ["--seeds", "2", "--seeds", "3", "--scenes", "a", "--scenes=corner,none", "--set", "a=1", "--set", "b=x,y"]
     with pytest.raises(UsageError, match="value for --set: 'x,y' of b is neither TOML"):
@@ -306,10 +322,12 @@ def run(fake_run: Callable[..., int]) -> Callable[..., int]:
 
 
 def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
-    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(progress, "LOGGED_EVERY_SECONDS", 0.0)
     assert run() == 0
     said = capsys.readouterr()
+    assert re.search(r"^\S+ no-rad seed 1: fake invert: \d of \d+, about", said.err, re.M), "steps name their cell"
     assert "Detach L_G" in said.out
     assert "paper 37.86" not in said.out, "protocol default has other conventions"
     assert "a run with --protocol radiogs has them beside its own" in " ".join(said.out.split())

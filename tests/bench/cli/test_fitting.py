@@ -4,9 +4,11 @@ import io
 
 import pytest
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from made_up_run import summary
+from radiogs_bench.cli.reporter import show
 from radiogs_bench.cli.showing import below, parts_of
 from radiogs_reports.summary import Summary
 from radiogs_reports.tables.suite import suite_table
@@ -51,6 +53,14 @@ def test_markup_in_a_label_is_text() -> None:
     made = summary()
     made["rows"][0]["text"] = "[bold]mine[/bold]"
     assert "[bold]mine[/bold]" in printed(made, 160)
+
+
+def test_a_table_in_a_file_or_a_pipe_is_markdown(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("name", "value", title="[b]A title[/b]")
+    table.add_row(escape("[mine]|yours"), "1.5")
+    show(table)
+    said = capsys.readouterr().out.splitlines()
+    assert said == ["A title", "", "| name | value |", "| --- | --- |", r"| [mine]\|yours | 1.5 |"]
 
 
 def test_a_star_is_at_the_differences_that_are_resolved_and_nowhere_else() -> None:

@@ -1,6 +1,8 @@
 """``train``, ``render`` and ``relight`` on a miniature: files, errors, and a second ``train`` that repeats nothing."""
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +11,15 @@ import torch
 from plyfile import PlyData
 
 from captured import write_capture
+from radiogs.settings import Variant
 from radiogs.showing import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.store.seal import seal_of
+from radiogs_core.plain_values import flat, leaf_names
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_exr, read_image, write_exr, write_hdr, write_png
+from radiogs_datasets.registry import TINY
 from surfel_files import read_ply
 
 CPU = torch.device("cpu")
@@ -39,10 +44,43 @@ def test_the_model_is_written_in_full(folder: Path) -> None:
     np.testing.assert_allclose(read_exr(folder / "environment.exr"), model.environment.numpy(), rtol=2**-11)
 
 
-def test_training_again_repeats_nothing(folder: Path) -> None:
+def test_training_again_by_the_settings_that_were_written_repeats_nothing(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     kept = {path: path.stat().st_mtime_ns for path in folder.rglob("*.pt")}
-    assert main(["train", "convex", "--preset", "smoke", "--out", str(folder)]) == 0
+    settings, file = folder / "settings.toml", tmp_path / "mine.toml"
+    command = ["train", "convex", "--preset", "smoke", "--out", str(folder), "--config"]
+    assert main([*command, str(settings)]) == 0
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.pt")} == kept
+    said = capsys.readouterr().out
+    names = "NVS PSNR ↑, NVS SSIM ↑, Albedo PSNR ↑, Normal MAE ↓, Roughness MSE ↓, Relight PSNR ↑"
+    assert ", ".join(re.findall(r"^\| (.+?) \|", said, re.M)[2:]) == names
+    assert re.search(r"^\| Normal MAE ↓ \| \d+\.\d\d \| deg \|$", said, re.M)
+    text = settings.read_text()
+    assert f"{text.count('# published: ')} settings are not as published: {settings} says which" in said
+    assert len(said.splitlines()) < 25
+    table = tomllib.loads(text)
+    assert leaf_names(Variant()) == [*flat(table["variant"])]
+    file.write_text(text.replace("radiometric_weight = 0.2", "radiometric_weight = 0.3"))
+    assert main([*command, str(file)]) == 2, "it is another model"
+    assert main([*command, str(file), "--set", "radiometric_weight=0.2", "--no-score"]) == 0, "--set comes last"
+    for wrong, code in (("[variant]\nweight = 1", 2), ("[variant", 2), (None, 3)):
+        file.write_text(wrong) if wrong else file.unlink()
+        assert main([*command, str(file)]) == code
+
+
+def test_a_light_of_the_scene_is_named_and_the_picture_to_open_is_said(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    relit = folder / "relight" / "bounces" / "relit" / "sunset" / "test_000.png"
+    shown = []
+    for light in ("sunset", str(TINY / "convex" / "envmaps" / "sunset.hdr")):
+        assert main(["relight", str(folder), "--envmap", light]) == 0
+        assert f"such as {relit}; " in capsys.readouterr().out
+        shown.append(relit.read_bytes())
+    assert shown[0] == shown[1]
+    assert main(["relight", str(folder), "--envmap", "sunst"]) == 2
+    assert "unknown light 'sunst' of scene 'convex'\nDid you mean 'sunset'?" in capsys.readouterr().err
 
 
 @pytest.mark.slow

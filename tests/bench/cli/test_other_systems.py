@@ -31,9 +31,7 @@ OF_LINUX = {
 HIDDEN = {
     "memfd_create", "MFD_CLOEXEC", "process_cpu_count", "sched_getaffinity",
 }  # fmt: skip
-PLACES = {
-    provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
-}
+PLACES = {provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET")}
 """Constants that name files of ``/proc``, by module."""
 
 

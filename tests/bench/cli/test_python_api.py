@@ -69,6 +69,11 @@ def chain_model() -> rb.Model:
     return rb.Model(ChainTrained(torch.zeros(1), 1.0), run, "chain")
 
 
+def test_a_scene_is_one_line_in_words() -> None:
+    scene = rb.load_scene("convex")
+    assert repr(scene) == f"Scene(name='convex', layout='tensoir', folder={scene.folder!r}, options={{}})"
+
+
 def test_a_model_is_short_in_words_and_a_picture_in_a_notebook(chain_model: rb.Model) -> None:
     assert repr(chain_model) == "Model('chain', scene 'sphere', preset 'smoke', seed 3)"
     assert repr(chain_model.prepared()) == "PreparedModel(scene 'sphere', maps image, alpha)"

@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 
 from bench import fake_method
 from bench.fake_method import FakeSweep, asked, fake_cell, write_sweep
-from radiogs_bench.cli import main, reporter
+from radiogs_bench.cli import main
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.runs.engines.run import OthersProgress
 from radiogs_bench.runs.progress import LogProgress
@@ -40,7 +41,7 @@ class Recorder(LogProgress):
 
 def test_the_pace_of_a_cell_is_kept_as_it_goes_and_gone_when_it_ends(tmp_path: Path) -> None:
     store, recorder, now = Store(tmp_path), Recorder(), 100.0
-    with KeptPace(recorder, store, KEY, lambda: now) as progress:
+    with KeptPace(recorder, store, KEY, lambda: now, name="a ball") as progress:
         progress.advance("stage 1", 41, 100)  # a checkpoint brought 40 of these
         first = pace_of(store, KEY)
         assert first is not None
@@ -58,12 +59,8 @@ def test_the_pace_of_a_cell_is_kept_as_it_goes_and_gone_when_it_ends(tmp_path: P
         progress.advance("evaluation", 1, 8)
         assert pace_of(store, KEY).task == "evaluation"  # type: ignore[union-attr]
     assert pace_of(store, KEY) is None
-    assert recorder.told == [
-        ("stage 1", 41, 100),
-        ("stage 1", 46, 100),
-        ("stage 1", 61, 100),
-        ("evaluation", 1, 8),
-    ]
+    steps = [("a ball: stage 1", done, 100) for done in (41, 46, 61)]
+    assert recorder.told == [*steps, ("a ball: evaluation", 1, 8)]
 
 
 def test_a_pace_file_that_cannot_be_written_stops_nothing(tmp_path: Path) -> None:
@@ -246,7 +243,7 @@ def test_status_says_step_speed_and_time_left(
     assert main(["status", str(store.folder)]) == 0
     shown = capsys.readouterr().out
     (line,) = [line for line in shown.splitlines() if label(sweep["cells"][5]) in line]
-    assert [part.strip() for part in line.split("│")[3:7]] == ["stage 1", "30/120", "6", "15 s"]
+    assert [part.strip() for part in line.split("|")[3:7]] == ["stage 1", "30/120", "6", "15 s"]
     assert "5 of 10 cells finished" in shown
     assert "about 2 min left" in shown
 
@@ -256,9 +253,10 @@ def test_on_80_columns_keys_give_way_and_no_number_is_cut(
 ) -> None:
     store, sweep = half_done
     put_pace(store, sweep["cells"][5]["key"], Pace("stage 1", 123_456, 200_000, 1234.5, time.time()))
-    monkeypatch.setattr(reporter, "LOG_WIDTH", 80)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     assert main(["status", str(store.folder)]) == 0
-    shown = capsys.readouterr().out
+    shown = re.sub(r"\x1b\[[\d;]*m", "", capsys.readouterr().out)
     assert max(map(len, shown.splitlines())) <= 80
     assert sweep["cells"][5]["key"] not in shown
     assert "123456/200000" in shown

@@ -2,6 +2,7 @@
 
 import json
 import struct
+import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +16,9 @@ import radiogs_bench as rb
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.export.loggers import course
+from radiogs_bench.export.records import export
 from radiogs_bench.runs.sweep import label, read_sweep
+from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import Result, known_values
 
 REQUEST = asked(2)
@@ -78,15 +81,30 @@ def test_a_frame_has_the_settings_in_one_column_or_each_in_its_own_and_the_value
         )
 
 
-def test_parquet_without_its_library_says_what_to_install(store: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        assert main(["export", str(store.store.folder), "--to", "parquet"]) == 2
-        assert "pip install 'radiogs-bench[parquet]'" in capsys.readouterr().err
-    else:
-        assert main(["export", str(store.store.folder), "--to", "parquet"]) == 0
-        assert len(pd.read_parquet(store.store.folder / "export.parquet")) == 10
+@pytest.mark.parametrize(
+    ("form", "library"), [("parquet", "pyarrow"), ("tensorboard", "torch.utils.tensorboard"), ("wandb", "wandb")]
+)
+def test_a_library_that_is_missing_is_named_before_a_cell_is_read(
+    form: str, library: str, sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read: list[str] = []
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setattr(Store, "result", lambda store, key: read.append(key))
+    assert main(["export", str(sweep.store.folder), "--to", form]) == 2
+    assert f"pip install 'radiogs-bench[{form}]'" in capsys.readouterr().err
+    assert read == []
+
+
+@pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs pyarrow: pip install 'radiogs-bench[parquet]'")
+def test_a_table_in_parquet_has_a_line_for_every_metric(store: FakeSweep) -> None:
+    assert main(["export", str(store.store.folder), "--to", "parquet"]) == 0
+    assert len(pd.read_parquet(store.store.folder / "export.parquet")) == 10
+
+
+def test_reading_tells_how_many_cells_are_done(sweep: FakeSweep, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    export(sweep.store, tmp_path / "export.csv", "csv", lambda done, total: told.append((done, total)))
+    assert told == [(1, 2), (2, 2)]
 
 
 def test_event_files_hold_the_trail_of_every_cell(store: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:
@@ -128,12 +146,6 @@ def sweep(tmp_path: Path) -> FakeSweep:
     write_sweep(made.store, ONE_SEED.manifest())
     made.run([cell for _, cell in cells[:2]])
     return made
-
-
-@pytest.mark.skipif(find_spec("wandb") is not None, reason="wandb is installed")
-def test_without_the_library_it_says_what_to_install(sweep: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", str(sweep.store.folder), "--to", "wandb"]) == 2
-    assert "pip install 'radiogs-bench[wandb]'" in capsys.readouterr().err
 
 
 def test_points_of_the_trail_are_named_by_loss_and_metric(sweep: FakeSweep) -> None:

@@ -13,7 +13,7 @@ from radiogs_bench.results.baseline import read_baseline
 
 ROOT = Path(__file__).parents[3]
 WORKFLOWS = ("gate.yml", "own_method_gate.yml")
-"""Those of a clone and of another repository's method, in the order of their recipes in the document."""
+"""The workflow of a clone and that of another repository's method, as the document has their recipes."""
 
 BOTH = pytest.mark.parametrize("place", [0, 1], ids=WORKFLOWS)
 

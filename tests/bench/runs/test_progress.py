@@ -124,7 +124,7 @@ def test_the_sweep_counts_the_steps_of_all_stages_and_not_those_of_a_checkpoint(
     recorder = Recorder()
     with SweepProgress(recorder, ("one", "two"), steps=40) as progress:
         for step in range(1, 11):
-            progress.advance("one", step, 10)
+            progress.advance("ball ours seed 0: one", step, 10)
         assert recorder.last["all stages"] == (10, 40)
         for step in range(15, 21):  # continued from a checkpoint at step 14
             progress.advance("two", step, 20)
@@ -132,7 +132,8 @@ def test_the_sweep_counts_the_steps_of_all_stages_and_not_those_of_a_checkpoint(
         assert recorder.last["all stages"] == (16, 26)
         for step in range(1, 11):  # the next cell's
             progress.advance("one", step, 10)
-    assert recorder.last == {"one": (10, 10), "two": (20, 20), "evaluation": (3, 8), "all stages": (26, 26)}
+    first = {"ball ours seed 0: one": (10, 10), "one": (10, 10)}
+    assert recorder.last == {**first, "two": (20, 20), "evaluation": (3, 8), "all stages": (26, 26)}
 
 
 def test_a_bar_that_gets_no_steps_for_a_while_is_shown_all_the_same(screen: Screen) -> None:

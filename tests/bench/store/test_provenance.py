@@ -1,16 +1,20 @@
 """A result says where it comes from."""
 
 import datetime
+import json
 import resource
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
 
 from bench.fake_method import CPU
+from radiogs_bench import extras
+from radiogs_bench.extras import git_state, version_and_commit
 from radiogs_bench.store import provenance
-from radiogs_bench.store.provenance import git_state, peak_memory, peaks_within, reset_peaks, session
+from radiogs_bench.store.provenance import peak_memory, peaks_within, reset_peaks, session
 from radiogs_core.kernels.runtime import workers
 
 
@@ -38,6 +42,17 @@ def test_git_state_is_that_of_the_repository_that_tracks_the_package(tmp_path: P
     (package / "__init__.py").write_text("x = 1\n")
     git_state.cache_clear()
     assert git_state(package) == {"commit": git(tmp_path, "rev-parse", "HEAD"), "dirty": True}
+
+
+def test_a_package_that_pip_installed_from_a_repository_knows_its_commit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = {"url": "https://example.org/it", "vcs_info": {"vcs": "git", "commit_id": "0123456789abcdef"}}
+    installed = SimpleNamespace(version="0.1.0", read_text={"direct_url.json": json.dumps(url)}.get)
+    monkeypatch.setattr(extras, "distribution", lambda name: installed)
+    assert git_state(tmp_path) == {"commit": "0123456789abcdef"}
+    monkeypatch.setattr(extras, "git_state", lambda: git_state(tmp_path))
+    assert version_and_commit() == "0.1.0, commit 0123456789ab"
 
 
 def test_the_git_state_is_none_without_git(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
