@@ -1,9 +1,8 @@
 """Whether a scene can be used: where it lies and how large it is, what it is called, and how little it shows.
 
-Cameras and surfels are float32 and gradients go with the inverse square of a length, so a scene far from the origin for
-its size has cameras on a coarse grid, and a very small one has gradients beyond 3e38. Both are refused here by name:
-otherwise they end in a worse image, or in a failure that speaks of a gradient. How little a scene shows is told in
-sentences: what its images cannot say, metrics of them cannot mean.
+Cameras and surfels are float32, so a scene far from the origin for its size has cameras on a coarse grid, and squares
+of very small or large lengths lose digits. Both are refused here by name: otherwise they end in a worse image. How
+little a scene shows is told in sentences: what its images cannot say, metrics of them cannot mean.
 """
 
 import math
@@ -19,11 +18,9 @@ from radiogs_core.scene.scene import Scene, View
 from .bounded_reading import require_storable
 from .layouts.inspection import shown
 
-SMALLEST_EXTENT = 5e-2
-LARGEST_EXTENT = 1e7
-"""Bounds of ``Scene.extent``, in world units. At .015 gradients of positions overflow on ``corner`` after 16 steps, at
-.004 at once. From about 1e8 on these gradients, which shrink as lengths grow, come near Adam's epsilon of 1e-15, and
-steps become shorter (docs/reliability.md has what was measured)."""
+SMALLEST_EXTENT, LARGEST_EXTENT = 1e-4, 1e7
+"""Bounds of ``Scene.extent``, in world units, between which results do not depend on the unit (docs/reliability.md has
+what was measured). From about 1e8 on gradients of positions, which shrink as lengths grow, come near Adam's epsilon."""
 
 FARTHEST = 100.0
 """Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
@@ -68,8 +65,7 @@ def require_placed(scene: Scene) -> None:
     if extent > 0 and not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
         raise DataError(
             f"scene '{scene.name}' is {extent:.3g} world units large",
-            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g}, gradients of positions neither overflow float32 nor"
-            " come near the epsilon of the optimiser.",
+            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g} results do not depend on the unit of length.",
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
     _require_near(scene, views)

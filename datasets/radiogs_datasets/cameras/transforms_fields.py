@@ -123,9 +123,7 @@ def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent
     down = None if vertical is None else _ratio(what, "camera_angle_y", vertical)
     given = {name: finite(fields[name]) for name in (*PIXELS[2:], *SIZE) if fields.get(name) is not None}
     if not all(map(math.isfinite, given.values())):
-        raise DataError(
-            f"{what}: of {', '.join(given)} one is no finite number", "A lens has numbers.", "Correct the file."
-        )
+        raise DataError(f"{what}: of {', '.join(given)} one is no finite number", "", "Correct the file.")
 
     def lens(height: int, width: int) -> Lens:
         columns, rows = given.get("w", float(width)), given.get("h", float(height))

@@ -62,17 +62,12 @@ def exposure(evidence: Evidence) -> Iterator[Finding]:
     if len(pairs) < FEWEST_VIEWS:
         return
     own = {place: each.difference(each.own) for place, each in pairs.items()}
-    tried = {
-        place: best((says, each.difference(read(each.own))) for says, read in DISPLAY)
-        for place, each in pairs.items()
-        if own[place] >= SUSPECT
-    }
-    # A curve darkens or brightens, too: it is the cause only where it fits better than a gain.
-    fits = {
-        place: fit
-        for place, fit in tried.items()
-        if fit.cost < EXPLAINED * own[place] and fit.cost < pairs[place].without_gain()
-    }
+    fits = {}
+    for place, each in pairs.items():
+        fit = best((says, each.difference(read(each.own))) for says, read in DISPLAY)
+        # A curve darkens or brightens, too: it is the cause only where it fits better than a gain.
+        if own[place] >= SUSPECT and fit.cost < min(EXPLAINED * own[place], each.without_gain()):
+            fits[place] = fit
     usual = float(np.median([fits[place].cost if place in fits else own[place] for place in pairs]))
     sound = max(SUSPECT, SOUND * usual)
     yield from (warning(evidence.looks[place].name, fit.explains(WHAT, sound)) for place, fit in fits.items())

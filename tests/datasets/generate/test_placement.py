@@ -1,9 +1,10 @@
 """Scenes that float32 cannot hold, names that cannot be stored, and scenes that show too little are said."""
 
 import json
+import math
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,7 +68,7 @@ def rewrite(folder: Path, place: int, move: Move) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factor", [2.0**-14, 2.0**-18, 1e-9, 1e9, 1e12])
+@pytest.mark.parametrize("factor", [2.0**-18, 1e-9, 1e9, 1e12])
 def test_a_scene_of_a_size_that_float32_cannot_square_is_refused(factor: float) -> None:
     """Audit M21: translations times 2^-18 ended with a gradient that was not finite, exit 4."""
     scene = load_scene("corner")
@@ -78,21 +79,24 @@ def test_a_scene_of_a_size_that_float32_cannot_square_is_refused(factor: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [2.0**-6, 2.0**10, 2.0**20])
-def test_training_does_not_depend_on_the_unit_of_length(scale: float) -> None:
-    """Issue 29, item 3: powers of two round nothing, so that nothing but the unit differs. It is in the logarithms of
-    sizes, whose last digits the losses may show."""
-    home = losses_of(SCENE)
+@pytest.mark.parametrize("scale", [2.0**-15, 2.0**-7, 2.0**10, 2.0**20])
+def test_results_do_not_depend_on_the_unit_of_length(scale: float) -> None:
+    """Powers of two round nothing, so that nothing but the unit differs. It is in the logarithms of sizes, whose last
+    digits losses and surfels may show."""
+    losses, surfels = learnt(SCENE)
     require_placed(placed(SCENE, scale))
-    assert losses_of(placed(SCENE, scale)) == pytest.approx(home, rel=1e-4)
+    other_losses, other = learnt(placed(SCENE, scale))
+    assert other_losses == pytest.approx(losses, rel=1e-4)
+    torch.testing.assert_close(other["centre"] / scale, surfels["centre"], rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(other["log_scale"] - math.log(scale), surfels["log_scale"], rtol=1e-4, atol=1e-4)
 
 
-def losses_of(scene: Scene) -> dict[str, float]:
-    """Losses of the last of 24 steps of stage 1, some of which add and remove surfels."""
+def learnt(scene: Scene) -> tuple[dict[str, float], Mapping[str, torch.Tensor]]:
+    """Losses of the last of 24 steps of stage 1, some of which add and remove surfels, and what it has learnt."""
     stage = Initialisation(Run(scene, Variant(), BUDGET, 0, CPU))
     for _ in range(BUDGET.geometry.steps):
         losses = stage.step()
-    return {name: float(value) for name, value in losses.items()}
+    return {name: float(value) for name, value in losses.items()}, stage.optimiser.tensors
 
 
 def test_a_scene_far_from_the_origin_for_its_size_is_refused() -> None:
