@@ -19,7 +19,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
-from .image_files import UNIT_LEVELS, wanting_levels
+from .image_files import UNIT_LEVELS, wanting
 from .options import SceneOptions
 from .view_maps import displayed_light
 
@@ -149,16 +149,17 @@ _kept = KeptMaps()
 
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
-    displayed = name == "image" or name.startswith("relit/")
-    if not displayed or name.endswith("/indirect"):
-        return _reduced(view, name, view.read(name), size)
-    with wanting_levels():
-        stored = view.sources[name]()
-    if stored.dtype != torch.uint8:
+    with wanting("values"):
+        if (name == "image" or name.startswith("relit/")) and not name.endswith("/indirect"):
+            with wanting("levels"):
+                stored = view.sources[name]()
+            if stored.dtype == torch.uint8:
+                weight = view.read("alpha") if view.has("alpha") else None
+                light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
+                return displayed_light(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
+        else:
+            stored = view.read(name)
         return _reduced(view, name, stored, size)
-    weight = view.read("alpha") if view.has("alpha") else None
-    light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
-    return displayed_light(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
 
 
 LINEAR_LEVELS = srgb_decode(torch.from_numpy(UNIT_LEVELS)).numpy()

@@ -174,7 +174,7 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         else:
             _require_none(options, name_or_path)
             scene = load(place)
-    said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests))
+    said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests | files.pixels))
     scene = files.held(replace(scene, repairs=(*scene.repairs, *said)))
     require_names(scene)
     require_shaped(scene)

@@ -227,7 +227,7 @@ def _has_coarse_depth(photo: Photo, headers: Mapping[Path, Header]) -> bool:
     if photo.depth is None:
         return False
     size = headers[photo.depth].size if photo.depth in headers else read_depth_map(photo.depth).shape[:2]
-    wanted = (photo.lens.height, photo.lens.width)
+    wanted = photo.lens.size
     if photo.turned > 1 and not is_reduction(wanted, size):
         size = size[::-1]
     if is_reduction(size, wanted) and size != wanted:

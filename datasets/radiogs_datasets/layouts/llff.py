@@ -96,7 +96,8 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
             "Take the photos that COLMAP did not register out of the folder.",
         )
     # The file has no names. Capitals apart, only numbers tell the order of text from another.
-    by_text, counted = (sorted(found[fitting], key=key) for key in (lambda path: path.name.casefold(), lambda path: by_number(path.name)))
+    by_text = sorted(found[fitting], key=lambda path: path.name.casefold())
+    counted = sorted(found[fitting], key=lambda path: by_number(path.name))
     poses = (f"pose {place}" for place in range(count))
     require_one_order(folder / fitting, zip(poses, by_text, counted, strict=True))
     return fitting, found[fitting]

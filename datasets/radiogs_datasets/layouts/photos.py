@@ -232,7 +232,7 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     if options.masks == "ignore":
         said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
     covered = [photo for photo in given if photo.covers]
-    if covered and all(bool((_stored_coverage(photo) == 1).all()) for photo in covered):
+    if covered and all(_opaque(photo) for photo in covered):
         kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
         said.append(f"{kind} 1 in all of its photos, which says nothing")
         given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
@@ -296,9 +296,9 @@ def _image(photo: Photo) -> Tensor:
     """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
     stored = read_stored(photo.image)
     stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
-    plain = photo.lens.pinhole and not photo.has_alpha and not photo.ignores
-    if plain and levels_wanted() and stored.dtype == np.uint8:
-        return torch.from_numpy(np.array(np.broadcast_to(stored[..., :3], (*stored.shape[:2], 3)), order="C"))
+    if levels_wanted() and photo.lens.pinhole and not photo.ignores and stored.dtype == np.uint8:
+        colour = np.repeat(stored[..., :1], 3, 2) if stored.shape[2] < 3 else stored[..., :3]
+        return torch.from_numpy(np.ascontiguousarray(colour))
     image = displayed(stored)
     if not photo.lens.pinhole:
         image = undistorted(image, _stored_coverage(photo) if photo.covers else None, photo.lens)
@@ -319,16 +319,33 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
     return valid
 
 
-def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
-    coverage = _stored_coverage(photo)
-    coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
-    if not bool((coverage > 0).any()):
+def _alpha(photo: Photo) -> Tensor:
+    """Coverage in [0, 1], [height, width, 1]; 8-bit levels where they are asked for and a mask has them as they are."""
+    coverage = _mask_as_it_is(photo) if levels_wanted() else None
+    if coverage is None:
+        coverage = _stored_coverage(photo)
+        coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
+    if not coverage.numpy().any():
         raise DataError(
             f"no pixel of {photo.image} is covered",
             "Its mask and alpha leave nothing of what the camera sees.",
             "Correct the mask, or take the view out of the scene.",
         )
     return coverage
+
+
+def _mask_as_it_is(photo: Photo) -> Tensor | None:
+    """The 8-bit levels [height, width, 1] of a mask that alone is its photo's coverage; None where it is not."""
+    if photo.mask is None or photo.has_alpha or not photo.lens.pinhole:
+        return None
+    levels = mask_levels(photo.mask)
+    return torch.from_numpy(levels) if levels.dtype == np.uint8 and levels.shape[:2] == photo.lens.size else None
+
+
+def _opaque(photo: Photo) -> bool:
+    """Whether the coverage of a photo is 1 throughout."""
+    levels = _mask_as_it_is(photo)
+    return float(_stored_coverage(photo).min()) == 1 if levels is None else int(levels.min()) == 255
 
 
 def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -341,7 +358,7 @@ def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) -> Float[Tensor, "rows columns 1"]:
     """Coverage as its photo is: turned, and reduced by area means. Raises DataError where it has another shape."""
-    wanted = (photo.lens.height, photo.lens.width)
+    wanted = photo.lens.size
     if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
         values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))
     size = (values.shape[0], values.shape[1])
@@ -349,6 +366,9 @@ def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) 
         require_same_size(path, size, wanted)
     return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
 
+
+BAND = 1 << 8
+"""Rows of a mask that are looked at together, to take little memory."""
 
 FLAT_SHARE = 0.2
 """Share of a mask's pixels above zero from which on areas of one level, neither 0 nor the largest, are labels."""
@@ -358,36 +378,52 @@ NEARLY = 8 / 255
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
-    """Coverage in [0, 1]: the alpha of an image that has one which says something, else its grey level.
+    """Coverage in [0, 1] of a mask (``mask_levels``)."""
+    return torch.from_numpy(in_unit_range(mask_levels(path)))
+
+
+def mask_levels(path: Path) -> NDArray:
+    """Levels or values [height, width, 1] of a mask: the alpha of an image if that says something, else its grey level.
 
     A mask is numbers: its colour profile is passed over. An alpha of 1 throughout says nothing: many programs add one
     when they save grey pictures. Raises DataError for colours, and for levels that are labels.
     """
-    stored = read_stored(path, numbers=True)
-    image = in_unit_range(stored)
-    by_alpha = image.shape[2] == 4 and bool((image[..., 3] < 1).any())
+    image = read_stored(path, numbers=True)
+    most = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+    by_alpha = image.shape[2] == 4 and bool((image[..., 3] < most).any())
     if not by_alpha and any((image[..., 0] != image[..., place]).any() for place in range(1, min(3, image.shape[2]))):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
-    mask = np.clip(image[..., 3:] if by_alpha else image[..., :1], 0, 1)
-    most = 65535 if stored.dtype == np.uint16 else 255
-    # Much of a mask of labels lies in areas of one level between 0 and the largest; edges do not.
-    level = mask[:-1, :-1]
-    flat = (level > 0) & (level < 1 - NEARLY) & (level == mask[1:, 1:])
-    flat &= (level == mask[1:, :-1]) & (level == mask[:-1, 1:])
-    dark = 0 < float(mask.max()) < 1.5 / 255
-    if dark or int(flat.sum()) > FLAT_SHARE * int((mask > 0).sum()):
-        held = np.unique(np.rint(most * level[flat])).astype(int).tolist() or [1]
+    mask = np.ascontiguousarray(image[..., 3:] if by_alpha else image[..., :1])
+    mask = np.clip(mask, 0, 1) if most == 1 else mask
+    bands = range(0, max(len(mask) - 1, 1), BAND)
+    areas = np.concatenate([_levels_of_areas(mask[first : first + BAND + 1], most) for first in bands])
+    dark = 0 < float(mask.max()) < most * 1.5 / 255
+    if dark or len(areas) > FLAT_SHARE * np.count_nonzero(mask):
+        whole = 255 if most == 1 else most
+        held = np.unique(np.rint(areas.astype(np.float32) / most * whole)).astype(int).tolist() or [1]
         raise DataError(
             f"{path} is a mask of the levels 0 and {shown([str(each) for each in held])}",
-            f"Levels run to {most}, where all of a pixel shows the object: labels would make it all but transparent.",
-            f"Write {most} where the object is, and 0 elsewhere.",
+            f"Levels run to {whole}, where all of a pixel shows the object: labels would make it all but transparent.",
+            f"Write {whole} where the object is, and 0 elsewhere.",
         )
-    return torch.from_numpy(np.ascontiguousarray(mask))
+    return mask
+
+
+def _levels_of_areas(mask: NDArray, most: int) -> NDArray:
+    """The level of each pixel between 0 and the largest level whose neighbours to the right and below have it, too.
+
+    Much of a mask of labels lies in such areas; soft edges do not.
+    """
+    level = mask[:-1, :-1]
+    flat = (level > 0) & (level < most * (1 - NEARLY))
+    for other in (mask[1:, 1:], mask[1:, :-1], mask[:-1, 1:]):
+        flat &= level == other
+    return level[flat]
 
 
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     assert photo.depth is not None
-    levels, wanted = read_depth_map(photo.depth), (photo.lens.height, photo.lens.width)
+    levels, wanted = read_depth_map(photo.depth), photo.lens.size
     if photo.turned in TURNS and not is_reduction(wanted, levels.shape[:2]):
         levels = TURNS[photo.turned](levels)
     if not is_reduction(wanted, levels.shape[:2]) or float(levels.min()) < 0:

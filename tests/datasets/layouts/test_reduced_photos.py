@@ -109,6 +109,12 @@ def test_a_large_photo_is_decoded_once_and_its_map_is_the_callers_own(
     assert len(decoded) == 1
 
 
+def test_a_reduced_photo_has_values_where_levels_are_wanted(tmp_path: Path) -> None:
+    view = capture(tmp_path, ".jpg", photo((96, 96, 3), np.uint8), ".png").train[0]
+    with image_files.wanting("levels"):
+        assert all(torch.equal(view.sources[name](), view.read(name)) for name in ("image", "alpha"))
+
+
 def test_maps_that_are_kept_take_bounded_memory() -> None:
     kept, calls = KeptMaps(most=1000), []
 
