@@ -145,8 +145,6 @@ def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) 
     assert ("photo_005", "its image is that of photo_004") in found
     assert [what[:11] for place, what in found if place == "photo_006"] == ["no pixel of"]
     assert [what[:16] for place, what in found if place == "photo_008"] == ["16 of its pixels"]
-    assert [place for place, what in found if "is damaged" in what] == [
-        "images/photo_003.png",
-        str(masks / "photo_007.png"),
-    ]
+    damaged = sorted(place for place, what in found if "is damaged" in what)
+    assert damaged == [str(masks / "photo_007.png"), "images/photo_003.png"]
     assert len(found) == 8  # and where photos are read from, and which views are scored
