@@ -62,7 +62,7 @@ READERS = 2
 
 @dataclass(frozen=True)
 class Seen:
-    """What was found in one view or file: the files that were decoded for it, with bits a sample (None: damaged)."""
+    """Findings on one view or file, and the files that were decoded for it, with bits a sample (None: damaged)."""
 
     files: Mapping[Path, int | None]
     damage: Sequence[Finding] = ()
@@ -107,7 +107,7 @@ def check_scene(
 
 
 def _seen(folder: Path, scene: Scene | None, views: Sequence[View], advance: Advance) -> Iterator[Seen]:
-    """What is found in each view, in their order, then in each file that no view has read."""
+    """Findings on each view, in their order, then on each file that no view has read."""
     # Hidden files are left out: macOS lays a file ._NAME of its own beside each.
     images = (path for path in folder.rglob("*") if usual_type(path) in KNOWN and path.is_file())
     left = {path for path in images if not any(part[0] == "." for part in path.relative_to(folder).parts)}
@@ -126,7 +126,7 @@ def _seen(folder: Path, scene: Scene | None, views: Sequence[View], advance: Adv
 
 
 def _of_scene(scene: Scene) -> Iterator[Finding]:
-    """What the loader repaired, and what the scene lacks for training and relighting."""
+    """Findings on the loader's repairs, and on what training and relighting lack."""
     yield from (warning(scene.name, repair) for repair in scene.repairs)
     try:
         require_trainable(scene)
@@ -138,7 +138,7 @@ def _of_scene(scene: Scene) -> Iterator[Finding]:
 
 
 def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iterator[Finding]:
-    """What is found in views, one by one and held against one another; ``seen`` begins with what they showed."""
+    """Findings on views, one by one and held against one another; ``seen`` begins with theirs."""
     of_views = list(zip(views, seen, strict=False))
     yield from (each for _, one in of_views for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)

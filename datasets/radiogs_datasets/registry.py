@@ -12,9 +12,7 @@ from .bounded_reading import printable
 from .data_root import OTHERS, TINY, below, below_root, data_root, in_data_sets, scene_names
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
-from .hard_cases import NAME as HARD_CASES
-from .hard_cases import hard_cases
-from .hard_scenes import BASE, CONDITIONS, hard_scene
+from .hard_scenes import BASE, CONDITIONS, HARD_CASES, hard_cases, hard_scene
 from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
 from .layouts.inspection import shown
 from .options import AS_STORED, SceneOptions

@@ -27,7 +27,8 @@ from ..cameras.lens import SIZE_TOLERANCE, Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
 from .inspection import by_number, names_in, require_distinct, require_one_order, split_lists, split_views
-from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
+from .masks import masks_of
+from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, placed, views_of
 
 TABLE = "poses_bounds.npy"
 
