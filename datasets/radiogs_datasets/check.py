@@ -1,10 +1,13 @@
 """Everything that is wrong with a scene's folder, at once; loading it stops at the first error."""
 
 import hashlib
+import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -12,12 +15,12 @@ import torch
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
-from .cameras.transforms import read_transforms
+from .cameras.transforms import Transforms, read_transforms
 from .deep_check import deep_findings
 from .deep_check.evidence import gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
-from .image_files import in_unit_range, read_stored
+from .image_files import Decoded, decoded_once, in_unit_range, read_stored, wanting
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
@@ -53,69 +56,149 @@ class Report:
         return not any(finding.severity == "error" for finding in self.findings)
 
 
+READERS = 2
+"""Threads that read, and photos in memory. JPEG is decoded in one at a time (``native_output``), all else in both."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Findings on one view or file, and the files that were decoded for it, with bits a sample (None: damaged)."""
+
+    files: Mapping[Path, int | None]
+    damage: Sequence[Finding] = ()
+    wrong: Sequence[Finding] = ()
+    remarks: Sequence[Finding] = ()
+    frame: Frame | None = None
+    digest: bytes = b""
+
+
 def check_scene(
     name_or_path: str,
     options: SceneOptions = AS_STORED,
     advance: Advance = lambda done, total: None,
     deep: bool = False,
 ) -> Report:
-    """Decode every image below the scene's folder, load the scene as the options say, and look at its views.
+    """Load the scene as the options say, look at its views, and decode every other image below its folder, each once.
 
     ``deep``: whether cameras, images and maps of a scene without errors are also held against one another
-    (``deep_check``). ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such
-    folder.
+    (``deep_check``). ``advance`` is told (done, total) files. Raises DataError only if there is no such folder.
     """
-    folder = scene_folder(name_or_path).absolute()
-    bits: Bits = defaultdict(lambda: defaultdict(list))
-    findings = list(_damaged_files(folder, bits, advance))
+    folder = Path(os.path.normpath(scene_folder(name_or_path).absolute()))
     scene: Scene | None = None
+    failed: list[Finding] = []
     try:
         scene = load_scene(name_or_path, options=options)
     except DataError as error:
-        if _sentence(error) not in {finding.what for finding in findings}:
-            findings.append(Finding(folder.name, _sentence(error)))
-    findings += _mixed_bits(bits)
+        failed.append(Finding(folder.name, _sentence(error)))
+    views = () if scene is None else (*scene.train, *scene.test)
+    seen = list(_seen(folder, scene, views, advance))
+    findings = [each for one in seen for each in one.damage]
+    findings.sort(key=lambda each: (not each.place.endswith(".json"), each.place))
+    findings += [each for each in failed if each.what not in {damage.what for damage in findings}]
+    findings += _mixed_bits(folder, {path: bits for one in seen for path, bits in one.files.items()})
     if scene is not None:
-        findings += [warning(folder.name, repair) for repair in scene.repairs]
-        try:
-            require_trainable(scene)
-        except DataError as error:
-            findings.append(Finding(scene.name, _sentence(error)))
-        shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
-        without = "has images of the test views, but no environment map: it cannot be relit"
-        findings += [warning(light, without) for light in sorted(shown - scene.lights.keys())]
-        findings += _views(scene, advance)
-        if not deep and len(equal_poses([view.camera for view in (*scene.train, *scene.test)])):
+        findings += _of_scene(scene)
+        findings += _of_views(scene, views, seen)
+        if not deep and len(equal_poses([view.camera for view in views])):
             findings += poses(gather(scene, maps=False))
         if deep and not any(finding.severity == "error" for finding in findings):
             findings += deep_findings(scene, advance)
     return Report(scene, tuple(grouped(findings)))
 
 
-Bits = dict[str, dict[int, list[str]]]
-"""Images by their kind (names alike but for their digits) and their bits a sample."""
-
-
-def _damaged_files(folder: Path, bits: Bits, advance: Advance) -> Iterator[Finding]:
-    """Files that cannot be decoded; what they say of colours matters where a view reads them. ``bits`` is filled."""
-    tables = sorted(folder.rglob("transforms*.json"))
+def _seen(folder: Path, scene: Scene | None, views: Sequence[View], advance: Advance) -> Iterator[Seen]:
+    """Findings on each view, in their order, then on each file that no view has read."""
     # Hidden files are left out: macOS lays a file ._NAME of its own beside each.
-    named = (path for path in folder.rglob("*") if usual_type(path) in KNOWN and path.is_file())
-    images = sorted(path for path in named if not any(part[0] == "." for part in path.relative_to(folder).parts))
-    for done, path in enumerate([*tables, *images], start=1):
-        place = path.relative_to(folder).as_posix()
+    images = (path for path in folder.rglob("*") if usual_type(path) in KNOWN and path.is_file())
+    left = {path for path in images if not any(part[0] == "." for part in path.relative_to(folder).parts)}
+    left |= {*folder.rglob("transforms*.json")}
+    total = len(left)
+
+    def counted(seen: Seen) -> Seen:
+        left.difference_update(seen.files)
+        advance(total - len(left), total)
+        return seen
+
+    centre = scene.centre if scene is not None and _look_at_something(scene) else None
+    with ThreadPoolExecutor(READERS) as pool:
+        yield from map(counted, pool.map(partial(_at_view, folder, centre), views))
+        yield from map(counted, pool.map(partial(_at_file, folder), sorted(left)))
+
+
+def _of_scene(scene: Scene) -> Iterator[Finding]:
+    """Findings on the loader's repairs, and on what training and relighting lack."""
+    yield from (warning(scene.name, repair) for repair in scene.repairs)
+    try:
+        require_trainable(scene)
+    except DataError as error:
+        yield Finding(scene.name, _sentence(error))
+    shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
+    without = "has images of the test views, but no environment map: it cannot be relit"
+    yield from (warning(light, without) for light in sorted(shown - scene.lights.keys()))
+
+
+def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iterator[Finding]:
+    """Findings on views, one by one and held against one another; ``seen`` begins with theirs."""
+    of_views = list(zip(views, seen, strict=False))
+    yield from (each for _, one in of_views for each in one.wrong)
+    names: dict[bytes, list[str]] = defaultdict(list)
+    for view, one in of_views:
+        if one.frame is not None:
+            names[one.digest].append(view.name)
+            yield from one.remarks
+            if view.has("alpha") and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
+                throughout = "its alpha or mask is 1 throughout, unlike those of others: every pixel counts"
+                yield warning(view.name, throughout)
+    for first, *others in names.values():
+        if others:
+            more = f", as are {len(others) - 1} more" if others[1:] else ""
+            yield warning(others[0], f"its image is that of {first}{more}")
+    frames = [one.frame for one in seen if one.frame is not None]
+    yield from (warning(scene.name, said) for said in doubtful_coverage(scene, frames))
+
+
+def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
+    """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels."""
+    wrong = [] if centre is None else list(_aim(view, centre))
+    with decoded_once() as files, wanting("levels"):
         try:
-            if path.suffix == ".json":
-                read_transforms(path)
-            else:
-                image = read_stored(path, numbers=True)
-                if usual_type(path) == "PNG":
-                    bits[re.sub(r"\d+", "#", place)][8 * image.itemsize].append(place)
-                if NORMAL_FILE.fullmatch(path.name):
-                    yield from _not_unit(place, torch.from_numpy(in_unit_range(image)))
-        except DataError as error:
-            yield Finding(place, _sentence(error))
-        advance(done, len(tables) + len(images))
+            alpha, valid = (view.sources[name]() if view.has(name) else None for name in ("alpha", "valid"))
+            if alpha is not None and not alpha.numpy().any():
+                wrong.append(Finding(view.name, "its mask is empty: no pixel shows the object"))
+            image = view.sources["image"]()
+        except ExplainedError as error:
+            bits, damage = _decoded(folder, files)
+            if _sentence(error) not in {each.what for each in damage}:
+                wrong.append(Finding(view.name, _sentence(error)))
+            return Seen(bits, damage, wrong)
+    remarks = [warning(view.name, said) for said in little_evidence(image, alpha)]
+    digest = hashlib.sha256(image.contiguous().numpy().data).digest()
+    return Seen(*_decoded(folder, files), wrong, remarks, Frame.of(image, alpha, valid), digest)
+
+
+def _at_file(folder: Path, path: Path) -> Seen:
+    """A look at one file; what it says of colours matters where a view reads it."""
+    try:
+        found = read_transforms(path) if path.suffix == ".json" else read_stored(path, numbers=True)
+    except DataError as error:
+        found = error
+    if isinstance(found, Transforms):
+        return Seen({path: None})
+    return Seen(*_decoded(folder, {(path, True): found}))
+
+
+def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list[Finding]]:
+    """Bits a sample of files that were decoded, None for damaged ones, and what is wrong with them."""
+    bits: dict[Path, int | None] = {}
+    damage: list[Finding] = []
+    for (path, _), found in files.items():
+        place = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+        bits[path] = None if isinstance(found, DataError) else 8 * found.itemsize
+        if isinstance(found, DataError):
+            damage.append(Finding(place, _sentence(found)))
+        elif NORMAL_FILE.fullmatch(path.name):
+            damage += _not_unit(place, torch.from_numpy(in_unit_range(found)))
+    return bits, damage
 
 
 def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
@@ -128,41 +211,18 @@ def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
         yield Finding(place, f"{share:.0f} % of its normals are not of unit length: is it encoded as n / 2 + 1 / 2?")
 
 
-def _mixed_bits(bits: Bits) -> Iterator[Finding]:
-    """Files of one kind with 8 bits here and 16 there."""
-    for depths in bits.values():
+def _mixed_bits(folder: Path, bits: Mapping[Path, int | None]) -> Iterator[Finding]:
+    """Files of one kind (names alike but for their digits) with 8 bits here and 16 there."""
+    kinds: dict[str, dict[int, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for path in sorted(path for path in bits if usual_type(path) == "PNG" and path.is_relative_to(folder)):
+        if (depth := bits[path]) is not None:
+            place = path.relative_to(folder).as_posix()
+            kinds[re.sub(r"\d+", "#", place)][depth].append(place)
+    for depths in kinds.values():
         if len(depths) > 1:
             rare = min(depths, key=lambda bits: len(depths[bits]))
             what = f"has {rare} bits a channel, unlike the others of its kind"
             yield from (warning(place, what) for place in depths[rare])
-
-
-def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
-    views = [*scene.train, *scene.test]
-    centre = scene.centre if _look_at_something(scene) else None
-    good = []
-    for done, view in enumerate(views, start=1):
-        try:
-            yield from _view(view, centre)
-            good.append(view)
-        except ExplainedError as error:
-            yield Finding(view.name, _sentence(error))
-        advance(done, len(views))
-    frames: list[Frame] = []
-    names: dict[bytes, list[str]] = defaultdict(list)
-    for view in good:
-        image = view.read("image")
-        alpha, valid = (view.read(name) if view.has(name) else None for name in ("alpha", "valid"))
-        frames.append(Frame.of(image, alpha, valid))
-        names[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
-        yield from (warning(view.name, said) for said in little_evidence(image, alpha))
-        if alpha is not None and frames[-1].whole == 1 and scene.layout in OF_PHOTOS:
-            yield warning(view.name, "its alpha or mask is 1 throughout, unlike those of others: every pixel counts")
-    for first, *others in names.values():
-        if others:
-            more = f", as are {len(others) - 1} more" if others[1:] else ""
-            yield warning(others[0], f"its image is that of {first}{more}")
-    yield from (warning(scene.name, said) for said in doubtful_coverage(scene, frames))
 
 
 def _look_at_something(scene: Scene) -> bool:
@@ -174,18 +234,16 @@ def _look_at_something(scene: Scene) -> bool:
     return float(torch.linalg.eigvalsh(spread)[0]) > PARALLEL
 
 
-def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
-    if centre is not None:
-        camera = view.camera.to(dtype=torch.float64)
-        depth = float(camera.depth_of(centre))
-        place = camera.axes.T @ (centre - camera.centre)
-        column, row = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
-        if depth <= 0:
-            yield Finding(view.name, "the camera looks away from what the others look at")
-        elif not (0 <= column <= camera.width and 0 <= row <= camera.height):
-            yield Finding(view.name, "what the cameras look at lies outside this image")
-    if view.has("alpha") and not bool((view.read("alpha") > 0).any()):
-        yield Finding(view.name, "its mask is empty: no pixel shows the object")
+def _aim(view: View, centre: torch.Tensor) -> Iterator[Finding]:
+    """Whether the camera sees the point that all look at."""
+    camera = view.camera.to(dtype=torch.float64)
+    depth = float(camera.depth_of(centre))
+    place = camera.axes.T @ (centre - camera.centre)
+    column, row = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
+    if depth <= 0:
+        yield Finding(view.name, "the camera looks away from what the others look at")
+    elif not (0 <= column <= camera.width and 0 <= row <= camera.height):
+        yield Finding(view.name, "what the cameras look at lies outside this image")
 
 
 def _sentence(error: ExplainedError) -> str:

@@ -1,7 +1,8 @@
-"""A miniature under conditions that are hard for a whole training, whatever the method: suite ``hard-training``.
+"""Scenes that are hard for every method: a camera and a sky in exact numbers, and a miniature under hard conditions.
 
-Under some, every metric should be that of the miniature itself (``Condition.same``); under the others nothing can be
-learnt, and training, rendering and relighting should end with finite values.
+They are the scenes of suites ``stability`` and ``hard-training``. Under some conditions every metric should be that of
+the miniature itself (``Condition.same``); under the others nothing can be learnt, and training, rendering and
+relighting should end with finite values.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,8 +12,9 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from .reduction import with_long_side
@@ -107,3 +109,21 @@ CONDITIONS: Mapping[str, Condition] = {
     "hard-black": Condition("black training images", lambda base: painted(base, 0.0)),
     "hard-white": Condition("white training images", lambda base: painted(base, 1.0)),
 }
+
+
+HARD_CASES = "hard-cases"
+WIDTH, HEIGHT, FOCAL = 16, 12, 16.0
+SKY_HEIGHT = 16
+
+
+def hard_cases() -> Scene:
+    """A camera at the origin that looks along +z with the world's axes, and a sky that brightens towards +z.
+
+    Powers of two all over: float64 sees the same camera as float32, to the last bit.
+    """
+    camera = Camera(torch.eye(4), FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+    upward = texel_directions(SKY_HEIGHT, 2 * SKY_HEIGHT)[..., 2:].float()
+    sky = EnvironmentMap((0.25 + 0.125 * upward) * torch.tensor([0.75, 1.0, 1.25]))
+    view = View(f"{HARD_CASES}_0", camera, {})
+    checksum = f"{HARD_CASES}, {WIDTH} x {HEIGHT} pixels of 1 / {FOCAL}, sky of {SKY_HEIGHT} rows from 1/8 to 3/8"
+    return Scene(HARD_CASES, "none", (view,), (view,), {}, sky, checksum)

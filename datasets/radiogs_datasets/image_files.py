@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -42,6 +42,22 @@ def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
     return in_unit_range(read_stored(path, numbers))
 
 
+Decoded = dict[tuple[Path, bool], NDArray | DataError]
+"""Images by path and whether they were read as numbers: levels or values, or the error that reading ended in."""
+
+_kept: ContextVar[Decoded | None] = ContextVar("images that are kept once decoded", default=None)
+
+
+@contextmanager
+def decoded_once() -> Iterator[Decoded]:
+    """Within the block this thread decodes each file once; gives what was decoded, which nobody may write into."""
+    token = _kept.set(kept := {})
+    try:
+        yield kept
+    finally:
+        _kept.reset(token)
+
+
 def read_stored(path: Path, numbers: bool = False) -> NDArray:
     """An image as stored, [height, width, channels] in the order (R, G, B, A); its bytes tell the file's type.
 
@@ -49,22 +65,31 @@ def read_stored(path: Path, numbers: bool = False) -> NDArray:
     levels are ``numbers``, such as a mask's. Float32 values of an OpenEXR or Radiance file are linear. EXIF's
     orientation is not applied. Raises DataError if the file is missing, cut off, damaged or of another type.
     """
+    if (kept := _kept.get()) is None:
+        return _read_stored(path, numbers)
+    if (found := kept.get((path, numbers))) is None:
+        try:
+            found = _read_stored(path, numbers)
+        except DataError as error:
+            found = error
+        kept[path, numbers] = found
+    if isinstance(found, DataError):
+        raise found
+    return found
+
+
+def _read_stored(path: Path, numbers: bool) -> NDArray:
     data = read_bytes(path)
     match type_of(path, data):
         case "PNG":
             return _png_levels(path, data, numbers)
         case "JPEG" | "WebP" as kind:
             profile = None if numbers else photo_file(path, data).info.get("icc_profile")
-            image = decode_jpeg(path, data) if kind == "JPEG" else _decode(path, data)
-            return in_srgb(path, image[..., ORDER[image.shape[2]]], profile)
+            return in_srgb(path, decode_jpeg(path, data) if kind == "JPEG" else _decode(path, data), profile)
         case "OpenEXR":
             return read_exr(path, data)
         case _:
             return read_hdr(path, data)
-
-
-ORDER = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}
-"""OpenCV's channels in our order, and the reverse, by their number."""
 
 
 def _png_levels(path: Path, data: bytes, numbers: bool) -> NDArray:
@@ -74,7 +99,7 @@ def _png_levels(path: Path, data: bytes, numbers: bool) -> NDArray:
         image = _decode(path, data)
     printed.taken((b"libpng warning: iCCP",))  # ``in_srgb`` judges profiles
     printed.pass_on()
-    levels = in_srgb(path, image[..., ORDER[image.shape[2]]], layout.profile)
+    levels = in_srgb(path, image, layout.profile)
     if not layout.transparent or levels.shape[2] == 4:
         return levels
     # One colour is named transparent (tRNS), which OpenCV drops from grey images.
@@ -102,16 +127,17 @@ def in_unit_range(levels: NDArray) -> NDArray[np.float32]:
 def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
     """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
     levels = np.rint(np.clip(finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
-    _encode(path, ".png", levels[..., ORDER[levels.shape[2]]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    _encode(path, ".png", reversed_colours(levels), [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
 _levels_wanted: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
 
 
 @contextmanager
-def wanting_levels() -> Iterator[None]:
-    """Within the block, sources of images that can give levels of 8 bits do so; a quarter of the memory of values."""
-    token = _levels_wanted.set(True)
+def wanting(kind: Literal["levels", "values"]) -> Iterator[None]:
+    """Within the block, sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of
+    values; or they do not, for sources that are made of others' values."""
+    token = _levels_wanted.set(kind == "levels")
     try:
         yield
     finally:
@@ -119,7 +145,7 @@ def wanting_levels() -> Iterator[None]:
 
 
 def levels_wanted() -> bool:
-    """Whether ``wanting_levels`` is in force in this thread."""
+    """Whether this thread is within ``wanting("levels")``."""
     return _levels_wanted.get()
 
 
@@ -212,14 +238,14 @@ def read_hdr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
     image = _decode(path, data)
     if image.dtype != np.float32 or image.shape[2] != 3:
         raise damaged(path, "its pixels are not RGBE")
-    return finite(path, np.ascontiguousarray(image[..., ::-1]))
+    return finite(path, image)
 
 
 def write_hdr(path: Path, image: NDArray[np.floating]) -> None:
     """Radiance RGBE of [height, width, 3]; a pixel's channels are rounded to 8 bits of its largest (up to 0.4 %)."""
     # OpenCV cuts the bits off: it gets what they can hold. From 255.5 of 256 on, the largest needs the next exponent.
     step = np.ldexp(1.0, np.frexp(finite(path, image).max(-1, keepdims=True) * np.float64(512 / 511))[1] - 8)
-    _encode(path, ".hdr", np.ascontiguousarray((np.rint(image / step) * step)[..., ::-1], np.float32), [])
+    _encode(path, ".hdr", reversed_colours((np.rint(image / step) * step).astype(np.float32)), [])
 
 
 def _decode(path: Path, data: bytes, flags: int = cv2.IMREAD_UNCHANGED) -> NDArray:
@@ -233,7 +259,20 @@ def _decode(path: Path, data: bytes, flags: int = cv2.IMREAD_UNCHANGED) -> NDArr
         LOGGING.setLogLevel(level)
     if image is None:
         raise damaged(path, "its pixels cannot be decoded")
-    return image[..., None] if image.ndim == 2 else image
+    return reversed_colours(image[..., None] if image.ndim == 2 else image)
+
+
+BAND = 1 << 8
+"""Rows whose channels are exchanged at once: no copy of a whole photo is made."""
+
+
+def reversed_colours(image: NDArray) -> NDArray:
+    """The image with channels (B, G, R, A) for (R, G, B, A), or the reverse, written in place; one channel stays."""
+    if image.shape[2] > 1:
+        code = cv2.COLOR_BGR2RGB if image.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
+        for first in range(0, len(image), BAND):
+            image[first : first + BAND] = cv2.cvtColor(image[first : first + BAND], code)
+    return image
 
 
 def _encode(path: Path, suffix: str, image: NDArray, options: list[int]) -> None:
@@ -258,7 +297,7 @@ JPEG_WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS p
 
 
 def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
-    """Levels [height, width, 3] as (B, G, R), as stored; EXIF's orientation is ignored.
+    """Levels [height, width, 3] as (R, G, B), as stored; EXIF's orientation is ignored.
 
     OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
     decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.

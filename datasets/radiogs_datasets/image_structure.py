@@ -48,7 +48,8 @@ EXR_CHANNEL = 17
 """Bytes from the end of a channel's name in OpenEXR's list to the next name."""
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
-"""A marker that is not a byte of a scan, and not one at which a scan restarts."""
+AFTER_SCAN = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])", re.DOTALL)
+"""A marker that is not a byte of a scan, and not one at which a scan restarts; searched for, the second is faster."""
 
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 RADIANCE_RUN = 127
@@ -246,7 +247,7 @@ def _has_its_end(data: bytes) -> bool:
     found = JPEG_MARKER.match(data, 2)
     while found is not None and found[1][0] != JPEG_END:
         end = found.end() + int.from_bytes(data[found.end() : found.end() + 2])
-        found = (JPEG_MARKER.search if found[1][0] == JPEG_SCAN else JPEG_MARKER.match)(data, end)
+        found = (AFTER_SCAN.search if found[1][0] == JPEG_SCAN else JPEG_MARKER.match)(data, end)
     return found is not None
 
 

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -19,7 +19,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
-from .image_files import UNIT_LEVELS, wanting_levels
+from .image_files import UNIT_LEVELS, decoded_once, wanting
 from .options import SceneOptions
 from .view_maps import displayed_light
 
@@ -102,7 +102,8 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
         name: partial(_read, view, name, (height, width)) for name in view.sources
     }
     if camera.height * camera.width >= LARGE:
-        sources = {name: partial(_kept.read, source) for name, source in sources.items()}
+        together = tuple(sources[name] for name in ("image", "alpha", "valid") if name in sources)
+        sources = {name: partial(_kept.read, source, together) for name, source in sources.items()}
     return View(view.name, camera_at(camera, height, width), sources)
 
 
@@ -129,18 +130,20 @@ class KeptMaps:
         self._maps: OrderedDict[Callable[[], Tensor], Tensor] = OrderedDict()
         self._most, self._bytes, self._lock = most, 0, threading.Lock()
 
-    def read(self, source: Callable[[], Tensor]) -> Tensor:
-        """The map that the source gives, in memory of the caller's own."""
+    def read(self, source: Callable[[], Tensor], together: Sequence[Callable[[], Tensor]] = ()) -> Tensor:
+        """The map that the source gives, in memory of the caller's own; with the first of ``together`` all are kept."""
         with self._lock:
             kept = self._maps.get(source)
         if kept is None:
-            kept = source()
+            with decoded_once():
+                read = {each: each() for each in (together if source in together else (source,))}
             with self._lock:
-                if source not in self._maps:
-                    self._maps[source] = kept
-                    self._bytes += kept.nbytes
+                for each in read.keys() - self._maps.keys():
+                    self._maps[each] = read[each]
+                    self._bytes += read[each].nbytes
                 while self._bytes > self._most:
                     self._bytes -= self._maps.popitem(last=False)[1].nbytes
+            kept = read[source]
         return kept.clone()
 
 
@@ -149,16 +152,17 @@ _kept = KeptMaps()
 
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
-    displayed = name == "image" or name.startswith("relit/")
-    if not displayed or name.endswith("/indirect"):
-        return _reduced(view, name, view.read(name), size)
-    with wanting_levels():
-        stored = view.sources[name]()
-    if stored.dtype != torch.uint8:
+    with wanting("values"):
+        if (name == "image" or name.startswith("relit/")) and not name.endswith("/indirect"):
+            with wanting("levels"):
+                stored = view.sources[name]()
+            if stored.dtype == torch.uint8:
+                weight = view.read("alpha") if view.has("alpha") else None
+                light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
+                return displayed_light(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
+        else:
+            stored = view.read(name)
         return _reduced(view, name, stored, size)
-    weight = view.read("alpha") if view.has("alpha") else None
-    light = linear_area_mean(stored.numpy(), size, None if weight is None else weight.numpy())
-    return displayed_light(torch.from_numpy(light), None if weight is None else area_mean(weight, size))
 
 
 LINEAR_LEVELS = srgb_decode(torch.from_numpy(UNIT_LEVELS)).numpy()

@@ -12,9 +12,7 @@ from .bounded_reading import printable
 from .data_root import OTHERS, TINY, below, below_root, data_root, in_data_sets, scene_names
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import metadata_of, surfaces_of_scene
-from .hard_cases import NAME as HARD_CASES
-from .hard_cases import hard_cases
-from .hard_scenes import BASE, CONDITIONS, hard_scene
+from .hard_scenes import BASE, CONDITIONS, HARD_CASES, hard_cases, hard_scene
 from .layouts import blender, colmap, llff, stanford_orb, synthetic4relight, tensoir
 from .layouts.inspection import shown
 from .options import AS_STORED, SceneOptions
@@ -174,7 +172,7 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         else:
             _require_none(options, name_or_path)
             scene = load(place)
-    said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests))
+    said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests | files.pixels))
     scene = files.held(replace(scene, repairs=(*scene.repairs, *said)))
     require_names(scene)
     require_shaped(scene)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.errors import DataError
@@ -25,6 +27,8 @@ class SameBytes:
 
     scene: str
     digests: dict[str, bytes] = field(default_factory=dict)
+    pixels: dict[str, bytes] = field(default_factory=dict)
+    """The SHA-256 of the levels of red, green and blue of images that were decoded when the scene was opened."""
 
     def require(self, path: Path, data: bytes) -> None:
         """Raise DataError where a file has other bytes than when it was first read."""
@@ -55,6 +59,12 @@ class SameBytes:
         return scene.each_view(
             lambda view: replace(view, sources={name: partial(self.read, each) for name, each in view.sources.items()})
         )
+
+
+def note_pixels(path: Path, levels: NDArray) -> None:
+    """Remember the digest of an image [height, width, channels] of the scene that is opened in this thread."""
+    if (current := _current.get()) is not None:
+        current.pixels[os.path.abspath(path)] = hashlib.sha256(np.ascontiguousarray(levels[..., :3])).digest()
 
 
 _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are read", default=None)

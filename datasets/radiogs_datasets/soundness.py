@@ -10,12 +10,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 
 from .bounded_reading import require_storable
+from .image_files import in_unit_range
 from .layouts.inspection import shown
 
 SMALLEST_EXTENT, LARGEST_EXTENT = 1e-4, 1e7
@@ -196,9 +198,10 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
 
 
 def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]:
-    """A sentence on test views whose image file has the content of a training view's.
+    """A sentence on test views whose image is that of a training view.
 
-    ``digests`` are those of files by absolute path; sources of the views are as a layout's loader made them.
+    ``digests`` are those of files, or of their pixels, by absolute path; sources of the views are as a layout's loader
+    made them.
     """
     train = {digest: view.name for view in scene.train if (digest := _digest(view, digests)) is not None}
     pairs = [f"{view.name} ({train[digest]})" for view in scene.test if (digest := _digest(view, digests)) in train]
@@ -246,15 +249,22 @@ def require_trainable(scene: Scene) -> None:
 
 
 def little_evidence(image: torch.Tensor, alpha: torch.Tensor | None) -> Iterator[str]:
-    """Sentences on an image [height, width, 3] of one colour, or with hardly any coverage."""
-    seen = image if alpha is None else image[alpha[..., 0] > 0]
-    if seen.numel() and float(seen.max()) == float(seen.min()):
-        level = {0.0: "black", 1.0: "white"}.get(float(seen.max()), "one colour")
+    """Sentences on an image [height, width, 3], values or levels of 8 bits, of one colour or with hardly any cover."""
+    for step in (SPARSE, 1):  # few pixels show that an image has two levels
+        seen = image[::step, ::step] if alpha is None else image[::step, ::step][alpha[::step, ::step, 0] > 0]
+        if several := seen.numel() > 0 and bool(seen.max() > seen.min()):
+            break
+    if seen.numel() and not several:
+        level = {0: "black", 255 if image.dtype == torch.uint8 else 1: "white"}.get(seen.max().item(), "one colour")
         yield f"its image is {level} throughout: nothing can be learnt or scored from it"
-    covered = FEWEST_PIXELS if alpha is None else int((alpha > 0.5).sum())
+    half = 127 if alpha is not None and alpha.dtype == torch.uint8 else 0.5
+    covered = FEWEST_PIXELS if alpha is None else np.count_nonzero(alpha.numpy() > half)  # torch's sum copies to int64
     if covered < FEWEST_PIXELS:
         yield f"{covered} of its pixels show the object: its metrics are those of a few pixels"
 
+
+SPARSE = 16
+"""Step of the rows and columns that are looked at first."""
 
 RING = 2
 """Pixels at the border of an image that are looked at."""
@@ -282,19 +292,36 @@ class Frame(NamedTuple):
 
     @staticmethod
     def of(image: torch.Tensor, alpha: torch.Tensor | None, valid: torch.Tensor | None = None) -> "Frame":
-        """The frame of an image [height, width, 3] with its coverage, 1 without one, and the pixels that count."""
-        ring = torch.ones(image.shape[:2], dtype=torch.bool)
-        ring[RING:-RING, RING:-RING] = False
-        cover = torch.ones(image.shape[:2]) if alpha is None else alpha[..., 0]
-        height, width = cover.shape
-        middle = cover[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
+        """The frame of an image [height, width, 3] with its coverage, 1 without one, and the pixels that count.
+
+        Image and coverage are values in [0, 1] or levels of 8 bits.
+        """
+        height, width = image.shape[:2]
+        shares = [1.0, 1.0]
+        if alpha is not None:
+            third = alpha[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
+            most = 255 if alpha.dtype == torch.uint8 else 1
+            shares = [float(each.numpy().mean(dtype=np.float64)) / most for each in (third, alpha)]
+        ring = _values(_ring(image))
+        cover = torch.ones(len(ring)) if alpha is None else _values(_ring(alpha))[:, 0]
         if valid is not None:
-            ring &= valid[..., 0] > 0
-        if not bool(ring.any()):
-            return Frame(0.0, float(middle.mean()), float(cover.mean()), torch.zeros(3), 0.0)
-        colour = image[ring].median(0).values
-        flat = ((image[ring] - colour).abs().amax(-1) <= ONE_COLOUR).float().mean()
-        return Frame(float(cover[ring].mean()), float(middle.mean()), float(cover.mean()), colour, float(flat))
+            ring, cover = (each[_ring(valid)[:, 0] > 0] for each in (ring, cover))
+        if not len(ring):
+            return Frame(0.0, *shares, torch.zeros(3), 0.0)
+        colour = ring.median(0).values
+        flat = ((ring - colour).abs().amax(-1) <= ONE_COLOUR).float().mean()
+        return Frame(float(cover.mean()), *shares, colour, float(flat))
+
+
+def _values(levels: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(in_unit_range(levels.numpy()))
+
+
+def _ring(image: torch.Tensor) -> torch.Tensor:
+    """The pixels [count, channels] at the border of an image."""
+    rows, columns = (torch.arange(side) for side in image.shape[:2])
+    edge, side = ((each < RING) | (each >= len(each) - RING) for each in (rows, columns))
+    return torch.cat([image[edge].flatten(0, 1), image[:, side][~edge].flatten(0, 1)])
 
 
 def doubtful_coverage(scene: Scene, frames: Sequence[Frame]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from .layouts.inspection import shown
-from .layouts.photos import mask_among
+from .layouts.masks import mask_among
 
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".heic", ".webp", ".bmp"})
 

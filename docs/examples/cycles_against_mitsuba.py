@@ -30,13 +30,12 @@ from radiogs_datasets.blend.passes import Maps
 from radiogs_datasets.blend.process import Blender, blender_python, require_blender
 from radiogs_datasets.blend.request import Request
 from radiogs_datasets.blend.studio import Studio, refined
-from radiogs_datasets.generate.cameras import Pinhole
 from radiogs_datasets.generate.catalogue import CORNER
 from radiogs_datasets.generate.environments import LIGHTS
 from radiogs_datasets.generate.materials import Material, Patterned
 from radiogs_datasets.generate.patterns import Checker, Point
 from radiogs_datasets.generate.probe import require_mitsuba
-from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.recipe import Pinhole, Recipe
 from radiogs_datasets.generate.solids import Box, Solid, Sphere
 from radiogs_datasets.image_files import read_hdr, write_exr, write_hdr
 

@@ -15,7 +15,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
-from radiogs_datasets.hard_cases import FOCAL
+from radiogs_datasets.hard_scenes import FOCAL
 
 from .stability_probes import (
     DEPTH,

@@ -11,8 +11,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import View
 
 from ..cameras.transforms import read_transforms
-from ..generate.cameras import pinhole
-from ..generate.recipe import Rig
+from ..generate.recipe import Rig, pinhole
 from ..writing import opengl
 from .request import Request
 

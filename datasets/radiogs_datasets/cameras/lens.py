@@ -63,6 +63,11 @@ class Lens:
             raise ValueError(f"coefficients of distortion must be finite and at most {LARGEST_COEFFICIENT:g}")
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.height, self.width
+
+    @property
     def pinhole(self) -> bool:
         """Whether it leaves straight lines straight."""
         return self.projection == "perspective" and not any(self.coefficients)

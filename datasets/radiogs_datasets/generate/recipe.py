@@ -1,7 +1,10 @@
-"""The parts of a scene's recipe: solids with their materials, cameras, lights."""
+"""The parts of a scene's recipe: solids with their materials, lights, and cameras with the places where they stand."""
 
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .patterns import Point
 from .solids import Solid
@@ -56,3 +59,41 @@ class Recipe:
     kind: str = "single effects"
     choices: Literal["tuned on", "reported only"] = "tuned on"
     train: int = 48
+
+
+PLASTIC_RATIO = 1.3247179572447460
+"""Real root of x^3 = x + 1; its inverse powers generate the R2 low-discrepancy sequence."""
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A square view: camera-to-world matrix in OpenGL axes, field of view in degrees, side in pixels."""
+
+    to_world: NDArray[np.float64]
+    field_of_view: float
+    size: int
+
+    def rays(self, subpixels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and directions of unit z-depth through a grid of subpixels, rows first; [(size subpixels)^2, 3]."""
+        fine = self.size * subpixels
+        focal = 0.5 * fine / np.tan(np.radians(self.field_of_view) / 2)
+        column, row = np.meshgrid(np.arange(fine) + 0.5 - fine / 2, np.arange(fine) + 0.5 - fine / 2)
+        local = np.stack([column / focal, -row / focal, -np.ones_like(row)], -1).reshape(-1, 3)
+        directions = local @ self.to_world[:3, :3].T
+        return np.broadcast_to(self.to_world[:3, 3], directions.shape), directions
+
+
+def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
+    """The rig's camera number ``place``; they cover its patch as a low-discrepancy sequence, evenly in solid angle."""
+    along, across = (0.5 + (place + 1) * np.array([PLASTIC_RATIO**-1, PLASTIC_RATIO**-2])) % 1
+    azimuth = np.radians(rig.azimuth[0] + along * (rig.azimuth[1] - rig.azimuth[0]))
+    low, high = np.sin(np.radians(rig.elevation))
+    height = low + across * (high - low)
+    flat = np.sqrt(1 - height**2)
+    backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
+    right = np.cross([0.0, 0.0, 1.0], backward)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(backward, right), backward], -1)
+    matrix[:3, 3] = np.array(rig.target) + rig.radius * backward
+    return Pinhole(matrix, rig.field_of_view, size)

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import rounds, trefoil
-from .cameras import Pinhole
 from .disney_bsdf import PLUGIN, register
 from .materials import Finish, Material, Patterned
 from .probe import VARIANT
-from .recipe import Recipe
+from .recipe import Pinhole, Recipe
 from .solids import Box, Knot, Relief, Solid, Sphere, Turned
 
 DIRECT_DEPTH = 2

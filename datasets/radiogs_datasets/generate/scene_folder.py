@@ -22,9 +22,8 @@ from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir import TRAINING_LIGHT
 from ..writing import made_beside, write_display
 from . import render
-from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
-from .recipe import TEST_RATIO, Pictures, Recipe
+from .recipe import TEST_RATIO, Pictures, Pinhole, Recipe, pinhole
 
 
 @dataclass(frozen=True)

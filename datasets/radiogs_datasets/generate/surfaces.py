@@ -20,8 +20,8 @@ from radiogs_core.transport.sampling import sphere_directions, tangent_frame
 
 from ..bounded_reading import read_json
 from . import rounds, trefoil
-from .cameras import pinhole
 from .catalogue import RECIPES
+from .recipe import pinhole
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP

@@ -25,7 +25,6 @@ from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
 from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
 from ..cameras.lens import Lens, is_reduction, lens_of
 from ..options import AS_STORED, SceneOptions
-from .blender import read_points
 from .inspection import (
     IMAGE_ENDINGS,
     WrittenPaths,
@@ -36,7 +35,9 @@ from .inspection import (
     split_lists,
     split_views,
 )
-from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
+from .masks import masks_of
+from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, placed, views_of
+from .points import read_points
 
 
 def looks_like(folder: Path) -> bool:

@@ -10,12 +10,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import read_bytes
+from ..image_files import decoded_once
 from ..image_structure import Header, image_header, usual_type
 from ..options import TEST_EVERY
+from ..same_bytes import note_pixels
 
 SMALL_SCENE = 50_000_000
 """Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
@@ -329,8 +333,12 @@ def decode_if_small(
     """
     if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
         for view in views:
-            for name in view.sources:
-                view.read(name)
+            with decoded_once() as files:
+                for name in view.sources:
+                    view.read(name)
+            for (path, _), levels in files.items():
+                if not isinstance(levels, DataError) and levels.dtype != np.float32:
+                    note_pixels(path, levels)
     found: dict[str, list[str]] = {}
     for path, header in headers.items():
         if usual_type(path) != header.type:

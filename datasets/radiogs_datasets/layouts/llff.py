@@ -27,7 +27,8 @@ from ..cameras.lens import SIZE_TOLERANCE, Lens
 from ..cameras.transforms import RIGID_TOLERANCE
 from ..options import AS_STORED, SceneOptions
 from .inspection import by_number, names_in, require_distinct, require_one_order, split_lists, split_views
-from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, masks_of, placed, views_of
+from .masks import masks_of
+from .photos import PHOTO_FOLDERS, Photo, images_in, inspect_photos, placed, views_of
 
 TABLE = "poses_bounds.npy"
 
@@ -96,7 +97,8 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
             "Take the photos that COLMAP did not register out of the folder.",
         )
     # The file has no names. Capitals apart, only numbers tell the order of text from another.
-    by_text, counted = (sorted(found[fitting], key=key) for key in (lambda path: path.name.casefold(), lambda path: by_number(path.name)))
+    by_text = sorted(found[fitting], key=lambda path: path.name.casefold())
+    counted = sorted(found[fitting], key=lambda path: by_number(path.name))
     poses = (f"pose {place}" for place in range(count))
     require_one_order(folder / fitting, zip(poses, by_text, counted, strict=True))
     return fitting, found[fitting]

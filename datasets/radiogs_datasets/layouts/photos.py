@@ -21,20 +21,16 @@ from radiogs_core.scene.scene import View
 from ..bounded_reading import as_float32, read_numpy
 from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
-from ..image_files import in_unit_range, levels_wanted, read_stored
+from ..image_files import levels_wanted, read_stored
 from ..image_structure import LINEAR, Header
 from ..options import SceneOptions
 from ..reduction import WHOLLY, area_mean
 from ..view_maps import displayed, read_alpha
 from .inspection import IMAGE_ENDINGS, decode_if_small, inspect, require_same_size, shown
+from .masks import mask_levels, read_mask
 
 PHOTO_FOLDERS = ("images_2", "images_4", "images")
 """Folders of photos beside their poses, in the order in which they are tried."""
-
-MASK_ENDINGS = (*IMAGE_ENDINGS, *(f"_mask{ending}" for ending in IMAGE_ENDINGS))
-"""Texts that follow a photo's name, with or without its own ending, in the name of its mask."""
-
-DAMAGED_MASK = "Without it there is no telling which pixels of the photo show the object."
 
 
 @dataclass(frozen=True)
@@ -232,7 +228,7 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     if options.masks == "ignore":
         said.append(f"black pixels of the masks of {len(masked)} photos are left out of training and metrics")
     covered = [photo for photo in given if photo.covers]
-    if covered and all(bool((_stored_coverage(photo) == 1).all()) for photo in covered):
+    if covered and all(_opaque(photo) for photo in covered):
         kind = "alpha is" if not any(photo.mask for photo in covered) else "masks are"
         said.append(f"{kind} 1 in all of its photos, which says nothing")
         given = [replace(photo, has_alpha=False, mask=photo.mask if photo.ignores else None) for photo in given]
@@ -251,54 +247,13 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
     return given, tuple(said)
 
 
-def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Path, Path]:
-    """The mask of every image in a folder of masks, by the image's path; empty without a folder.
-
-    ``images`` are names below the folder of images, and paths. A mask has the image's name, with another ending or one
-    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``, ``a/b_mask.png``); case does not matter. Raises DataError
-    that names those without one.
-    """
-    if folder is None:
-        return {}
-    place, found, missing = Path(folder), {}, []
-    if not place.is_dir():
-        raise DataError(f"there is no folder of masks '{folder}'", "", "Give the folder that holds a mask a photo.")
-    there = {path.relative_to(place).as_posix().casefold(): path for path in place.rglob("*") if path.is_file()}
-    for name, image in images:
-        mask = mask_among(there, name)
-        if mask is None:
-            missing.append(name)
-        else:
-            found[image] = mask
-    if missing:
-        raise DataError(
-            f"folder '{folder}' has no mask for {len(missing)} of the photos: {shown(missing)}",
-            DAMAGED_MASK,
-            "Add them; a mask has its photo's name and ends in .png or .jpg.",
-        )
-    if len(set(found.values())) < len(found):
-        raise DataError(
-            f"folder '{folder}' has one mask for several photos",
-            "Photos of one name lie in several folders.",
-            "Lay the masks in folders of the same names.",
-        )
-    return found
-
-
-def mask_among(files: Mapping[str, Path], name: str) -> Path | None:
-    """The mask of a photo among the files of a folder, which are given by their names in small letters."""
-    photo = name.replace("\\", "/").casefold()
-    stems = (Path(photo).with_suffix("").as_posix(), photo)
-    return next((files[stem + end] for end in MASK_ENDINGS for stem in stems if stem + end in files), None)
-
-
 def _image(photo: Photo) -> Tensor:
     """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
     stored = read_stored(photo.image)
     stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
-    plain = photo.lens.pinhole and not photo.has_alpha and not photo.ignores
-    if plain and levels_wanted() and stored.dtype == np.uint8:
-        return torch.from_numpy(np.array(np.broadcast_to(stored[..., :3], (*stored.shape[:2], 3)), order="C"))
+    if levels_wanted() and photo.lens.pinhole and not photo.ignores and stored.dtype == np.uint8:
+        colour = np.repeat(stored[..., :1], 3, 2) if stored.shape[2] < 3 else stored[..., :3]
+        return torch.from_numpy(np.ascontiguousarray(colour))
     image = displayed(stored)
     if not photo.lens.pinhole:
         image = undistorted(image, _stored_coverage(photo) if photo.covers else None, photo.lens)
@@ -319,16 +274,33 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
     return valid
 
 
-def _alpha(photo: Photo) -> Float[Tensor, "height width 1"]:
-    coverage = _stored_coverage(photo)
-    coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
-    if not bool((coverage > 0).any()):
+def _alpha(photo: Photo) -> Tensor:
+    """Coverage in [0, 1], [height, width, 1]; 8-bit levels where they are asked for and a mask has them as they are."""
+    coverage = _mask_as_it_is(photo) if levels_wanted() else None
+    if coverage is None:
+        coverage = _stored_coverage(photo)
+        coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)
+    if not coverage.numpy().any():
         raise DataError(
             f"no pixel of {photo.image} is covered",
             "Its mask and alpha leave nothing of what the camera sees.",
             "Correct the mask, or take the view out of the scene.",
         )
     return coverage
+
+
+def _mask_as_it_is(photo: Photo) -> Tensor | None:
+    """The 8-bit levels [height, width, 1] of a mask that alone is its photo's coverage; None where it is not."""
+    if photo.mask is None or photo.has_alpha or not photo.lens.pinhole:
+        return None
+    levels = mask_levels(photo.mask)
+    return torch.from_numpy(levels) if levels.dtype == np.uint8 and levels.shape[:2] == photo.lens.size else None
+
+
+def _opaque(photo: Photo) -> bool:
+    """Whether the coverage of a photo is 1 throughout."""
+    levels = _mask_as_it_is(photo)
+    return float(_stored_coverage(photo).min()) == 1 if levels is None else int(levels.min()) == 255
 
 
 def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
@@ -341,7 +313,7 @@ def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) -> Float[Tensor, "rows columns 1"]:
     """Coverage as its photo is: turned, and reduced by area means. Raises DataError where it has another shape."""
-    wanted = (photo.lens.height, photo.lens.width)
+    wanted = photo.lens.size
     if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
         values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))
     size = (values.shape[0], values.shape[1])
@@ -350,44 +322,9 @@ def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) 
     return values if size == wanted else area_mean(values, wanted).clamp(0, 1)
 
 
-FLAT_SHARE = 0.2
-"""Share of a mask's pixels above zero from which on areas of one level, neither 0 nor the largest, are labels."""
-
-NEARLY = 8 / 255
-"""How far from the largest level a pixel of a JPEG counts as covered."""
-
-
-def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
-    """Coverage in [0, 1]: the alpha of an image that has one which says something, else its grey level.
-
-    A mask is numbers: its colour profile is passed over. An alpha of 1 throughout says nothing: many programs add one
-    when they save grey pictures. Raises DataError for colours, and for levels that are labels.
-    """
-    stored = read_stored(path, numbers=True)
-    image = in_unit_range(stored)
-    by_alpha = image.shape[2] == 4 and bool((image[..., 3] < 1).any())
-    if not by_alpha and any((image[..., 0] != image[..., place]).any() for place in range(1, min(3, image.shape[2]))):
-        raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
-    mask = np.clip(image[..., 3:] if by_alpha else image[..., :1], 0, 1)
-    most = 65535 if stored.dtype == np.uint16 else 255
-    # Much of a mask of labels lies in areas of one level between 0 and the largest; edges do not.
-    level = mask[:-1, :-1]
-    flat = (level > 0) & (level < 1 - NEARLY) & (level == mask[1:, 1:])
-    flat &= (level == mask[1:, :-1]) & (level == mask[:-1, 1:])
-    dark = 0 < float(mask.max()) < 1.5 / 255
-    if dark or int(flat.sum()) > FLAT_SHARE * int((mask > 0).sum()):
-        held = np.unique(np.rint(most * level[flat])).astype(int).tolist() or [1]
-        raise DataError(
-            f"{path} is a mask of the levels 0 and {shown([str(each) for each in held])}",
-            f"Levels run to {most}, where all of a pixel shows the object: labels would make it all but transparent.",
-            f"Write {most} where the object is, and 0 elsewhere.",
-        )
-    return torch.from_numpy(np.ascontiguousarray(mask))
-
-
 def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
     assert photo.depth is not None
-    levels, wanted = read_depth_map(photo.depth), (photo.lens.height, photo.lens.width)
+    levels, wanted = read_depth_map(photo.depth), photo.lens.size
     if photo.turned in TURNS and not is_reduction(wanted, levels.shape[:2]):
         levels = TURNS[photo.turned](levels)
     if not is_reduction(wanted, levels.shape[:2]) or float(levels.min()) < 0:

@@ -31,7 +31,7 @@ from ..image_files import in_unit_range, read_stored
 from ..lights import read_light
 from ..view_maps import displayed_light, read_colour
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
-from .photos import read_mask
+from .masks import read_mask
 
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""

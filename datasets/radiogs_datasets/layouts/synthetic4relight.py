@@ -27,7 +27,7 @@ from ..cameras.transforms import Frame, read_splits, said_of_files
 from ..lights import read_light
 from ..view_maps import displayed_light, read_alpha, read_colour, read_photo, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
-from .photos import read_mask
+from .masks import read_mask
 
 TRAINING_LIGHT = "envmap3"
 

@@ -34,8 +34,7 @@ from radiogs_core.scene.scene import View
 from radiogs_datasets.blend.process import blender_python
 from radiogs_datasets.blend.request import Request
 from radiogs_datasets.blend.scene_folder import write_scene
-from radiogs_datasets.generate.cameras import pinhole
-from radiogs_datasets.generate.recipe import Rig
+from radiogs_datasets.generate.recipe import Rig, pinhole
 from radiogs_datasets.image_files import read_exr, read_hdr, write_exr, write_hdr
 from radiogs_datasets.writing import write_transforms
 

@@ -141,7 +141,7 @@ def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None
 def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(place: int) -> None:
     """A ball with 0 and 1 halves, under an even light: each pixel is one of two plain balls."""
     from radiogs_datasets.generate import render
-    from radiogs_datasets.generate.cameras import pinhole
+    from radiogs_datasets.generate.recipe import pinhole
 
     one, other = Material((0.7, 0.2, 0.1), 0.3), Material((0.1, 0.3, 0.6), 0.8)
     finishes = (one, other, Patterned(one, other, Stripes((1.0, 0.0, 0.0), 4.0, 0.5)))
@@ -159,7 +159,7 @@ def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(plac
 
 def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
     from radiogs_datasets.generate import render
-    from radiogs_datasets.generate.cameras import pinhole
+    from radiogs_datasets.generate.recipe import pinhole
 
     recipe = RECIPES["wire"]
     scene, camera = render.build(recipe, np.ones((4, 8, 3), np.float32)), pinhole(recipe.rig, 3, 24)
@@ -172,7 +172,7 @@ def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
 @pytest.mark.parametrize("name", ["convex", "knot", "print", "sculpture", "glossware"])
 def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: Path) -> None:
     from radiogs_datasets.generate import render, scene_folder
-    from radiogs_datasets.generate.cameras import pinhole
+    from radiogs_datasets.generate.recipe import pinhole
 
     recipe, pictures = RECIPES[name], Pictures()
     lights = {"training": render.build(recipe, read_hdr(TINY / name / "envmaps/training.hdr"))}

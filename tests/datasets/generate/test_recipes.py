@@ -10,11 +10,10 @@ from scipy.spatial import cKDTree
 
 from radiogs_core.errors import UsageError
 from radiogs_datasets.generate import RECIPES, generate_scene, probe, rounds, trefoil
-from radiogs_datasets.generate.cameras import pinhole
 from radiogs_datasets.generate.environments import LIGHTS, WIDTH
 from radiogs_datasets.generate.materials import Patterned
 from radiogs_datasets.generate.patterns import Checker
-from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.recipe import Recipe, pinhole
 from radiogs_datasets.generate.solids import Box, Knot, Relief, Solid, Turned
 from radiogs_datasets.generate.surfaces import surfaces_of
 from reference.solids import knot_curve

@@ -14,7 +14,7 @@ from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_datasets import load_scene, scene_choices, scene_kind
 from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
 from radiogs_datasets.generate.catalogue import RECIPES
-from radiogs_datasets.hard_cases import NAME as HARD_CASES
+from radiogs_datasets.hard_scenes import HARD_CASES
 from radiogs_datasets.reduction import every, smaller
 from radiogs_datasets.registry import TINY, forward_names, scene_names
 

@@ -165,7 +165,10 @@ def test_llffs_poses_are_read(capture: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        (lambda k: f"frame_{k}.png", r"pose 1 with frame_10\.png or frame_2\.png, pose 2 with frame_11\.png or frame_3"),
+        (
+            lambda k: f"frame_{k}.png",
+            r"pose 1 with frame_10\.png or frame_2\.png, pose 2 with frame_11\.png or frame_3",
+        ),
         (lambda k: f"{'aB'[k % 2]}_{k:02}.png", None),
     ],
 )

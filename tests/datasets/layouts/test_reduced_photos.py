@@ -89,24 +89,31 @@ def test_photos_of_every_kind_are_reduced_alike(
     assert stored.has("alpha") == (bool(mask) or channels == 4)
 
 
-def test_a_large_photo_is_decoded_once_and_its_map_is_the_callers_own(
+def test_files_of_a_large_photo_are_decoded_once_and_its_maps_are_the_callers_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reduction, "LARGE", 96 * 96)
-    decoded: list[Path] = []
-    decode = image_files.decode_jpeg
+    decoded, decode = [], cv2.imdecode
 
-    def counting(path: Path, data: bytes) -> np.ndarray:
-        decoded.append(path)
-        return decode(path, data)
+    def counting(data: np.ndarray, flags: int) -> np.ndarray:
+        decoded.append(len(data))
+        return decode(data, flags)
 
-    monkeypatch.setattr(image_files, "decode_jpeg", counting)
-    view = capture(tmp_path, ".jpg", photo((96, 96, 3), np.uint8)).train[0]
-    decoded.clear()
-    first = view.read("image")
-    first.zero_()
-    assert float(view.read("image").mean()) > 0.1
-    assert len(decoded) == 1
+    view = capture(tmp_path, ".jpg", photo((96, 96, 3), np.uint8), ".png").train[0]
+    monkeypatch.setattr(cv2, "imdecode", counting)
+    for name in ("image", "alpha"):
+        first = view.read(name)
+        kept = first.clone()
+        first.zero_()
+        assert torch.equal(view.read(name), kept)
+        assert float(kept.max()) > 0.1
+    assert len(decoded) == 2
+
+
+def test_a_reduced_photo_has_values_where_levels_are_wanted(tmp_path: Path) -> None:
+    view = capture(tmp_path, ".jpg", photo((96, 96, 3), np.uint8), ".png").train[0]
+    with image_files.wanting("levels"):
+        assert all(torch.equal(view.sources[name](), view.read(name)) for name in ("image", "alpha"))
 
 
 def test_maps_that_are_kept_take_bounded_memory() -> None:

@@ -27,8 +27,8 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_exr, write_png
-from radiogs_datasets.layouts.blender import read_points
-from radiogs_datasets.layouts.photos import read_mask
+from radiogs_datasets.layouts.masks import read_mask
+from radiogs_datasets.layouts.points import read_points
 from radiogs_datasets.registry import TINY, scene_names
 from radiogs_datasets.soundness import require_names, require_shaped
 from radiogs_datasets.view_maps import read_depth

@@ -2,14 +2,19 @@
 
 import json
 import shutil
+import struct
+import zlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from radiogs_bench.cli import main
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import read_image, write_png
+from radiogs_datasets.layouts import inspection
+from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.registry import TINY
 
 
@@ -62,8 +67,6 @@ def test_cameras_that_look_away_and_empty_masks_are_named(corner: Path) -> None:
 
 @pytest.mark.slow
 def test_mixed_bits_and_lights_without_a_map_are_remarked_on(corner: Path) -> None:
-    import cv2
-
     image = cv2.imread(str(corner / "train_002/rgba.png"), cv2.IMREAD_UNCHANGED)
     cv2.imwrite(str(corner / "train_002/rgba.png"), image.astype(np.uint16) * 257)
     assert places(corner, "warning") == {"train_002/rgba.png"}
@@ -90,3 +93,58 @@ def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, capsys: pyte
     assert "albedo of" in said
     assert main(["datasets", "check", str(folder)]) == 0
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(folder)]) == 2
+
+
+@pytest.fixture
+def large(capture: Path, monkeypatch: pytest.MonkeyPatch) -> SceneOptions:
+    """The options of ``capture`` with its masks, taken for a scene whose pixels are not looked at when it is opened."""
+    monkeypatch.setattr(inspection, "SMALL_SCENE", 0)
+    return SceneOptions(mask_folder=str(capture.parent / "kept_masks"))
+
+
+def test_each_file_is_decoded_once_and_counted_once(
+    capture: Path, large: SceneOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(capture / "images/photo_001.png", capture / "unused.png")
+    decoded, told, decode = [], [], cv2.imdecode
+
+    def counting(data: np.ndarray, flags: int) -> np.ndarray:
+        decoded.append(data.tobytes())
+        return decode(data, flags)
+
+    monkeypatch.setattr(cv2, "imdecode", counting)
+    report = check_scene(str(capture), large, lambda done, total: told.append((done, total)))
+    assert report.sound
+    files = [*(capture / "images").iterdir(), *(capture.parent / "kept_masks").iterdir(), capture / "unused.png"]
+    opened = 1  # whether masks say anything is seen in the first of them
+    assert len(decoded) == len(files) + opened
+    assert {path.read_bytes() for path in files} == {*decoded}
+    assert told == [*((done, 13) for done in range(1, 14))]
+
+
+def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) -> None:
+    """A white photo, one that another view has, and masks that are empty, faint or damaged, kept as levels."""
+    masks = capture.parent / "kept_masks"
+    write_png(capture / "images/photo_002.png", np.ones((96, 96, 3)))
+    shutil.copy(capture / "images/photo_004.png", capture / "images/photo_005.png")
+    write_png(masks / "photo_006.png", np.zeros((96, 96, 1)))
+    few = np.zeros((96, 96, 1))
+    few[::24, ::24] = 0.51
+    few[12::24, ::24] = 0.49
+    write_png(masks / "photo_008.png", few)
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", 96, 96, 8, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(bytes(96))),  # one row
+        (b"IEND", b""),
+    )
+    chunks = [struct.pack(">I", len(body)) + name + body + zlib.crc32(name + body).to_bytes(4) for name, body in parts]
+    for path in (masks / "photo_007.png", capture / "images/photo_003.png"):
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    found = [(each.place, each.what) for each in check_scene(str(capture), large).findings]
+    assert [what.split(":")[0] for place, what in found if place == "photo_002"] == ["its image is white throughout"]
+    assert ("photo_005", "its image is that of photo_004") in found
+    assert [what[:11] for place, what in found if place == "photo_006"] == ["no pixel of"]
+    assert [what[:16] for place, what in found if place == "photo_008"] == ["16 of its pixels"]
+    damaged = sorted(place for place, what in found if "is damaged" in what)
+    assert damaged == [str(masks / "photo_007.png"), "images/photo_003.png"]
+    assert len(found) == 8  # and where photos are read from, and which views are scored

@@ -84,6 +84,14 @@ def repeated(tmp_path: Path) -> Path:
     return folder
 
 
+def test_an_image_of_training_is_known_by_its_pixels_when_its_bytes_differ(repeated: Path) -> None:
+    for place in (0, 2):
+        image = cv2.imread(str(repeated / f"train_00{place}/rgba.png"), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(repeated / f"test_00{place}/rgba.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 0])
+    said = next(said for said in load_scene(str(repeated)).repairs if "their image" in said)
+    assert said == f"2 of 8 {NOT_NEW}: a training view has their image: test_000 (train_000), test_002 (train_002)"
+
+
 def test_views_that_are_not_new_are_said_by_check_and_in_the_tables_remarks(repeated: Path) -> None:
     image, pose = (said for said in load_scene(str(repeated)).repairs if NOT_NEW in said)
     assert pose.startswith(f"2 of 8 {NOT_NEW}: a training view has their pose: test_000 (train_000), test_001")
