@@ -50,12 +50,12 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs_reports": 8_495, "functions of radiogs_reports": 505,
     "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_390,
     "lines of kernels' C++": 3_824,
-    "lines of the page's JavaScript": 1_323,
+    "lines of the page's JavaScript": 1_785,
     "lines of tests": 61_526,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. The bounds of datasets rose once, on 2026-11-30, with the kinds of photos,
-masks, names and splits that captures by others have."""
+masks, names and splits that captures by others have; that of JavaScript, on that day, with relighting in the page."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",

@@ -4,7 +4,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -13,10 +13,6 @@ from radiogs_core.errors import DataError, UsageError
 from .options import Count
 from .reporter import say
 from .values import from_text, pixels
-
-if TYPE_CHECKING:
-    from radiogs_core.surfels.surfels import Surfels
-    from radiogs_reports.figures.surfel_view import Disks
 
 
 @dataclass(frozen=True)
@@ -45,13 +41,14 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     from PIL.Image import fromarray
 
     from radiogs_core.own_files import fresh, own_folder
+    from radiogs_datasets.lights import read_light
     from radiogs_reports.page.surfels import write_viewer
 
     from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside, pictures
     from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.surface_distance import pyvista
-    from ..scoring.report_arrays import arrays_of
+    from ..scoring.report_arrays import RECOVERED, arrays_of
 
     if drawing.window:
         require_screen()
@@ -63,7 +60,9 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     seen_from = initial_viewpoint_in(folder, drawing.row) or from_outside(surfels)
     cameras = cameras_around(surfels, drawing.frames, drawing.size, seen_from)
     title = folder.resolve().name + (f", {drawing.row}" if drawing.row else "")
-    page = write_viewer(arrays_of(surfels, seen_from), title, place / "surfels.html")
+    own = folder / "environment.exr"  # the light that a model of `train` has recovered
+    arrays = arrays_of(surfels, seen_from, {RECOVERED: read_light(own)[0]} if own.exists() else {})
+    page = write_viewer(arrays, title, place / "surfels.html")
     drawn = []
     with progress_for_stderr() as bar:
         for done, picture in enumerate(pictures(surfels, cameras, drawing.colour), 1):
@@ -76,7 +75,7 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
     if drawing.window:
         from radiogs_reports.figures.surfel_view import show
 
-        show(disks_of(surfels, drawing.colour), lit=drawing.colour == "albedo")
+        show(arrays, drawing.colour)
 
 
 def require_screen() -> None:
@@ -87,25 +86,3 @@ def require_screen() -> None:
             "Neither DISPLAY nor WAYLAND_DISPLAY is set.",
             "Leave --window out, and open figures/surfels.html in a browser.",
         )
-
-
-def disks_of(surfels: "Surfels", colour: str) -> "Disks":
-    """Surfels as plain arrays, coloured by their mean radiance (degree 0), albedo or normal."""
-    import torch
-
-    from radiogs_core.scene.colour import srgb_encode
-    from radiogs_core.surfels.harmonics import surfel_radiance
-    from radiogs_reports.figures.surfel_view import Disks
-
-    with torch.no_grad():
-        frame = surfels.frame
-        up = torch.tensor([0.0, 0.0, 1.0]).expand_as(surfels.centre)
-        shown = {
-            "albedo": lambda: srgb_encode(surfels.albedo),
-            "normal": lambda: frame[..., 2] * 0.5 + 0.5,
-            "roughness": lambda: surfels.roughness[:, None].expand(-1, 3),
-            "radiance": lambda: srgb_encode(surfel_radiance(surfels.sh[:, :1], up)),
-        }[colour]()
-        tangents = frame[..., :2].mT * surfels.scale[..., None]
-        arrays = (surfels.centre, tangents, surfels.opacity, shown.clamp(0, 1))
-        return Disks(*(each.double().numpy() for each in arrays))

@@ -110,7 +110,7 @@ def evaluate(
         shown_view=report.shown.name,
         shown_light=report.shown_light,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays=report.arrays | surfel_arrays(trained, initial_viewpoint(scene, report.shown.camera)),
+        arrays=report.arrays | surfel_arrays(trained, initial_viewpoint(scene, report.shown.camera), scene.lights),
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
         recovered={"roughness": math.fsum(roughness) / len(roughness)} if roughness else {},

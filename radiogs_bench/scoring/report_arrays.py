@@ -13,6 +13,9 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.interreflection import light_paths
+from radiogs_core.transport.prefiltered_light import pooled
+from radiogs_core.transport.tracer import SurfelTracer
 
 from ..initial_viewpoint import InitialViewpoint
 from .score_maps import Maps, truth
@@ -24,7 +27,7 @@ ARRIVING = ("incident", "incident_direct")
 """Maps of incident light, indirect and direct, that are kept with them where a method offers them."""
 
 LIGHTS_SHOWN = 4
-"""Relit maps of the shown view are kept for this many lights, the first ones."""
+"""Relit maps of the shown view are kept for this many lights, the first ones, and these lights with the surfels."""
 
 MAPS = ("image", "albedo", "normal", "roughness", "depth", "indirect")
 """Maps whose codes are kept of a view, beside its relit images."""
@@ -43,6 +46,12 @@ LARGEST_HEIGHT = 64
 
 MOST_SURFELS = 50_000
 """Surfels of a larger model that are kept: those that cover most, by area times opacity. About 2 MB."""
+
+LIGHT_HEIGHT = 32
+"""Rows of the lights that are kept with surfels: a texel is about as wide as 512 directions are apart."""
+
+RECOVERED = "recovered"
+"""Name of a model's own light among them."""
 
 Image = Float[Tensor, "height width channels"]
 Grey = Float[Tensor, "height width 1"]
@@ -145,11 +154,9 @@ class ReportArrays:
 
 def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[Tensor, "height width 3"]]:
     """``render/environment`` and ``truth/environment``, linear, of one size: truth averaged, ours interpolated."""
-    radiance = true.radiance.cpu()
-    height = min(radiance.shape[0], LARGEST_HEIGHT)
-    reduced = torch.nn.functional.adaptive_avg_pool2d(radiance.movedim(-1, 0), (height, 2 * height)).movedim(0, -1)
+    height = min(true.radiance.shape[0], LARGEST_HEIGHT)
     directions = texel_directions(height, 2 * height, dtype=found.radiance.dtype)
-    return {"render/environment": found.lookup(directions), "truth/environment": reduced}
+    return {"render/environment": found.lookup(directions), "truth/environment": pooled(true.radiance.cpu(), height)}
 
 
 def depth_range(view: View, extent: float) -> tuple[float, float]:
@@ -174,14 +181,21 @@ def views_to_keep(scene: Scene, count: int | None) -> frozenset[str]:
     return frozenset(views[(middle + index * len(views) // count) % len(views)].name for index in range(count))
 
 
-def surfel_arrays(model: Trained, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
-    """The arrays of a model's ``surfels``, with the materials that it exports; empty for a model without any."""
+def surfel_arrays(
+    model: Trained, seen_from: InitialViewpoint, lights: Mapping[str, EnvironmentMap]
+) -> dict[str, np.ndarray]:
+    """The arrays of a model's ``surfels``, with its own light and the first of ``lights``; empty without surfels."""
     surfels = getattr(model, "surfels", None)
-    return arrays_of(surfels, seen_from) if isinstance(surfels, Surfels) and len(surfels) else {}
+    if not isinstance(surfels, Surfels) or not len(surfels):
+        return {}
+    own = {} if model.light is None else {RECOVERED: model.light}
+    return arrays_of(surfels, seen_from, own | dict(list(lights.items())[:LIGHTS_SHOWN]))
 
 
 @torch.no_grad()
-def arrays_of(surfels: Surfels, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
+def arrays_of(
+    surfels: Surfels, seen_from: InitialViewpoint, lights: Mapping[str, EnvironmentMap]
+) -> dict[str, np.ndarray]:
     """Arrays of at least one and at most ``MOST_SURFELS`` surfels by name, for the report's 3-D view.
 
     ``surfels/centre`` [N, 3] and ``surfels/tangents`` [N, 2, 3], scaled by their standard deviations, float32, world
@@ -189,6 +203,10 @@ def arrays_of(surfels: Surfels, seen_from: InitialViewpoint) -> dict[str, np.nda
     and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye``,
     ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], from where it is seen (``InitialViewpoint``; the
     last two where it has them).
+
+    For relighting (``light_paths``): ``surfels/seen`` [N, 64], uint8, the bits of its directions, the first one lowest;
+    ``surfels/met`` [N, 32], int32, places among the kept surfels, -1 for none; ``surfels/light/<name>`` [32, 64, 3],
+    linear radiance of lights in the model's world.
     """
     kept = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True, stable=True)[:MOST_SURFELS]
     any_direction = torch.tensor([0.0, 0.0, 1.0], device=surfels.centre.device).expand_as(surfels.centre)
@@ -204,4 +222,15 @@ def arrays_of(surfels: Surfels, seen_from: InitialViewpoint) -> dict[str, np.nda
     arrays["centre"], arrays["tangents"] = surfels.centre[kept].cpu().numpy(), tangents[kept].cpu().numpy()
     arrays["count"] = np.array([len(surfels)], dtype=np.float32)
     arrays |= {name: np.array(value, np.float32) for name, value in seen_from.plain().items()}
+    seen, met = light_paths(SurfelTracer(surfels), kept)
+    place = torch.full((len(surfels) + 1,), -1, device=kept.device)  # the last entry is that of -1
+    place[kept] = torch.arange(len(kept), device=kept.device)
+    arrays["seen"] = np.packbits(seen.cpu().numpy(), axis=1, bitorder="little")
+    arrays["met"] = place[met].int().cpu().numpy()
+    directions = texel_directions(LIGHT_HEIGHT, 2 * LIGHT_HEIGHT).float()
+    for name, light in lights.items():
+        radiance = light.radiance.cpu().float()
+        larger = len(radiance) > LIGHT_HEIGHT
+        reduced = pooled(radiance, LIGHT_HEIGHT) if larger else EnvironmentMap(radiance).lookup(directions)
+        arrays[f"light/{name}"] = reduced.numpy()
     return {f"surfels/{name}": values for name, values in arrays.items()}

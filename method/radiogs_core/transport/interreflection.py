@@ -3,18 +3,22 @@
 Every surfel has one set of directions, which all bounces share. Their rays are traced once as far as memory allows;
 each bounce blends what they hit with the radiance that the bounce before has left on the surfels. A surface that a ray
 hits scatters all it reflects by Lambert's law, the light of its specular lobe too (``lobe_albedo``).
+
+``light_paths`` keeps so much of this that a viewer can relight the surfels without tracing rays.
 """
 
+import math
 from collections.abc import Callable, Iterator
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ..kernels.shade.shade import shade
 from ..kernels.trace.hits import HitLists
 from .incident import Incident, unoccluded
 from .plan import EffectPlan
+from .sampling import sphere_directions
 from .shading import bounded_albedo, lobe_albedo
 from .splatting import DIFFUSE_DIRECT
 from .tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
@@ -140,3 +144,45 @@ def summed(
             ratio = (term.sum(0) / torch.where(whole > 0, whole, 1.0)).clamp(0, MOST_LEFT)
             total = total + term * (ratio / (1 - ratio))
     return total
+
+
+SEEN, MET = 512, 32
+"""Directions of ``light_paths``: those with a visibility, and those with the surfel that is met."""
+
+
+@torch.no_grad()
+def light_paths(
+    tracer: SurfelTracer, index: Int[Tensor, " chosen"]
+) -> tuple[Bool[Tensor, "chosen seen"], Int[Tensor, "chosen met"]]:
+    """Whether the surfels at ``index`` see the light along ``sphere_directions(SEEN)``, and which surfels they meet.
+
+    They see it where V is at least one half. Surfels are met along MET of these directions, drawn by the cosine: the
+    mean over them is that over the hemisphere. -1 where the light is seen, and where a surfel is met from behind.
+    """
+    normal = tracer.surfels.frame[..., 2]
+    along, golden = sphere_directions(SEEN).to(normal), (math.sqrt(5) - 1) / 2
+    found = []
+    for some in index.split(RAYS_AT_ONCE // SEEN):
+        every = along.expand(len(some), -1, -1).contiguous()
+        left, strongest = (each.view(-1, SEEN) for each in strongest_hits(tracer.hits(some, every)))
+        from_front = (normal[strongest.clamp(min=0)] * along).sum(-1) < 0
+        met = torch.where((left < 0.5) & from_front, strongest, -1)
+        flow = (normal[some] @ along.T).clamp(min=0).double().cumsum(1)
+        shares = (torch.arange(MET, device=some.device) + (some[:, None] * golden) % 1) / MET  # no two surfels alike
+        drawn = torch.searchsorted(flow, shares * flow[:, -1:]).clamp(max=SEEN - 1)
+        found.append((left >= 0.5, met.gather(1, drawn)))
+    seen, met = zip(*found, strict=True)
+    return torch.cat(seen), torch.cat(met)
+
+
+def strongest_hits(lists: HitLists) -> tuple[Float[Tensor, " rays"], Int[Tensor, " rays"]]:
+    """Transmittance of each ray, and the surfel whose hit has the largest weight in its blend; -1 without a hit."""
+    counts = lists.begin.diff()
+    ray, kept = lists.ray.long().repeat_interleave(counts), torch.log1p(-lists.alpha.double())
+    before = torch.cat([kept.new_zeros(1), kept.cumsum(0)])
+    weight = (before[:-1] - before[lists.begin[:-1]].repeat_interleave(counts)).exp() * lists.alpha
+    none = kept.new_zeros(len(lists.ray))
+    largest = weight == none.scatter_reduce(0, ray, weight, "amax")[ray]
+    surfel = torch.full_like(none, -1, dtype=torch.long)
+    surfel[ray[largest]] = lists.surfel[largest].long()
+    return none.index_add(0, ray, kept).exp(), surfel

@@ -42,7 +42,7 @@ class PrefilteredLight:
             self.sharp = radiance
             return
         area = texel_solid_angles(*radiance.shape[:2]).to(radiance).expand(radiance.shape[:2])
-        self.sharp = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
+        self.sharp = pooled(radiance * area[..., None], height) / pooled(area[..., None], height)
 
     @cached_property
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
@@ -75,7 +75,8 @@ def split_sum_radiance(
     return both[:, 0], both[:, 1]
 
 
-def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tensor, "rows columns _"]:
+def pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tensor, "rows columns _"]:
+    """A map's values averaged over the texels of one with ``height`` rows."""
     return adaptive_avg_pool2d(values.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0)
 
 

@@ -19,14 +19,14 @@ from ..tables.model import Table
 from ..tables.record import HEADING, record_reports
 from ..tables.suite import suite_table
 from ..wording import SYMBOL, marked
-from .assets import json_for_script, part, rendered, scripts, styles
+from .assets import VIEWER, json_for_script, part, rendered, scripts, styles
 from .pictures import FOLDER, KIND, Album, album, filter_tables, scale_bar
 from .sheets import encoded
 from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, paper_tables
 
 SCRIPTS = (
-    "shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", "surfels",
+    "shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", *VIEWER,
     "provenance", "printing", "selection",
 )  # fmt: skip
 """In the order in which they run: all may use the first, and the last one announces the selection to the others."""

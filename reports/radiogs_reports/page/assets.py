@@ -17,6 +17,15 @@ ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", 
 """Characters that could end a script element or start a comment in it; in JSON they occur in strings only."""
 
 
+FILES: Traversable = resources.files(__package__)
+
+VIEWER = ("surfel_data", "light_maps", "turning", "gpu", "shading", "drawing", "surfels")
+"""The scripts of the viewer of surfels, in the order in which they run."""
+
+MAPS = ("city", "studio", "sunset")
+"""Maps of light that the viewer of surfels offers, by Poly Haven (CC0), 32 x 64 texels: ``lights/<name>.hdr``."""
+
+
 def json_for_script(content: Any) -> Markup:
     """Strict JSON, keys in their given order, that is safe inside <script type="application/json">."""
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -27,8 +36,7 @@ def json_for_script(content: Any) -> Markup:
 
 def part(*path: str) -> str:
     """Text of a file in this module's folder."""
-    place: Traversable = resources.files(__package__)
-    return place.joinpath(*path).read_text(encoding="utf-8")
+    return FILES.joinpath(*path).read_text(encoding="utf-8")
 
 
 def scripts(names: Sequence[str]) -> str:
@@ -56,7 +64,8 @@ def rendered(template: str, script: str, style: str, files: bool = False, **valu
         lstrip_blocks=True,
     )
     made.filters["formula"] = formula
-    made.globals["json_for_script"] = json_for_script
+    lights = {name: base64.b64encode(FILES.joinpath("lights", f"{name}.hdr").read_bytes()).decode() for name in MAPS}
+    made.globals |= {"json_for_script": json_for_script, "maps_of_light": lights}
     digests = (hashlib.sha256(each.encode("utf-8")).digest() for each in (script, style))
     of_script, of_style = (base64.b64encode(digest).decode("ascii") for digest in digests)
     sources = " 'self' file:" if files else ""

@@ -2,7 +2,7 @@
 
 A surfel takes 26 bytes, little-endian: its centre as three uint16 between the lowest and the highest of the cell, its
 two tangents as six int16 in shares of the longest component, and as bytes its opacity, radiance and albedo (both sRGB)
-and roughness.
+and roughness. Relighting takes 128 more: bits for 512 directions, and 32 surfels that it meets, as uint16.
 """
 
 import base64
@@ -16,7 +16,7 @@ from radiogs_core.own_files import fresh
 
 from .. import maps
 from ..summary import RunSummary
-from .assets import json_for_script, rendered, scripts, styles
+from .assets import VIEWER, json_for_script, rendered, scripts, styles
 
 BUDGET = 12 * 2**20
 """Bytes of the packed surfels of all cells, as text."""
@@ -35,21 +35,29 @@ PACKED = np.dtype(
 Packed = dict[str, Any]
 """``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye``, ``up`` and ``middle`` [3], from where it is seen
 first, which way is up and what is looked at (None: the middle of the surfels), ``count`` of the whole model,
-``surfels`` in base64."""
+``surfels`` in base64; ``relit``, empty or in base64 ``seen``, ``met`` and ``light/<name>`` [32, 64, 3], float32."""
+
+NOTHING_MET = 65535
+"""The surfel that is met where there is none."""
 
 
 def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> dict[str, Packed]:
-    """Packed surfels by cell key, first seeds first, of as many cells as the budget allows."""
+    """Packed surfels by cell key, first seeds first, of as many cells as the budget allows; then what relights them."""
     found: dict[str, Packed] = {}
+    further: dict[str, Packed] = {}
     for run in sorted((run for run in runs if run["arrays"]), key=lambda run: run["seed"]):
         arrays = maps.read_maps(out / str(run["arrays"]), "surfels/")
         if not arrays:
             continue
         made = packed(arrays)
+        further[run["key"]] = made.pop("relit")
         budget -= len(made["surfels"])
         if budget < 0:
             break
         found[run["key"]] = made
+    for key, made in found.items():
+        budget -= sum(map(len, further[key].values()))
+        made["relit"] = further[key] if budget >= 0 else {}
     return found
 
 
@@ -66,6 +74,12 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
         if name in ("radiance", "albedo"):
             shares = np.clip(maps.display(shares), 0, 1)
         surfels[name] = np.rint(shares * 255)
+    binary = {name: values.astype("<f4") for name, values in arrays.items() if name.startswith("surfels/light/")}
+    if "surfels/seen" in arrays:
+        met = arrays["surfels/met"]
+        binary["surfels/seen"] = arrays["surfels/seen"].astype("u1")
+        binary["surfels/met"] = np.where(met < 0, NOTHING_MET, met).astype("<u2")
+    texts = {name.removeprefix("surfels/"): base64.b64encode(each.tobytes()).decode() for name, each in binary.items()}
     return {
         "low": low.tolist(),
         "step": step.tolist(),
@@ -75,10 +89,11 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
         "middle": arrays["surfels/middle"].tolist() if "surfels/middle" in arrays else None,
         "count": int(arrays["surfels/count"][0]),
         "surfels": base64.b64encode(surfels.tobytes()).decode("ascii"),
+        "relit": texts,
     }
 
 
-SCRIPTS = ("shared", "theme", "surfels")
+SCRIPTS = ("shared", "theme", *VIEWER)
 STYLES = ("page", "comparison")
 MODEL = "model"
 

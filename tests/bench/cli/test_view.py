@@ -4,14 +4,12 @@ import json
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from PIL import Image
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.cli.view import disks_of
 from radiogs_bench.export.trained_surfels import surfels_in
 from radiogs_bench.store.folder import Store
 from radiogs_core.errors import DataError, UsageError
@@ -64,26 +62,16 @@ def test_a_window_shows_the_discs_lit_where_they_have_no_light_of_their_own(
 ) -> None:
     shown = []
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(surfel_view, "show", lambda disks, lit: shown.append((len(disks.centres), lit)))
+    monkeypatch.setattr(
+        surfel_view, "show", lambda arrays, colour: shown.append((len(arrays["surfels/centre"]), colour))
+    )
     for colour in ("radiance", "albedo"):
         assert main(["view", str(run), "--window", "--colour", colour, "--frames", "1", "--size", "16"]) == 0
-    assert shown == [(4, False), (4, True)]
+    assert shown == [(4, "radiance"), (4, "albedo")]
 
 
 def test_a_folder_without_a_run_is_missing_data(tmp_path: Path) -> None:
     assert main(["view", str(tmp_path)]) == 3
-
-
-@pytest.mark.parametrize("colour", ["radiance", "albedo", "normal", "roughness"])
-def test_disks_are_the_surfels_as_plain_arrays(run: Path, colour: str) -> None:
-    surfels = surfels_in(run, None)
-    disks = disks_of(surfels, colour)
-    assert disks.centres == pytest.approx(surfels.centre.numpy())
-    assert np.linalg.norm(disks.tangents, axis=-1) == pytest.approx(surfels.log_scale.exp().numpy(), rel=1e-6)
-    normals = np.cross(disks.tangents[:, 0], disks.tangents[:, 1])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    assert normals == pytest.approx(surfels.frame[..., 2].numpy(), abs=1e-6)
-    assert ((disks.colours >= 0) & (disks.colours <= 1)).all()
 
 
 def test_a_model_without_surfels_and_a_picture_beyond_bounds_are_refused(

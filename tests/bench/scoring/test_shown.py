@@ -239,7 +239,7 @@ def surfels() -> Surfels:
 
 
 def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
-    arrays = surfel_arrays(Model(surfels), SEEN_FROM)
+    arrays = surfel_arrays(Model(surfels), SEEN_FROM, {})
     order = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True)
     assert (arrays["surfels/centre"] == surfels.centre[order].numpy()).all()
     u, v = torch.from_numpy(arrays["surfels/tangents"]).unbind(1)
@@ -263,27 +263,27 @@ def test_the_surfels_with_the_most_coverage_are_kept_of_a_large_model(
 ) -> None:
     monkeypatch.setattr(report_arrays, "MOST_SURFELS", 2)
     faint = replace(surfels, log_scale=torch.zeros(COUNT, 2), opacity_logit=torch.tensor([0.0, -9.0, 3.0, -9.0, 1.0]))
-    arrays = surfel_arrays(Model(faint), SEEN_FROM)
+    arrays = surfel_arrays(Model(faint), SEEN_FROM, {})
     assert (arrays["surfels/centre"] == surfels.centre[[2, 4]].numpy()).all()
     assert arrays["surfels/count"].tolist() == [COUNT]
 
 
 def test_radiance_beyond_half_precision_is_the_largest_number_of_it(surfels: Surfels) -> None:
-    arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), SEEN_FROM)
+    arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), SEEN_FROM, {})
     assert np.isfinite(arrays["surfels/radiance"]).all()
     assert arrays["surfels/radiance"].min() == 65504
 
 
 def test_models_without_surfels_have_no_arrays(surfels: Surfels) -> None:
     empty = Surfels.of({name: value[:0] for name, value in surfels.plain().items()})
-    assert surfel_arrays(Model(empty), SEEN_FROM) == {}
-    assert surfel_arrays(Bare(), SEEN_FROM) == {}
+    assert surfel_arrays(Model(empty), SEEN_FROM, {}) == {}
+    assert surfel_arrays(Bare(), SEEN_FROM, {}) == {}
 
 
 def test_the_initial_viewpoint_is_kept(surfels: Surfels) -> None:
-    arrays = surfel_arrays(Model(surfels), SEEN_FROM)
+    arrays = surfel_arrays(Model(surfels), SEEN_FROM, {})
     assert arrays["surfels/eye"].tolist() == [3.0, 1.0, 2.0]
     assert arrays["surfels/up"].tolist() == [0.0, 0.0, 1.0]
     assert "surfels/middle" not in arrays
-    arrays = surfel_arrays(Model(surfels), replace(SEEN_FROM, middle=torch.tensor([1.0, 0.0, 0.5])))
+    arrays = surfel_arrays(Model(surfels), replace(SEEN_FROM, middle=torch.tensor([1.0, 0.0, 0.5])), {})
     assert arrays["surfels/middle"].tolist() == [1.0, 0.0, 0.5]

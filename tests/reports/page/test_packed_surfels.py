@@ -44,6 +44,26 @@ def test_packed_surfels_are_the_stored_ones() -> None:
     assert (made["count"], made["eye"], made["up"]) == (150, [1, 2, 3], [0, 0, 1])
 
 
+def test_what_relights_surfels_is_packed_as_it_is_stored_and_is_left_out_where_bytes_are_few(tmp_path: Path) -> None:
+    made = summary()
+    out = write_run(tmp_path, made)
+    lit = {
+        "surfels/seen": np.arange(50 * 64).reshape(50, 64) % 256,
+        "surfels/met": np.arange(50 * 32).reshape(50, 32) % 51 - 1,
+        "surfels/light/dusk": np.random.default_rng(0).random((32, 64, 3)).astype(np.float32),
+    }
+    with np.load(out / "cells/abc.npz") as there:
+        np.savez(out / "cells/abc.npz", allow_pickle=False, **dict(there.items()), **stored(0), **lit)
+    whole = packed_surfels(made["runs"], out)["abc"]
+    read = {name: base64.b64decode(text) for name, text in whole["relit"].items()}
+    assert (np.frombuffer(read["seen"], np.uint8).reshape(50, 64) == lit["surfels/seen"]).all()
+    met = np.frombuffer(read["met"], np.uint16).reshape(50, 32).astype(int)
+    assert (np.where(met == 65535, -1, met) == lit["surfels/met"]).all()
+    assert (np.frombuffer(read["light/dusk"], np.float32) == lit["surfels/light/dusk"].ravel()).all()
+    fewer = packed_surfels(made["runs"], out, len(whole["surfels"]) + 100)["abc"]
+    assert fewer == whole | {"relit": {}}
+
+
 def test_surfels_in_one_place_are_packed_without_a_division_by_zero() -> None:
     arrays = stored(2, 1) | {"surfels/tangents": np.zeros((1, 2, 3))}
     made = packed(arrays)
