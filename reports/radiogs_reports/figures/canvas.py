@@ -116,7 +116,7 @@ def tiles(bands: int, lines: int, across: int, room: float) -> tuple[Figure, NDA
 
 
 MARKUP = re.compile(r"\\mathrm|[${}_^]")
-"""What is not seen of the formulas of ``plain``."""
+"""Characters of the formulas of ``plain`` that are not seen."""
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:

@@ -55,9 +55,9 @@ class Album:
 def album(runs: Sequence[RunSummary], out: Path, budget: int | None) -> Album:
     """Pictures of all cells that keep maps: within ``budget`` bytes of the page's text; None: in a folder beside it.
 
-    What does not fit is first compressed with loss (not errors and normals), then it has fewer views of each cell; if
-    one is too many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder cannot
-    be written.
+    Pictures that do not fit are first compressed with loss (not errors and normals), then there are fewer views of each
+    cell; if one is too many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder
+    cannot be written.
     """
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:

@@ -29,7 +29,7 @@ def test_without_two_rows_that_are_told_apart_there_is_no_front(units: int) -> N
 
 
 def test_the_front_holds_the_rows_that_are_resolved_to_be_better_and_to_cost_more() -> None:
-    """Of 30 rows of known order with little noise, the tests of all pairs say what the order says."""
+    """The tests of all pairs of 30 rows of known order, with little noise, say what the order says."""
     generator = random.Random(0)
     order = generator.sample(range(30), 30)
     samples = [seeds(*(10.0 * place + noise for noise in (-0.1, 0.0, 0.11))) for place in order]
