@@ -100,8 +100,8 @@ class DepthMaps:
 def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
     if len(truths) < 3:
         return
-    parts = [(each.maps["depth"][..., 0], each.inner, each.derived_normals) for each in truths]
-    stored = DepthMaps(truths, *zip(*parts, strict=True))
+    stored = DepthMaps(truths, [each.maps["depth"][..., 0] for each in truths], [each.inner for each in truths],
+                       [each.derived_normals for each in truths])  # fmt: skip
     own = stored.costs()
     level = float(np.median(own))
     if level <= OFF:
