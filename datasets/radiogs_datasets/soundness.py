@@ -64,7 +64,9 @@ def require_placed(scene: Scene) -> None:
             "Correct their poses, or take these views out of the scene.",
         )
     extent = scene.extent
-    if extent > 0 and not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
+    if extent <= 0:
+        return
+    if not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
         raise DataError(
             f"scene '{scene.name}' is {extent:.3g} world units large",
             f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g} results do not depend on the unit of length.",
@@ -83,8 +85,6 @@ def _outliers(away: torch.Tensor) -> list[int]:
 
 
 def _require_near(scene: Scene, views: list[View]) -> None:
-    if scene.extent <= 0:
-        return
     centre = scene.centre
     worst = max(views, key=lambda view: _rounding(view, centre))
     share = _rounding(worst, centre)
@@ -110,18 +110,17 @@ def require_shaped(scene: Scene) -> None:
     """Raise DataError for images so oblong that nothing of them is left at the size at which views are matched, and for
     lenses that see nearly half of all directions or next to none."""
     for view in (*scene.train, *scene.test):
-        sides = sorted((view.camera.width, view.camera.height))
-        if sides[1] > MOST_OBLONG * sides[0]:
+        camera, said = view.camera, f"view '{view.name}' of scene '{scene.name}' has"
+        size, focal = (camera.width, camera.height), (camera.fx, camera.fy)
+        if max(size) > MOST_OBLONG * min(size):
             raise DataError(
-                f"view '{view.name}' of scene '{scene.name}' has {view.camera.width} x {view.camera.height} pixels",
+                f"{said} {size[0]} x {size[1]} pixels",
                 f"A side is up to {MOST_OBLONG} times as long as the other: views are matched at a reduced size.",
                 "Cut the images, or take such views out of the scene.",
             )
-        lens = sorted((view.camera.fx, view.camera.fy))
-        if not SHORTEST_LENS * sides[1] <= lens[0] <= lens[1] <= LONGEST_LENS * sides[1]:
+        if not SHORTEST_LENS * max(size) <= min(focal) <= max(focal) <= LONGEST_LENS * max(size):
             raise DataError(
-                f"view '{view.name}' of scene '{scene.name}' has a focal length of {view.camera.fx:g} (x) and"
-                f" {view.camera.fy:g} (y) pixels, its image {view.camera.width} x {view.camera.height} pixels",
+                f"{said} a focal length of {focal[0]:g} (x) and {focal[1]:g} (y) for {size[0]} x {size[1]} pixels",
                 "No lens sees more than 179 degrees, or less than a hundredth of one, in straight lines.",
                 "Correct the focal length; it is in pixels of the image, angles of view are in radians.",
             )
@@ -162,10 +161,8 @@ FEWEST_VIEWS = 3
 FEWEST_PIXELS = 64
 """Fewest covered pixels of a view whose metrics mean more than chance."""
 
-
 SAME_POSE = 0.01
 """Share of the cameras' spacing, and radians, within which two poses are one."""
-
 
 NOT_NEW = "test views are not new"
 """Words of the sentences on test views that training has, too."""

@@ -93,9 +93,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
         by_gain = alike if np.abs(own).max() > np.abs(gain).max() / 2 else explained.mean() > 0.5
         if by_gain and np.abs(gain).max() > max(alone, TIMES * spread):
             factors = ", ".join(f"{value:.2f}" for value in np.exp(gain))
-            says = (
-                f"another exposure, white balance or light (red, green and blue {factors} times those of other views)"
-            )
+            says = f"another exposure, white balance or light (red, green and blue {factors} times others')"
             yield warning(evidence.looks[place].name, Fit(says, cost).explains(WHAT, sound))
 
 

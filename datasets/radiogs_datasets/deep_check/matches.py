@@ -163,9 +163,7 @@ def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
         some = found.some(np.array(evenly(range(len(found.views)), TRIED_TOGETHER)))
         better, _ = best_reading(evidence.cameras, some.missed)
         if 1 - better.cost > share + BETTER / 2:
-            what = (
-                f"points that images share contradict the cameras: {100 * share:.0f} % lie where the cameras have them"
-            )
+            what = f"points that images share contradict the cameras: {100 * share:.0f} % lie where these have them"
             yield warning("all views", f"{what}, with {better.says} {100 * (1 - better.cost):.0f} %")
             return
     if share > 0:

@@ -220,9 +220,8 @@ def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughne
         return float(np.mean([difference(read.shade(each.radiance), each.direct) for each in shaded]))
 
     own = cost(materials)
-    tried = [
-        (f"its albedo has {says}", cost(replace(materials, albedo=read(materials.albedo)))) for says, read in LINEAR
-    ]
+    albedo = materials.albedo
+    tried = [(f"its albedo has {says}", cost(replace(materials, albedo=read(albedo)))) for says, read in LINEAR]
     if float(np.median(roughness)) > 0.2:
         for says, other in (
             ("roughness is stored as 1 - roughness (glossiness)", 1 - roughness),
@@ -234,11 +233,8 @@ def _materials(shaded: Sequence[Shaded], lit: Lit, materials: Materials, roughne
     name, limit = ("albedo", FITS) if "albedo" in says else ("roughness", ROUGHNESS_FITS)
     if not (least < limit * own and least < WORST and own > LEAST):
         return None
-    return warning(
-        name,
-        f"shading by the recorded lights contradicts the images: it fits if {says} (difference {least:.2f} instead"
-        f" of {own:.2f})",
-    )
+    what = f"shading by the recorded lights contradicts the images: it fits if {says}"
+    return warning(name, f"{what} (difference {least:.2f} instead of {own:.2f})")
 
 
 def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[Finding]:
@@ -258,11 +254,8 @@ def _light(evidence: Evidence, each: Shaded, materials: Materials) -> Iterator[F
         tried.append(("direct and indirect light exchanged", cost(each.radiance, each.indirect)))
     says, least = best(tried)
     if least < FITS * own and least < WORST and own > LEAST:
-        yield warning(
-            each.name,
-            f"shading by {each.light} contradicts it: {says} fits far better (difference {least:.2f} instead of"
-            f" {own:.2f})",
-        )
+        what = f"shading by {each.light} contradicts it: {says} fits far better"
+        yield warning(each.name, f"{what} (difference {least:.2f} instead of {own:.2f})")
 
 
 def _turned(radiance: Array) -> Iterator[tuple[str, Array]]:

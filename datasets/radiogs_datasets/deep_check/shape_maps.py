@@ -56,16 +56,6 @@ class DepthMaps:
     facing: Sequence[Array]
     """Normals of the surface; zero where they are not known."""
 
-    @classmethod
-    def of(cls, truths: Sequence[Truth]) -> "DepthMaps":
-        """The maps as stored."""
-        return cls(
-            truths,
-            [truth.maps["depth"][..., 0] for truth in truths],
-            [truth.inner for truth in truths],
-            [truth.derived_normals for truth in truths],
-        )
-
     def readings(self) -> Iterator[tuple[str, list[Array]]]:
         """Other readings of the stored depth, in words, and the maps of z-depth under each."""
         pairs = [
@@ -110,7 +100,8 @@ class DepthMaps:
 def _depth(truths: Sequence[Truth]) -> Iterator[Finding]:
     if len(truths) < 3:
         return
-    stored = DepthMaps.of(truths)
+    stored = DepthMaps(truths, [each.maps["depth"][..., 0] for each in truths], [each.inner for each in truths],
+                       [each.derived_normals for each in truths])  # fmt: skip
     own = stored.costs()
     level = float(np.median(own))
     if level <= OFF:
