@@ -171,8 +171,7 @@ def light_paths(
         shares = (torch.arange(MET, device=some.device) + (some[:, None] * golden) % 1) / MET  # no two surfels alike
         drawn = torch.searchsorted(flow, shares * flow[:, -1:]).clamp(max=SEEN - 1)
         found.append((left >= 0.5, met.gather(1, drawn)))
-    seen, met = zip(*found, strict=True)
-    return torch.cat(seen), torch.cat(met)
+    return torch.cat([seen for seen, _ in found]), torch.cat([each for _, each in found])
 
 
 def strongest_hits(lists: HitLists) -> tuple[Float[Tensor, " rays"], Int[Tensor, " rays"]]:
