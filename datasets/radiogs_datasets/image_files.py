@@ -51,7 +51,8 @@ _kept: ContextVar[Decoded | None] = ContextVar("images that are kept once decode
 @contextmanager
 def decoded_once() -> Iterator[Decoded]:
     """Within the block this thread decodes each file once; gives what was decoded, which nobody may write into."""
-    token = _kept.set(kept := {})
+    kept: Decoded = {}
+    token = _kept.set(kept)
     try:
         yield kept
     finally:
