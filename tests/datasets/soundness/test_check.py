@@ -147,4 +147,4 @@ def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) 
     assert [what[:16] for place, what in found if place == "photo_008"] == ["16 of its pixels"]
     damaged = sorted(place for place, what in found if "is damaged" in what)
     assert damaged == [str(masks / "photo_007.png"), "images/photo_003.png"]
-    assert len(found) == 8  # and where photos are read from, and which views are scored
+    assert len(found) == 9  # and where photos are read from, which views are scored, and that the model has no point
