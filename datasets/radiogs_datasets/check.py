@@ -20,10 +20,11 @@ from .deep_check import deep_findings
 from .deep_check.evidence import gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
-from .image_files import Decoded, decoded_once, in_unit_range, read_stored, wanting
+from .image_files import DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
+from .same_bytes import within
 from .soundness import OF_PHOTOS, Frame, doubtful_coverage, little_evidence, require_trainable
 
 NORMAL_FILE = re.compile(r"normal\.png")
@@ -160,7 +161,8 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
 def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
     """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels."""
     wrong = [] if centre is None else list(_aim(view, centre))
-    with decoded_once() as files, wanting("levels"):
+    files: Decoded = {}
+    with within(DECODED, files), within(LEVELS_WANTED, True):
         try:
             alpha, valid = (view.sources[name]() if view.has(name) else None for name in ("alpha", "valid"))
             if alpha is not None and not alpha.numpy().any():

@@ -19,8 +19,9 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
-from .image_files import UNIT_LEVELS, decoded_once, wanting
+from .image_files import DECODED, LEVELS_WANTED, UNIT_LEVELS
 from .options import SceneOptions
+from .same_bytes import within
 from .view_maps import displayed_light
 
 MULTIPLIED = ("direct", "indirect")
@@ -135,7 +136,7 @@ class KeptMaps:
         with self._lock:
             kept = self._maps.get(source)
         if kept is None:
-            with decoded_once():
+            with within(DECODED, {}):
                 read = {each: each() for each in (together if source in together else (source,))}
             with self._lock:
                 for each in read.keys() - self._maps.keys():
@@ -152,9 +153,9 @@ _kept = KeptMaps()
 
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
-    with wanting("values"):
+    with within(LEVELS_WANTED, False):
         if (name == "image" or name.startswith("relit/")) and not name.endswith("/indirect"):
-            with wanting("levels"):
+            with within(LEVELS_WANTED, True):
                 stored = view.sources[name]()
             if stored.dtype == torch.uint8:
                 weight = view.read("alpha") if view.has("alpha") else None

@@ -72,7 +72,16 @@ def require_placed(scene: Scene) -> None:
             f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g} results do not depend on the unit of length.",
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
-    _require_near(scene, views)
+    worst = max(views, key=lambda view: _rounding(view, scene.centre))
+    share = _rounding(worst, scene.centre)
+    if share > PIXEL_SHARE or float(scene.centre.norm()) > FARTHEST * extent:
+        raise DataError(
+            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
+            f" {extent:.3g} large",
+            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
+            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
+            "Subtract the mean of the cameras' places from all of them (and from points).",
+        )
 
 
 def _outliers(away: torch.Tensor) -> list[int]:
@@ -82,20 +91,6 @@ def _outliers(away: torch.Tensor) -> list[int]:
     gaps = ((far > OUTLIER * away.median()) & (far > GAP * near) & (away.median() > 0)).nonzero()[:, 0]
     lost = [] if not len(gaps) else order[int(gaps[0]) + 1 :].flip(0).tolist()
     return lost if len(lost) <= max(1, MOST_OUTLIERS * len(away)) else []
-
-
-def _require_near(scene: Scene, views: list[View]) -> None:
-    centre = scene.centre
-    worst = max(views, key=lambda view: _rounding(view, centre))
-    share = _rounding(worst, centre)
-    if share > PIXEL_SHARE or float(centre.norm()) > FARTHEST * scene.extent:
-        raise DataError(
-            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
-            f" {scene.extent:.3g} large",
-            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
-            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
-            "Subtract the mean of the cameras' places from all of them (and from points).",
-        )
 
 
 def _rounding(view: View, centre: torch.Tensor) -> float:

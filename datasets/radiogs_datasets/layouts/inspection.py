@@ -16,10 +16,10 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import read_bytes
-from ..image_files import decoded_once
+from ..image_files import DECODED, Decoded
 from ..image_structure import Header, image_header, usual_type
 from ..options import TEST_EVERY
-from ..same_bytes import note_pixels
+from ..same_bytes import note_pixels, within
 
 SMALL_SCENE = 50_000_000
 """Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
@@ -333,7 +333,8 @@ def decode_if_small(
     """
     if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
         for view in views:
-            with decoded_once() as files:
+            files: Decoded = {}
+            with within(DECODED, files):
                 for name in view.sources:
                     view.read(name)
             for (path, _), levels in files.items():
