@@ -4,7 +4,7 @@ import hashlib
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +17,7 @@ from radiogs_core.scene.scene import Scene, View
 
 from .cameras.transforms import Transforms, read_transforms
 from .deep_check import deep_findings
-from .deep_check.evidence import gather
+from .deep_check.evidence import Advance, gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
 from .image_files import DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
@@ -40,8 +40,6 @@ PARALLEL = 0.01
 
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
-
-Advance = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)

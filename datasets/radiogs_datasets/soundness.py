@@ -210,15 +210,15 @@ def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
     """Findings: few or no new views, all cameras at one position, or images smaller than SSIM's window."""
     said = []
-    if 0 < len(scene.train) < FEWEST_VIEWS:
-        said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")
+    if 0 < (views := len(scene.train)) < FEWEST_VIEWS:
+        said.append(f"{views} view{'s' * (views > 1)} to learn from: shape, light and materials are not determined")
     elif scene.train and scene.extent == 0:
         said.append("all training cameras stand in one place: depth is not determined")
     if len(scene.test) == 1:
         said.append("1 view to score: its metrics are of that view alone")
     small = [view for view in scene.test if min(view.camera.height, view.camera.width) < SSIM_WINDOW]
     if small:
-        few = _views(len(small))
+        few = f"{len(small)} view{'s' * (len(small) > 1)}"
         said.append(f"{few} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there")
     lights = {**scene.lights, "of training": scene.training_light}
     dark = [name for name, light in lights.items() if light is not None and not light.radiance.any()]
@@ -355,7 +355,3 @@ def _flat_ground(frames: Sequence[Frame]) -> Iterator[str]:
         " is learnt as surfaces around the object, which cannot be relit; give masks (--mask-folder DIR), or images"
         " with an alpha"
     )
-
-
-def _views(count: int) -> str:
-    return "1 view" if count == 1 else f"{count} views"

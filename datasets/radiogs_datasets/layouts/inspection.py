@@ -38,6 +38,9 @@ SPLIT_LIST = re.compile(
 """Names of lists of photos, with the split: nerf-on-the-go's ``train_list.txt``, 3DGS's ``sparse/0/test.txt``,
 nerfstudio's field ``test_filenames``."""
 
+NUMBER = re.compile(r"0*(\d+)")
+"""A number in a name, without the zeros before it."""
+
 Kept = TypeVar("Kept")
 
 
@@ -139,11 +142,7 @@ def _plain(name: str) -> str:
 
 def alike(name: str) -> str:
     """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
-    return re.sub(r"0*(\d+)", r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
-
-
-def _numbers(stem: str) -> tuple[str, ...]:
-    return tuple(re.findall(r"0*(\d+)", stem))
+    return NUMBER.sub(r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
 
 
 def by_number(name: str) -> list[tuple[int, str]]:
@@ -157,8 +156,8 @@ def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tup
     ``renumbered``: whether files may have been numbered anew, so that an equal number says nothing. Raises DataError
     where the orders of names as text and by number differ, or where some numbers are equal and others are not.
     """
-    own = {_numbers(path.stem): path for path in files}
-    equal = {name: own[number] for name in names if (number := _numbers(Path(name).stem)) in own}
+    own = {(*NUMBER.findall(path.stem),): path for path in files}
+    equal = {name: own[numbers] for name in names if (numbers := (*NUMBER.findall(Path(name).stem),)) in own}
     if len({*equal.values()}) == len(names):
         return equal, f"by their numbers ({names[0]} with {equal[names[0]].name})"
     pairs = dict(zip(sorted(names), sorted(files), strict=True))

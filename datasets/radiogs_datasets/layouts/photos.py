@@ -122,7 +122,12 @@ def views_of(
     linear = [photo.name for photo in given if headers[photo.image].type in LINEAR]
     if linear:
         said = (*said, f"{len(linear)} photos hold linear radiance: they are encoded as display sRGB and clipped")
-    return views, (*said, *said_of_lenses(given), *said_of_types)
+    if kept := [pinhole(photo).kept for photo in given if not photo.lens.pinhole]:
+        least, most = round(100 * min(kept)), round(100 * max(kept))
+        share = f"{least} %" if least == most else f"{least} to {most} %"
+        undone = f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each"
+        said_of_types = (undone, *said_of_types)
+    return views, (*said, *require_possible_lenses(given), *said_of_types)
 
 
 def view_of(photo: Photo) -> View:
@@ -188,16 +193,6 @@ def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
         f" calibration ({shown(names)})"
         for what, names in strange.items()
     )
-
-
-def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
-    """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
-    said, kept = require_possible_lenses(photos), [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
-    if not kept:
-        return said
-    least, most = round(100 * min(kept)), round(100 * max(kept))
-    share = f"{least} %" if least == most else f"{least} to {most} %"
-    return (*said, f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each")
 
 
 def images_in(folder: Path) -> list[Path]:
