@@ -15,7 +15,7 @@ import torch
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
-from .cameras.transforms import Transforms, read_transforms
+from .cameras.transforms import read_transforms
 from .deep_check import deep_findings
 from .deep_check.evidence import Advance, gather
 from .deep_check.poses import equal_poses, poses
@@ -178,13 +178,15 @@ def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
 
 def _at_file(folder: Path, path: Path) -> Seen:
     """A look at one file; what it says of colours matters where a view reads it."""
+    files: Decoded = {}
     try:
-        found = read_transforms(path) if path.suffix == ".json" else read_stored(path, numbers=True)
+        if path.suffix == ".json":
+            read_transforms(path)
+            return Seen({path: None})
+        files[path, True] = read_stored(path, numbers=True)
     except DataError as error:
-        found = error
-    if isinstance(found, Transforms):
-        return Seen({path: None})
-    return Seen(*_decoded(folder, {(path, True): found}))
+        files[path, True] = error
+    return Seen(*_decoded(folder, files))
 
 
 def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list[Finding]]:

@@ -68,7 +68,7 @@ class SameBytes:
 def note_pixels(path: Path, levels: NDArray) -> None:
     """Remember the digest of an image [height, width, channels] of the scene that is opened in this thread."""
     if (current := _current.get()) is not None:
-        current.pixels[os.path.abspath(path)] = hashlib.sha256(np.ascontiguousarray(levels[..., :3])).digest()
+        current.pixels[os.path.abspath(path)] = hashlib.sha256(np.ascontiguousarray(levels[..., :3]).data).digest()
 
 
 _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are read", default=None)

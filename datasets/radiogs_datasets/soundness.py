@@ -247,7 +247,8 @@ def little_evidence(image: torch.Tensor, alpha: torch.Tensor | None) -> Iterator
         if several := seen.numel() > 0 and bool(seen.max() > seen.min()):
             break
     if seen.numel() and not several:
-        level = {0: "black", 255 if image.dtype == torch.uint8 else 1: "white"}.get(seen.max().item(), "one colour")
+        most = 255.0 if image.dtype == torch.uint8 else 1.0
+        level = {0.0: "black", most: "white"}.get(float(seen.max()), "one colour")
         yield f"its image is {level} throughout: nothing can be learnt or scored from it"
     half = 127 if alpha is not None and alpha.dtype == torch.uint8 else 0.5
     covered = FEWEST_PIXELS if alpha is None else np.count_nonzero(alpha.numpy() > half)  # torch's sum copies to int64
@@ -289,20 +290,20 @@ class Frame(NamedTuple):
         Image and coverage are values in [0, 1] or levels of 8 bits.
         """
         height, width = image.shape[:2]
-        shares = [1.0, 1.0]
+        middle = whole = 1.0
         if alpha is not None:
             third = alpha[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
             most = 255 if alpha.dtype == torch.uint8 else 1
-            shares = [float(each.numpy().mean(dtype=np.float64)) / most for each in (third, alpha)]
+            middle, whole = (float(each.numpy().mean(dtype=np.float64)) / most for each in (third, alpha))
         ring = _values(_ring(image))
         cover = torch.ones(len(ring)) if alpha is None else _values(_ring(alpha))[:, 0]
         if valid is not None:
             ring, cover = (each[_ring(valid)[:, 0] > 0] for each in (ring, cover))
         if not len(ring):
-            return Frame(0.0, *shares, torch.zeros(3), 0.0)
+            return Frame(0.0, middle, whole, torch.zeros(3), 0.0)
         colour = ring.median(0).values
         flat = ((ring - colour).abs().amax(-1) <= ONE_COLOUR).float().mean()
-        return Frame(float(cover.mean()), *shares, colour, float(flat))
+        return Frame(float(cover.mean()), middle, whole, colour, float(flat))
 
 
 def _values(levels: torch.Tensor) -> torch.Tensor:

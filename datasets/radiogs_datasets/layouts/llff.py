@@ -98,9 +98,9 @@ def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
         )
     # The file has no names. Capitals apart, only numbers tell the order of text from another.
     by_text = sorted(found[fitting], key=lambda path: path.name.casefold())
-    counted = sorted(found[fitting], key=lambda path: by_number(path.name))
+    by_count = sorted(found[fitting], key=lambda path: by_number(path.name))
     poses = (f"pose {place}" for place in range(count))
-    require_one_order(folder / fitting, zip(poses, by_text, counted, strict=True))
+    require_one_order(folder / fitting, zip(poses, by_text, by_count, strict=True))
     return fitting, found[fitting]
 
 
