@@ -54,7 +54,7 @@ class SameBytes:
             )
 
     def read(self, source: Callable[[], Read]) -> Read:
-        """What is read of the scene's files, such as a map: of the bytes that the checksum was taken of."""
+        """A map, or what else is read of the scene's files: of the bytes that the checksum was taken of."""
         with within(_current, self):
             return source()
 
