@@ -4,27 +4,27 @@ import hashlib
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import torch
-from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
 from .cameras.transforms import read_transforms
 from .deep_check import deep_findings
-from .deep_check.evidence import gather
+from .deep_check.evidence import Advance, gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
-from .image_files import Decoded, decoded_once, in_unit_range, read_stored, wanting
+from .image_files import DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
+from .same_bytes import within
 from .soundness import OF_PHOTOS, Frame, doubtful_coverage, little_evidence, require_trainable
 
 NORMAL_FILE = re.compile(r"normal\.png")
@@ -40,8 +40,6 @@ PARALLEL = 0.01
 
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
-
-Advance = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -161,7 +159,8 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
 def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
     """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels."""
     wrong = [] if centre is None else list(_aim(view, centre))
-    with decoded_once() as files, wanting("levels"):
+    files: Decoded = {}
+    with within(DECODED, files), within(LEVELS_WANTED, True):
         try:
             alpha, valid = (view.sources[name]() if view.has(name) else None for name in ("alpha", "valid"))
             if alpha is not None and not alpha.numpy().any():
@@ -179,14 +178,15 @@ def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
 
 def _at_file(folder: Path, path: Path) -> Seen:
     """A look at one file; what it says of colours matters where a view reads it."""
+    files: Decoded = {}
     try:
         if path.suffix == ".json":
             read_transforms(path)
             return Seen({path: None})
-        found: NDArray | DataError = read_stored(path, numbers=True)
+        files[path, True] = read_stored(path, numbers=True)
     except DataError as error:
-        found = error
-    return Seen(*_decoded(folder, {(path, True): found}))
+        files[path, True] = error
+    return Seen(*_decoded(folder, files))
 
 
 def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list[Finding]]:

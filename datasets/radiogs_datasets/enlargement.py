@@ -14,7 +14,7 @@ from torch import Tensor
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene, View
 
-from .reduction import camera_at
+from .cameras.lens import at_size
 
 
 def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks: bool = True) -> Scene:
@@ -47,7 +47,7 @@ def enlarged(scene: Scene, train: int, test: int, width: int, height: int, masks
 def _view(view: View, ending: str, width: int, height: int, masks: bool) -> View:
     names = view.sources if masks else ("image",)
     sources = {name: partial(_read, view, name, width, height, masks) for name in names}
-    return View(view.name + ending, camera_at(view.camera, height, width), sources)
+    return View(view.name + ending, at_size(view.camera, height, width), sources)
 
 
 def _read(view: View, name: str, width: int, height: int, masks: bool) -> Float[Tensor, "height width channels"]:

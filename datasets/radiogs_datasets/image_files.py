@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -45,18 +45,12 @@ def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
 Decoded = dict[tuple[Path, bool], NDArray | DataError]
 """Images by path and whether they were read as numbers: levels or values, or the error that reading ended in."""
 
-_kept: ContextVar[Decoded | None] = ContextVar("images that are kept once decoded", default=None)
+DECODED: ContextVar[Decoded | None] = ContextVar("images that are kept once decoded", default=None)
+"""Where this thread keeps what it decodes, each file once, which nobody may write into; None: nowhere."""
 
-
-@contextmanager
-def decoded_once() -> Iterator[Decoded]:
-    """Within the block this thread decodes each file once; gives what was decoded, which nobody may write into."""
-    kept: Decoded = {}
-    token = _kept.set(kept)
-    try:
-        yield kept
-    finally:
-        _kept.reset(token)
+LEVELS_WANTED: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
+"""Whether sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of values. Not for
+sources that are made of others' values."""
 
 
 def read_stored(path: Path, numbers: bool = False) -> NDArray:
@@ -66,15 +60,13 @@ def read_stored(path: Path, numbers: bool = False) -> NDArray:
     levels are ``numbers``, such as a mask's. Float32 values of an OpenEXR or Radiance file are linear. EXIF's
     orientation is not applied. Raises DataError if the file is missing, cut off, damaged or of another type.
     """
-    if (kept := _kept.get()) is None:
-        return _read_stored(path, numbers)
-    if (found := kept.get((path, numbers))) is None:
+    kept: Decoded = {} if (held := DECODED.get()) is None else held
+    if (path, numbers) not in kept:
         try:
-            found = _read_stored(path, numbers)
+            kept[path, numbers] = _read_stored(path, numbers)
         except DataError as error:
-            found = error
-        kept[path, numbers] = found
-    if isinstance(found, DataError):
+            kept[path, numbers] = error
+    if isinstance(found := kept[path, numbers], DataError):
         raise found
     return found
 
@@ -129,25 +121,6 @@ def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
     """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
     levels = np.rint(np.clip(finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
     _encode(path, ".png", reversed_colours(levels), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-
-
-_levels_wanted: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
-
-
-@contextmanager
-def wanting(kind: Literal["levels", "values"]) -> Iterator[None]:
-    """Within the block, sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of
-    values; or they do not, for sources that are made of others' values."""
-    token = _levels_wanted.set(kind == "levels")
-    try:
-        yield
-    finally:
-        _levels_wanted.reset(token)
-
-
-def levels_wanted() -> bool:
-    """Whether this thread is within ``wanting("levels")``."""
-    return _levels_wanted.get()
 
 
 LOGGING = getattr(cv2.utils, "logging", cv2)

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
-from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
-from .image_files import UNIT_LEVELS, decoded_once, wanting
+from .cameras.lens import at_size
+from .image_files import DECODED, LEVELS_WANTED, UNIT_LEVELS
 from .options import SceneOptions
+from .same_bytes import within
 from .view_maps import displayed_light
 
 MULTIPLIED = ("direct", "indirect")
@@ -104,16 +105,7 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
     if camera.height * camera.width >= LARGE:
         together = tuple(sources[name] for name in ("image", "alpha", "valid") if name in sources)
         sources = {name: partial(_kept.read, source, together) for name, source in sources.items()}
-    return View(view.name, camera_at(camera, height, width), sources)
-
-
-def camera_at(camera: Camera, height: int, width: int) -> Camera:
-    """The same view in another number of pixels."""
-    across, along = width / camera.width, height / camera.height
-    return replace(
-        camera, fx=camera.fx * across, fy=camera.fy * along, cx=camera.cx * across, cy=camera.cy * along,
-        width=width, height=height,
-    )  # fmt: skip
+    return View(view.name, at_size(camera, height, width), sources)
 
 
 LARGE = 1 << 21
@@ -135,7 +127,7 @@ class KeptMaps:
         with self._lock:
             kept = self._maps.get(source)
         if kept is None:
-            with decoded_once():
+            with within(DECODED, {}):
                 read = {each: each() for each in (together if source in together else (source,))}
             with self._lock:
                 for each in read.keys() - self._maps.keys():
@@ -152,9 +144,9 @@ _kept = KeptMaps()
 
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
-    with wanting("values"):
+    with within(LEVELS_WANTED, False):
         if (name == "image" or name.startswith("relit/")) and not name.endswith("/indirect"):
-            with wanting("levels"):
+            with within(LEVELS_WANTED, True):
                 stored = view.sources[name]()
             if stored.dtype == torch.uint8:
                 weight = view.read("alpha") if view.has("alpha") else None

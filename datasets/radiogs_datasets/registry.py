@@ -163,15 +163,14 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         raise unknown("layout", chosen, LAYOUTS)
     load = LAYOUTS[chosen].load
     place, files = Path(os.path.normpath(folder.absolute())), SameBytes(folder.name)
-    with files.required():
-        if LAYOUTS[chosen].of_photos:
-            scene = load(place, options)
-            held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
-            left_out = "/masks-ignore" if options.masks == "ignore" else ""
-            scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
-        else:
-            _require_none(options, name_or_path)
-            scene = load(place)
+    if LAYOUTS[chosen].of_photos:
+        scene = files.read(lambda: load(place, options))
+        held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
+        left_out = "/masks-ignore" if options.masks == "ignore" else ""
+        scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
+    else:
+        _require_none(options, name_or_path)
+        scene = files.read(lambda: load(place))
     said = (*unused_files(folder, files.digests), *shared_images(scene, files.digests | files.pixels))
     scene = files.held(replace(scene, repairs=(*scene.repairs, *said)))
     require_names(scene)

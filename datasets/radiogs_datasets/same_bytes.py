@@ -12,13 +12,26 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
+
+Value = TypeVar("Value")
+Read = TypeVar("Read")
+
+
+@contextmanager
+def within(variable: ContextVar[Value], value: Value) -> Iterator[None]:
+    """Within the block the variable has this value, in this thread."""
+    token = variable.set(value)
+    try:
+        yield
+    finally:
+        variable.reset(token)
 
 
 @dataclass(frozen=True)
@@ -40,18 +53,9 @@ class SameBytes:
                 "Let the files be while a run reads them, and run the same command again: it continues.",
             )
 
-    @contextmanager
-    def required(self) -> Iterator[None]:
-        """Hold every file that this thread reads within the block to the bytes it had before."""
-        token = _current.set(self)
-        try:
-            yield
-        finally:
-            _current.reset(token)
-
-    def read(self, source: Callable[[], Tensor]) -> Tensor:
-        """A map, of the bytes that the checksum was taken of."""
-        with self.required():
+    def read(self, source: Callable[[], Read]) -> Read:
+        """A map, or what else is read of the scene's files: of the bytes that the checksum was taken of."""
+        with within(_current, self):
             return source()
 
     def held(self, scene: Scene) -> Scene:
@@ -72,6 +76,5 @@ _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are r
 
 def require_same(path: Path, data: bytes) -> None:
     """Raise DataError where a file of the scene that is read in this thread has changed; nothing outside of one."""
-    current = _current.get()
-    if current is not None:
+    if (current := _current.get()) is not None:
         current.require(path, data)

@@ -72,7 +72,16 @@ def require_placed(scene: Scene) -> None:
             f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g} results do not depend on the unit of length.",
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
-    _require_near(scene, views)
+    worst = max(views, key=lambda view: _rounding(view, scene.centre))
+    share = _rounding(worst, scene.centre)
+    if share > PIXEL_SHARE or float(scene.centre.norm()) > FARTHEST * extent:
+        raise DataError(
+            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
+            f" {extent:.3g} large",
+            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
+            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
+            "Subtract the mean of the cameras' places from all of them (and from points).",
+        )
 
 
 def _outliers(away: torch.Tensor) -> list[int]:
@@ -82,20 +91,6 @@ def _outliers(away: torch.Tensor) -> list[int]:
     gaps = ((far > OUTLIER * away.median()) & (far > GAP * near) & (away.median() > 0)).nonzero()[:, 0]
     lost = [] if not len(gaps) else order[int(gaps[0]) + 1 :].flip(0).tolist()
     return lost if len(lost) <= max(1, MOST_OUTLIERS * len(away)) else []
-
-
-def _require_near(scene: Scene, views: list[View]) -> None:
-    centre = scene.centre
-    worst = max(views, key=lambda view: _rounding(view, centre))
-    share = _rounding(worst, centre)
-    if share > PIXEL_SHARE or float(centre.norm()) > FARTHEST * scene.extent:
-        raise DataError(
-            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
-            f" {scene.extent:.3g} large",
-            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
-            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
-            "Subtract the mean of the cameras' places from all of them (and from points).",
-        )
 
 
 def _rounding(view: View, centre: torch.Tensor) -> float:
@@ -215,15 +210,15 @@ def _digest(view: View, digests: Mapping[str, bytes]) -> bytes | None:
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
     """Findings: few or no new views, all cameras at one position, or images smaller than SSIM's window."""
     said = []
-    if 0 < len(scene.train) < FEWEST_VIEWS:
-        said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")
+    if 0 < (views := len(scene.train)) < FEWEST_VIEWS:
+        said.append(f"{views} view{'s' * (views > 1)} to learn from: shape, light and materials are not determined")
     elif scene.train and scene.extent == 0:
         said.append("all training cameras stand in one place: depth is not determined")
     if len(scene.test) == 1:
         said.append("1 view to score: its metrics are of that view alone")
     small = [view for view in scene.test if min(view.camera.height, view.camera.width) < SSIM_WINDOW]
     if small:
-        few = _views(len(small))
+        few = f"{len(small)} view{'s' * (len(small) > 1)}"
         said.append(f"{few} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there")
     lights = {**scene.lights, "of training": scene.training_light}
     dark = [name for name, light in lights.items() if light is not None and not light.radiance.any()]
@@ -252,8 +247,8 @@ def little_evidence(image: torch.Tensor, alpha: torch.Tensor | None) -> Iterator
         if several := seen.numel() > 0 and bool(seen.max() > seen.min()):
             break
     if seen.numel() and not several:
-        white = 255.0 if image.dtype == torch.uint8 else 1.0
-        level = {0.0: "black", white: "white"}.get(float(seen.max()), "one colour")
+        most = 255.0 if image.dtype == torch.uint8 else 1.0
+        level = {0.0: "black", most: "white"}.get(float(seen.max()), "one colour")
         yield f"its image is {level} throughout: nothing can be learnt or scored from it"
     half = 127 if alpha is not None and alpha.dtype == torch.uint8 else 0.5
     covered = FEWEST_PIXELS if alpha is None else np.count_nonzero(alpha.numpy() > half)  # torch's sum copies to int64
@@ -361,7 +356,3 @@ def _flat_ground(frames: Sequence[Frame]) -> Iterator[str]:
         " is learnt as surfaces around the object, which cannot be relit; give masks (--mask-folder DIR), or images"
         " with an alpha"
     )
-
-
-def _views(count: int) -> str:
-    return "1 view" if count == 1 else f"{count} views"

@@ -27,6 +27,7 @@ SIZED = re.compile(r"images(_\d+)?")
 TABLE = re.compile(r"transforms(?:_(\w+))?\.json")
 """Files of cameras, with the name of their split."""
 
+DIGITS = re.compile(r"\d+")
 
 SPLIT = re.compile(
     r"(.*[_.-])?(train|test|val|eval|split|hold_?out)s?([_.-].*)?\.(txt|csv|tsv|lst|json|npy|ya?ml)", re.IGNORECASE
@@ -124,16 +125,12 @@ def _splits(files: list[Path], left: list[Path]) -> Said:
 
 def _without_view(left: list[Path], read: list[Path]) -> Said:
     """Images beside those of the views that have their names but for the digits, or lie in a folder of photos."""
-    alike = {_kind(path) for path in read}
+    alike = {DIGITS.sub("#", path.as_posix()) for path in read}
     places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
-    lost = [path for path in left if _kind(path) in alike or path.parent in places]
+    lost = [path for path in left if DIGITS.sub("#", path.as_posix()) in alike or path.parent in places]
     total = len(lost) + len([path for path in read if path.parent in {each.parent for each in lost}])
     said = f"{len(lost)} of {total} photos are in no view and are not used: {shown([p.as_posix() for p in lost])}"
     return [said] if lost else [], [path for path in left if path not in {*lost}]
-
-
-def _kind(path: Path) -> str:
-    return re.sub(r"\d+", "#", path.as_posix())
 
 
 def _are(things: list[Path], word: str, rest: str = "") -> str:

@@ -160,9 +160,7 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
         if writer.light is None:
             lost.append(f"light '{name}' has no place in layout '{layout}'")
             continue
-        path = folder / writer.light.format(name)
-        path.parent.mkdir(exist_ok=True)
-        (write_hdr if path.suffix == ".hdr" else write_exr)(path, light.radiance.numpy())
+        _store(folder / writer.light.format(name), light.radiance)
     return tuple(lost)
 
 
@@ -188,14 +186,13 @@ class Layout:
     lenses: bool = False
 
 
-def _png(path: Path, image: Image, alpha: Mask | None = None) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_png(path, (image if alpha is None else torch.cat([image, alpha], -1)).numpy())
+KINDS = {".png": write_png, ".exr": write_exr, ".hdr": write_hdr}
 
 
-def _exr(path: Path, image: Image) -> None:
+def _store(path: Path, image: Image, alpha: Mask | None = None) -> None:
+    """Write an image, with an alpha if one is given, as its name's ending says, in a folder that may be new."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_exr(path, image.numpy())
+    KINDS[path.suffix](path, (image if alpha is None else torch.cat([image, alpha], -1)).numpy())
 
 
 def _alpha(view: View) -> Mask:
@@ -205,20 +202,18 @@ def _alpha(view: View) -> Mask:
 def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> list[str]:
     """One folder a view: everything that a scene can hold has a file."""
     place, alpha = folder / f"{split}_{number:03}", _alpha(view)
-    _png(place / "rgba.png", view.read("image"), alpha)
+    _store(place / "rgba.png", view.read("image"), alpha)
     written = []
     for name in view.sources:
-        if name in ("albedo", "normal"):
-            values = view.read(name)
-            _png(place / f"{name}.png", values / 2 + 0.5 if name == "normal" else values, alpha)
-        elif name == "roughness":
-            _png(place / "roughness.png", view.read(name))
+        if name in ("albedo", "normal", "roughness"):
+            values = view.read(name) / 2 + 0.5 if name == "normal" else view.read(name)
+            _store(place / f"{name}.png", values, None if name == "roughness" else alpha)
         elif name in ("depth", "direct", "indirect"):
-            _exr(place / f"{name}.exr", view.read(name))
+            _store(place / f"{name}.exr", view.read(name))
         elif name.startswith("relit/") and name.endswith("/indirect"):
-            _exr(place / f"indirect_{name.split('/')[1]}.exr", view.read(name))
+            _store(place / f"indirect_{name.split('/')[1]}.exr", view.read(name))
         elif name.startswith("relit/"):
-            _png(place / f"rgba_{name.split('/')[1]}.png", view.read(name), alpha)
+            _store(place / f"rgba_{name.split('/')[1]}.png", view.read(name), alpha)
         else:
             continue
         written.append(name)
@@ -229,27 +224,27 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
     """Training views as linear EXR on black with a mask, test views as PNG with albedo in sRGB."""
     alpha, stem = _alpha(view), f"{number:03}"
     if split == "train":
-        _exr(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
-        _png(folder / f"train/{stem}_mask.png", alpha)
+        _store(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
+        _store(folder / f"train/{stem}_mask.png", alpha)
         return []
-    _png(folder / f"test/{stem}_rgba.png", view.read("image"), alpha)
+    _store(folder / f"test/{stem}_rgba.png", view.read("image"), alpha)
     written = []
     if view.has("albedo"):
-        _png(folder / f"test/{stem}_albedo.png", srgb_encode(view.read("albedo")), alpha)
+        _store(folder / f"test/{stem}_albedo.png", srgb_encode(view.read("albedo")), alpha)
         written.append("albedo")
     if view.has("roughness"):
-        _png(folder / f"test/{stem}_rough.png", view.read("roughness").expand(-1, -1, 3), alpha)
+        _store(folder / f"test/{stem}_rough.png", view.read("roughness").expand(-1, -1, 3), alpha)
         written.append("roughness")
     for name in view.sources:
         if name.startswith("relit/") and not name.endswith("/indirect"):
-            _png(folder / f"test_rli/{name.split('/')[1]}_{stem}.png", view.read(name), alpha)
+            _store(folder / f"test_rli/{name.split('/')[1]}_{stem}.png", view.read(name), alpha)
             written.append(name)
     return written
 
 
 def write_blender_view(folder: Path, view: View, split: str, number: int) -> list[str]:
     """The image and its coverage, nothing else."""
-    _png(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
+    _store(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
     return []
 
 

@@ -8,11 +8,9 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.scene import View
 
 from ..cameras.transforms import read_transforms
 from ..generate.recipe import Rig, pinhole
-from ..writing import opengl
 from .request import Request
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, math.degrees(0.6911112)
@@ -42,14 +40,6 @@ class Shot:
     number: int
     camera: Camera
     distance: float
-
-    def opengl(self) -> list[list[float]]:
-        """Camera-to-world rows in Blender's axes: x right, y up, looking along -z."""
-        return opengl(self.camera)
-
-    def view(self) -> View:
-        """The camera under the view's name, without maps."""
-        return View(self.name, self.camera, {})
 
     @property
     def field_of_view(self) -> float:

@@ -23,6 +23,7 @@ import torch
 from radiogs_core.errors import UsageError
 from radiogs_core.own_files import require_own_folders
 from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.scene import View
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir import TRAINING_LIGHT
@@ -85,7 +86,7 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
         of_split = [shot for shot in views if shot.split == split]
         write_transforms(
             unfinished / f"transforms_{split}.json",
-            [shot.view() for shot in of_split],
+            [View(shot.name, shot.camera, {}) for shot in of_split],
             [f"./{shot.name}/rgba" for shot in of_split],
         )
     (unfinished / "metadata.json").write_text(json.dumps(described, indent=1) + "\n", encoding="utf-8")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..layouts.tensoir import TRAINING_LIGHT
+from ..writing import opengl
 from .cameras import Shot
 from .passes import Maps, maps_of, read_passes
 from .process import Blender
@@ -50,7 +51,7 @@ class Studio:
         self.blender.ask(
             "render",
             light=str(self.lights[light]),
-            camera=shot.opengl(),
+            camera=opengl(shot.camera),
             field_of_view=shot.field_of_view,
             size=request.size,
             samples=(shot.split == "test" and request.test_samples) or request.samples,

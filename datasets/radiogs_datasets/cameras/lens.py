@@ -3,7 +3,9 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
+
+from radiogs_core.scene.camera import Camera
 
 Projection = Literal["perspective", "fisheye"]
 
@@ -92,13 +94,17 @@ class Lens:
         """The longer side of its pixels over the shorter one, by the focal lengths."""
         return max(self.fx, self.fy) / min(self.fx, self.fy)
 
-    def at_size(self, height: int, width: int) -> "Lens":
-        """The same lens for the photo brought to another size; distortion acts before pixels and stays."""
-        across, along = width / self.width, height / self.height
-        return replace(
-            self, fx=self.fx * across, fy=self.fy * along, cx=self.cx * across, cy=self.cy * along,
-            width=width, height=height,
-        )  # fmt: skip
+
+Sized = TypeVar("Sized", Lens, Camera)
+
+
+def at_size(given: Sized, height: int, width: int) -> Sized:
+    """The same lens or view in another number of pixels; distortion acts before pixels and stays."""
+    across, along = width / given.width, height / given.height
+    return replace(
+        given, fx=given.fx * across, fy=given.fy * along, cx=given.cx * across, cy=given.cy * along,
+        width=width, height=height,
+    )  # fmt: skip
 
 
 SIZE_TOLERANCE = 1.0

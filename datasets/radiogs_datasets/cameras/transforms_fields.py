@@ -23,6 +23,7 @@ from .lens import (
     PARAMETERS,
     Lens,
     Projection,
+    at_size,
     coefficients_of,
     is_reduction,
 )
@@ -175,7 +176,7 @@ def _of_pixels(
             raise _other_size(what, (width, height), (columns, rows))
         cx, cy = given.get("cx", width / 2), given.get("cy", height / 2)
         whole = Lens(given["fl_x"], given["fl_y"], cx, cy, width, height, projection, bent)
-        return whole if (height, width) == (rows, columns) else whole.at_size(rows, columns)
+        return whole if (height, width) == (rows, columns) else at_size(whole, rows, columns)
 
     if given.keys() >= {*SIZE}:
         for sentence in _other_angles(fields, lens(int(given["h"]), int(given["w"]))):

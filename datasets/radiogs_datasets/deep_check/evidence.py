@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
-from ..reduction import camera_at
+from ..cameras.lens import at_size
 from .cameras import Array, Cameras, Cost, Fit, best_reading, stacked
 
 Advance = Callable[[int, int], None]
@@ -182,7 +182,7 @@ def _look(view: View, trained: bool) -> Look:
     width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
     alpha = reduced(view.read("alpha").numpy(), width, height) if view.has("alpha") else None
     image = reduced(view.read("image").numpy(), width, height)
-    return Look(view.name, trained, camera_at(camera, height, width), image, alpha)
+    return Look(view.name, trained, at_size(camera, height, width), image, alpha)
 
 
 def reduced(values: NDArray[np.float32], width: int, height: int) -> Bytes:

@@ -28,6 +28,9 @@ def generate_scene(
     wanted = recipe(name)
     require_mitsuba()
     # Mitsuba is an extra, and with a wrong LLVM it ends the process: it is imported when the probe has passed.
+    from ..writing import made_beside
     from .scene_folder import write_scene
 
-    write_scene(wanted, folder, seed, pictures, progress)
+    # It is made beside its folder and renamed at the end: no run leaves half a scene.
+    with made_beside(folder) as made:
+        write_scene(wanted, made, seed, pictures, progress)

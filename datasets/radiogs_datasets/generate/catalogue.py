@@ -144,19 +144,13 @@ _PLAIN = (
     Recipe(
         name="glossy",
         purpose="a rough-glossy ball over coloured tiles: reflections that move with the view",
-        solids=(
-            *_tiles(0.9, -0.6, -0.5, _FOUR),
-            Sphere((0.0, 0.0, 0.05), 0.5, Material((0.3, 0.3, 0.3), 0.25)),
-        ),
+        solids=(*_tiles(0.9, -0.6, -0.5, _FOUR), Sphere((0.0, 0.0, 0.05), 0.5, Material((0.3, 0.3, 0.3), 0.25))),
         rig=Rig(target=(0.0, 0.0, -0.15), radius=4.2, azimuth=(0.0, 360.0), elevation=(10.0, 60.0)),
     ),
     Recipe(
         name="mirror",
         purpose="a smooth dark ball over coloured tiles: nearly all that it shows is specular",
-        solids=(
-            *_tiles(0.9, -0.6, -0.5, _FOUR),
-            Sphere((0.0, 0.0, 0.05), 0.5, Material((0.04, 0.04, 0.04), 0.1)),
-        ),
+        solids=(*_tiles(0.9, -0.6, -0.5, _FOUR), Sphere((0.0, 0.0, 0.05), 0.5, Material((0.04, 0.04, 0.04), 0.1))),
         rig=Rig(target=(0.0, 0.0, -0.15), radius=4.2, azimuth=(0.0, 360.0), elevation=(10.0, 60.0)),
     ),
     Recipe(

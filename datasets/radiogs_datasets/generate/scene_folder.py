@@ -20,7 +20,7 @@ from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir import TRAINING_LIGHT
-from ..writing import made_beside, write_display
+from ..writing import write_display
 from . import render
 from .environments import LIGHTS
 from .recipe import TEST_RATIO, Pictures, Pinhole, Recipe, pinhole
@@ -39,14 +39,7 @@ class Split:
 def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
-    """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
-    with made_beside(folder) as made:
-        _write_all(recipe, made, seed, pictures, progress)
-
-
-def _write_all(
-    recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
-) -> None:
+    """See ``generate_scene``; ``folder`` is there, and empty."""
     render.start()
     lights = _write_lights(recipe, folder / "envmaps")
     train = Split("train", 0, recipe.train if pictures.train is None else pictures.train, pictures.samples)
@@ -179,10 +172,7 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: i
         mine = (own.coverage == 1) & (seen.coverage == 1) & (np.abs(own.depth - seen.depth) < 1e-6)
         unshadowed += float((_energy(alone, camera, render.DIRECT_DEPTH) * mine).sum())
         shadowed += float((direct * mine).sum())
-    return {
-        "specular": float(specular.sum() / full.sum()),
-        "shadowed": max(0.0, 1 - shadowed / unshadowed),
-    }
+    return {"specular": float(specular.sum() / full.sum()), "shadowed": max(0.0, 1 - shadowed / unshadowed)}
 
 
 def _energy(scene: mi.Scene, camera: Pinhole, depth: int) -> NDArray[np.float32]:

@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -72,58 +71,37 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
     for place, solid in enumerate(solids):
         others = [other for number, other in enumerate(solids) if number != place]
         for patch in _patches(solid, others, spacing):
-            covered = torch.zeros(len(patch.centre), dtype=torch.bool)
+            covered = torch.zeros(len(patch[0]), dtype=torch.bool)
             for other in others:
-                covered |= _inside(other, patch.centre, TOUCHING)
-            patches.append(patch.where(~covered))
-            x, y, z = patches[-1].centre.unbind(-1)
+                covered |= _inside(other, patch[0], TOUCHING)
+            patches.append([part[~covered] for part in patch])
+            x, y, z = patches[-1][0].unbind(-1)
             materials.append(torch.stack(solid.material.at(x, y, z, torch), -1))
     values = torch.cat(materials)
-    return SurfaceSamples(
-        centre=torch.cat([patch.centre for patch in patches]),
-        frame=torch.cat([patch.frame for patch in patches]),
-        size=torch.cat([patch.size for patch in patches]),
-        albedo=values[:, :3],
-        roughness=values[:, 3],
-    )
+    centre, frame, size = (torch.cat(parts) for parts in zip(*patches, strict=True))
+    return SurfaceSamples(centre=centre, frame=frame, size=size, albedo=values[:, :3], roughness=values[:, 3])
 
 
-@dataclass(frozen=True)
-class _Patch:
-    """Cells of one surface; see ``SurfaceSamples``."""
-
-    centre: Float[Tensor, "cells 3"]
-    frame: Float[Tensor, "cells 3 3"]
-    size: Float[Tensor, "cells 2"]
-
-    def where(self, kept: Bool[Tensor, " cells"]) -> "_Patch":
-        return _Patch(self.centre[kept], self.frame[kept], self.size[kept])
-
-    def turned(self) -> "_Patch":
-        first, second, normal = self.frame.unbind(-1)
-        return _Patch(self.centre, torch.stack([second, first, -normal], -1), self.size.flip(-1))
-
-
-def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Patch]:
+def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[rounds.Cells]:
     if isinstance(solid, Sphere):
         return [_sphere(solid, spacing)]
     if isinstance(solid, Knot):
         return [_tube(solid, spacing)]
     if isinstance(solid, Turned | Relief):
-        return [_Patch(*rounds.cells(solid, spacing))]
+        return [rounds.cells(solid, spacing)]
     return [_face(solid, others, spacing, axis, side) for axis, side in itertools.product(range(3), (0, 1))]
 
 
-def _sphere(solid: Sphere, spacing: float) -> _Patch:
+def _sphere(solid: Sphere, spacing: float) -> rounds.Cells:
     """A spherical Fibonacci lattice."""
     count = math.ceil(4 * math.pi * solid.radius**2 / spacing**2)
     normal = sphere_directions(count)
     step = solid.radius * math.sqrt(4 * math.pi / count)
     centre = torch.tensor(solid.centre, dtype=torch.float64) + solid.radius * normal
-    return _Patch(centre, tangent_frame(normal), torch.full((count, 2), step, dtype=torch.float64))
+    return centre, tangent_frame(normal), torch.full((count, 2), step, dtype=torch.float64)
 
 
-def _tube(solid: Knot, spacing: float) -> _Patch:
+def _tube(solid: Knot, spacing: float) -> rounds.Cells:
     """An even grid over the tube's parameters, sheared where the grid twists around the curve."""
     around = math.ceil(2 * math.pi * solid.radius / spacing)
     longest = float(trefoil.stretch(solid, *trefoil.grid(PROBES, PROBES)).max())
@@ -131,10 +109,10 @@ def _tube(solid: Knot, spacing: float) -> _Patch:
     t, s = trefoil.grid(along, around)
     width = torch.full_like(t, 2 * math.pi * solid.radius / around)
     size = torch.stack([width, trefoil.stretch(solid, t, s) * (2 * math.pi / along)], -1)
-    return _Patch(trefoil.points(solid, t, s), trefoil.frames(solid, t, s), size)
+    return trefoil.points(solid, t, s), trefoil.frames(solid, t, s), size
 
 
-def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> _Patch:
+def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> rounds.Cells:
     """One side of a box; its grid has lines where boxes that touch it begin, so that cells are covered whole or not."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
     plane = (solid.low, solid.high)[side][axis]
@@ -150,12 +128,12 @@ def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: 
     (u, du), (v, dv) = steps
     centre = torch.empty(len(u), len(v), 3, dtype=torch.float64)
     centre[..., first], centre[..., second], centre[..., axis] = u[:, None], v, plane
-    size = torch.stack(torch.broadcast_tensors(du[:, None], dv), -1)
+    sizes = torch.broadcast_tensors(du[:, None], dv)
     unit = torch.eye(3, dtype=torch.float64)
-    frame = torch.stack([unit[first], unit[second], unit[axis]], -1)
+    axes = (unit[first], unit[second], unit[axis]) if side else (unit[second], unit[first], -unit[axis])
+    frame, size = torch.stack(axes, -1), torch.stack(sizes if side else sizes[::-1], -1)
     count = len(u) * len(v)
-    outwards = _Patch(centre.view(count, 3), frame.expand(count, 3, 3), size.reshape(count, 2))
-    return outwards if side == 1 else outwards.turned()
+    return centre.view(count, 3), frame.expand(count, 3, 3), size.reshape(count, 2)
 
 
 def _cells(edges: Sequence[float], spacing: float) -> tuple[Float[Tensor, " cells"], Float[Tensor, " cells"]]:

@@ -23,7 +23,7 @@ from radiogs_core.scene.scene import Points, Scene
 
 from ..cameras.colmap_files import chosen_model, files_of, models_in, read_model
 from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
-from ..cameras.lens import Lens, is_reduction, lens_of
+from ..cameras.lens import Lens, at_size, is_reduction, lens_of
 from ..options import AS_STORED, SceneOptions
 from .inspection import (
     IMAGE_ENDINGS,
@@ -136,4 +136,4 @@ def _lens(place: Path, image: StoredImage, stored: StoredCamera, height: int, wi
             "The image must be its camera's, or a reduction of it.",
             "Use the images that the model was made of; with those of image_undistorter, the model beside them.",
         )
-    return lens.at_size(height, width)
+    return at_size(lens, height, width)

@@ -16,10 +16,10 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import read_bytes
-from ..image_files import decoded_once
+from ..image_files import DECODED, Decoded
 from ..image_structure import Header, image_header, usual_type
 from ..options import TEST_EVERY
-from ..same_bytes import note_pixels
+from ..same_bytes import note_pixels, within
 
 SMALL_SCENE = 50_000_000
 """Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
@@ -37,6 +37,9 @@ SPLIT_LIST = re.compile(
 )
 """Names of lists of photos, with the split: nerf-on-the-go's ``train_list.txt``, 3DGS's ``sparse/0/test.txt``,
 nerfstudio's field ``test_filenames``."""
+
+NUMBER = re.compile(r"0*(\d+)")
+"""A number in a name, without the zeros before it."""
 
 Kept = TypeVar("Kept")
 
@@ -139,11 +142,7 @@ def _plain(name: str) -> str:
 
 def alike(name: str) -> str:
     """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
-    return re.sub(r"0*(\d+)", r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
-
-
-def _numbers(stem: str) -> tuple[str, ...]:
-    return tuple(re.findall(r"0*(\d+)", stem))
+    return NUMBER.sub(r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
 
 
 def by_number(name: str) -> list[tuple[int, str]]:
@@ -157,8 +156,8 @@ def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tup
     ``renumbered``: whether files may have been numbered anew, so that an equal number says nothing. Raises DataError
     where the orders of names as text and by number differ, or where some numbers are equal and others are not.
     """
-    own = {_numbers(path.stem): path for path in files}
-    equal = {name: own[number] for name in names if (number := _numbers(Path(name).stem)) in own}
+    own = {(*NUMBER.findall(path.stem),): path for path in files}
+    equal = {name: own[numbers] for name in names if (numbers := (*NUMBER.findall(Path(name).stem),)) in own}
     if len({*equal.values()}) == len(names):
         return equal, f"by their numbers ({names[0]} with {equal[names[0]].name})"
     pairs = dict(zip(sorted(names), sorted(files), strict=True))
@@ -333,7 +332,8 @@ def decode_if_small(
     """
     if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
         for view in views:
-            with decoded_once() as files:
+            files: Decoded = {}
+            with within(DECODED, files):
                 for name in view.sources:
                     view.read(name)
             for (path, _), levels in files.items():

@@ -29,23 +29,19 @@ def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Pat
     """
     if folder is None:
         return {}
-    place, found, missing = Path(folder), {}, []
+    place = Path(folder)
     if not place.is_dir():
         raise DataError(f"there is no folder of masks '{folder}'", "", "Give the folder that holds a mask a photo.")
     there = {path.relative_to(place).as_posix().casefold(): path for path in place.rglob("*") if path.is_file()}
-    for name, image in images:
-        mask = mask_among(there, name)
-        if mask is None:
-            missing.append(name)
-        else:
-            found[image] = mask
-    if missing:
+    masks = [(name, image, mask_among(there, name)) for name, image in images]
+    if missing := [name for name, _, mask in masks if mask is None]:
         raise DataError(
             f"folder '{folder}' has no mask for {len(missing)} of the photos: {shown(missing)}",
             DAMAGED_MASK,
             "Add them; a mask has its photo's name and ends in .png or .jpg.",
         )
-    if len(set(found.values())) < len(found):
+    found = {image: mask for _, image, mask in masks if mask is not None}
+    if len({*found.values()}) < len(found):
         raise DataError(
             f"folder '{folder}' has one mask for several photos",
             "Photos of one name lie in several folders.",

@@ -4,6 +4,7 @@ The layouts ``colmap``, ``blender`` and ``llff`` read photos, masks and depth ma
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from radiogs_core.scene.scene import View
 from ..bounded_reading import as_float32, read_numpy
 from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
-from ..image_files import levels_wanted, read_stored
+from ..image_files import LEVELS_WANTED, read_stored
 from ..image_structure import LINEAR, Header
 from ..options import SceneOptions
 from ..reduction import WHOLLY, area_mean
@@ -98,12 +99,9 @@ def placed(header: Header, lens_of: Callable[[int, int], Lens]) -> tuple[Lens, i
     try:
         return lens_of(*header.size), 1
     except DataError:
-        if header.orientation not in TURNS:
-            raise
-        try:
-            return lens_of(header.width, header.height), header.orientation
-        except DataError:
-            pass
+        if header.orientation in TURNS:
+            with suppress(DataError):
+                return lens_of(header.width, header.height), header.orientation
         raise
 
 
@@ -124,7 +122,12 @@ def views_of(
     linear = [photo.name for photo in given if headers[photo.image].type in LINEAR]
     if linear:
         said = (*said, f"{len(linear)} photos hold linear radiance: they are encoded as display sRGB and clipped")
-    return views, (*said, *said_of_lenses(given), *said_of_types)
+    if kept := [pinhole(photo).kept for photo in given if not photo.lens.pinhole]:
+        least, most = round(100 * min(kept)), round(100 * max(kept))
+        share = f"{least} %" if least == most else f"{least} to {most} %"
+        undone = f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each"
+        said_of_types = (undone, *said_of_types)
+    return views, (*said, *require_possible_lenses(given), *said_of_types)
 
 
 def view_of(photo: Photo) -> View:
@@ -192,16 +195,6 @@ def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
     )
 
 
-def said_of_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
-    """Sentences on lenses that few have, and on what undistortion keeps of the photos; none where no lens distorts."""
-    said, kept = require_possible_lenses(photos), [pinhole(photo).kept for photo in photos if not photo.lens.pinhole]
-    if not kept:
-        return said
-    least, most = round(100 * min(kept)), round(100 * max(kept))
-    share = f"{least} %" if least == most else f"{least} to {most} %"
-    return (*said, f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each")
-
-
 def images_in(folder: Path) -> list[Path]:
     """The images of a folder, without hidden ones, in the order of names; none where there is no folder."""
     if not folder.is_dir():
@@ -251,7 +244,7 @@ def _image(photo: Photo) -> Tensor:
     """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
     stored = read_stored(photo.image)
     stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
-    if levels_wanted() and photo.lens.pinhole and not photo.ignores and stored.dtype == np.uint8:
+    if LEVELS_WANTED.get() and photo.lens.pinhole and not photo.ignores and stored.dtype == np.uint8:
         colour = np.repeat(stored[..., :1], 3, 2) if stored.shape[2] < 3 else stored[..., :3]
         return torch.from_numpy(np.ascontiguousarray(colour))
     image = displayed(stored)
@@ -276,7 +269,7 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _alpha(photo: Photo) -> Tensor:
     """Coverage in [0, 1], [height, width, 1]; 8-bit levels where they are asked for and a mask has them as they are."""
-    coverage = _mask_as_it_is(photo) if levels_wanted() else None
+    coverage = _mask_as_it_is(photo) if LEVELS_WANTED.get() else None
     if coverage is None:
         coverage = _stored_coverage(photo)
         coverage = coverage if photo.lens.pinhole else undistorted_coverage(coverage, photo.lens)

@@ -133,7 +133,7 @@ def _view(
     readers: dict[str, Callable[[Path], Tensor]] = {
         "image": _shown,
         "alpha": _coverage,
-        "albedo": _albedo,
+        "albedo": lambda path: srgb_decode(reduced(read_colour(path))),
         "normal": partial(_normal, camera, _mask(image)),
         "depth": partial(_depth, _mask(image)),
     }
@@ -192,10 +192,6 @@ def _shown(path: Path) -> Float[Tensor, "height width 3"]:
 
 def _coverage(path: Path) -> Float[Tensor, "height width 1"]:
     return reduced(read_mask(path))
-
-
-def _albedo(path: Path) -> Float[Tensor, "height width 3"]:
-    return srgb_decode(reduced(read_colour(path)))
 
 
 def _normal(camera: Camera, mask: Path, path: Path) -> Float[Tensor, "height width 3"]:

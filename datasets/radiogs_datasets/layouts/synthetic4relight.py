@@ -23,7 +23,7 @@ from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..cameras.transforms import Frame, read_splits, said_of_files
+from ..cameras.transforms import read_splits, said_of_files
 from ..lights import read_light
 from ..view_maps import displayed_light, read_alpha, read_colour, read_photo, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
@@ -68,14 +68,18 @@ def load_synthetic4relight(folder: Path) -> Scene:
             require_same_size(path, headers[path].size, headers[image].size)
     train = tuple(
         View(
-            _name(frame),
+            frame.file_path.removeprefix("./"),
             train_split.camera(frame, *headers[image].size),
             {"image": partial(_display, image, mask), "alpha": partial(read_mask, mask)},
         )
         for frame, (image, mask) in zip(train_split.frames, train_files, strict=True)
     )
     test = tuple(
-        View(_name(frame), test_split.camera(frame, *headers[image].size), _test_maps(folder, stem, lights))
+        View(
+            frame.file_path.removeprefix("./"),
+            test_split.camera(frame, *headers[image].size),
+            _test_maps(folder, stem, lights),
+        )
         for frame, stem, (image, *_) in zip(test_split.frames, test_stems, test_files, strict=True)
     )
     radiance: dict[str, EnvironmentMap] = {}
@@ -103,10 +107,6 @@ def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]
         if place is not None:
             files[light] = place / f"{light}.exr"
     return sorted(found), files
-
-
-def _name(frame: Frame) -> str:
-    return frame.file_path.removeprefix("./")
 
 
 def _test_maps(folder: Path, stem: Path, lights: list[str]) -> dict[str, Callable[[], Tensor]]:

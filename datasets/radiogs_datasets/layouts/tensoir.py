@@ -76,7 +76,7 @@ def load_tensoir(folder: Path) -> Scene:
     maps = {table: _common_maps(folder, paths) for table, paths in images.items()}
     _, maps_of_test = maps.values()
     found = find_lights(folder, {relit[1] for name in maps_of_test if (relit := RELIT_IMAGE.fullmatch(name))})
-    every = [path for table in files for image in images[table] for path in _with_maps(image, maps[table])]
+    every = [image.parent / name for table in files for image in images[table] for name in (image.name, *maps[table])]
     named = {path.relative_to(folder).as_posix(): path for path in (*files, *every)}
     named |= {f"envmaps/{light}.hdr": path for light, (path, _) in found.items()}
     headers, checksum = inspect(named, [path for path in [folder / SHARED_LIGHTS] if path.is_file()])
@@ -107,12 +107,8 @@ def _common_maps(folder: Path, images: list[Path]) -> list[str]:
     beside = {path.name for image in images if image.parent.is_dir() for path in image.parent.iterdir()}
     relit = {name for name in beside if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
     names = sorted(beside & (MAPS.keys() | MASKED_MAPS.keys()) | relit)
-    require_files(folder, [path for image in images for path in _with_maps(image, names)])
+    require_files(folder, [image.parent / name for image in images for name in (image.name, *names)])
     return names
-
-
-def _with_maps(image: Path, names: list[str]) -> list[Path]:
-    return [image, *(image.parent / name for name in names)]
 
 
 def _views(

@@ -11,12 +11,13 @@ import torch
 from datasets.blend.multilayer import passes, write_multilayer
 from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import View
 from radiogs_datasets.blend.cameras import RADIUS, shots
 from radiogs_datasets.blend.passes import maps_of, read_passes
 from radiogs_datasets.blend.request import Request
 from radiogs_datasets.blend.studio import ROWS, refined
 from radiogs_datasets.cameras.transforms import read_transforms
-from radiogs_datasets.writing import write_transforms
+from radiogs_datasets.writing import opengl, write_transforms
 
 
 def test_a_file_of_many_parts_is_read_whole(tmp_path: Path) -> None:
@@ -128,7 +129,7 @@ def test_published_cameras_stand_on_the_sphere_and_look_at_the_origin_from_above
         assert torch.allclose(shot.camera.axes[:, 2], -shot.camera.centre / RADIUS, atol=1e-5)
         assert shot.field_of_view == pytest.approx(0.6911112, rel=1e-6)
         # Blender looks along its own -z.
-        assert [-row[2] for row in shot.opengl()[:3]] == pytest.approx(shot.camera.axes[:, 2].tolist(), abs=1e-6)
+        assert [-row[2] for row in opengl(shot.camera)[:3]] == pytest.approx(shot.camera.axes[:, 2].tolist(), abs=1e-6)
     apart = (centres[:, None] - centres).norm(dim=-1) + 10 * torch.eye(50)
     assert float(apart.min()) > 0.2
 
@@ -166,10 +167,8 @@ def test_a_single_point_has_no_cameras() -> None:
 def test_cameras_of_transforms_files_are_taken_as_they_are(tmp_path: Path) -> None:
     given = shots(asked(train=3, test=2, size=64), [-1.0] * 3, [1.0] * 3)
     for split in ("train", "test"):
-        of_split = [shot for shot in given if shot.split == split]
-        write_transforms(
-            tmp_path / f"transforms_{split}.json", [shot.view() for shot in of_split], ["x"] * len(of_split)
-        )
+        of_split = [View(shot.name, shot.camera, {}) for shot in given if shot.split == split]
+        write_transforms(tmp_path / f"transforms_{split}.json", of_split, ["x"] * len(of_split))
     found = shots(asked(str(tmp_path), size=32), [-1.0] * 3, [1.0] * 3)
     assert [shot.name for shot in found] == [shot.name for shot in given]
     for one, other in zip(found, given, strict=True):

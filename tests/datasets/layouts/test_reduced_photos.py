@@ -16,6 +16,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import image_files, load_scene, reduction
 from radiogs_datasets.options import SceneOptions
 from radiogs_datasets.reduction import KeptMaps, linear_area_mean
+from radiogs_datasets.same_bytes import within
 
 
 def shares(stored: int, count: int) -> np.ndarray:
@@ -112,7 +113,7 @@ def test_files_of_a_large_photo_are_decoded_once_and_its_maps_are_the_callers_ow
 
 def test_a_reduced_photo_has_values_where_levels_are_wanted(tmp_path: Path) -> None:
     view = capture(tmp_path, ".jpg", photo((96, 96, 3), np.uint8), ".png").train[0]
-    with image_files.wanting("levels"):
+    with within(image_files.LEVELS_WANTED, True):
         assert all(torch.equal(view.sources[name](), view.read(name)) for name in ("image", "alpha"))
 
 
