@@ -6,7 +6,7 @@ Warp array for each tensor, or ``wp.launch``, describes and checks all of them f
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 import torch
 import warp as wp
@@ -59,7 +59,9 @@ class Arguments:
         for value, (name, dtype, width, address, length) in zip(values, self._places, strict=True):
             if isinstance(value, torch.Tensor):
                 if value.dtype is not dtype or not value.is_contiguous():
-                    self._refuse(value, name, dtype)
+                    gaps = "" if value.is_contiguous() else " with gaps"
+                    takes = f"an array of {dtype}" if dtype else "no tensor"
+                    raise TypeError(f"'{name}' of {self.kernel} takes {takes}, not {value.dtype}{gaps}")
                 entries = value.numel()
                 if entries > MOST_ENTRIES:
                     require_countable(entries, "entries of an array", "Use fewer surfels, samples or pixels.")
@@ -69,11 +71,6 @@ class Arguments:
                 addresses[address] = lengths[length] = 0
             else:
                 setattr(self.structure, name, value)
-
-    def _refuse(self, tensor: torch.Tensor, name: str, dtype: torch.dtype | None) -> NoReturn:
-        gaps = "" if tensor.is_contiguous() else " with gaps"
-        takes = f"an array of {dtype}" if dtype else "no tensor"
-        raise TypeError(f"'{name}' of {self.kernel} takes {takes}, not {tensor.dtype}{gaps}")
 
 
 def _place(structure: Any, name: str, declared: Any) -> tuple[str, torch.dtype | None, int, int, int]:

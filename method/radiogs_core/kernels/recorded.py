@@ -70,7 +70,9 @@ class Recorded:
         """The arguments after the first, to be written before ``run``."""
         memory, self._bounds, self._shape = self.arguments.structure, command.bounds, command.bounds.shape
         self._first = ctypes.c_int32.from_buffer(memory, getattr(type(memory), first).offset)
-        self._start = _on_cpu(command, memory) if where.is_cpu else _on_cuda(command, memory)
+        # On the CPU: the same call as in ``wp.Launch.launch``, without its copy of each argument.
+        on_cpu = partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(memory))
+        self._start = on_cpu if where.is_cpu else _on_cuda(command, memory)
 
     def run(self, first: int, count: int) -> None:
         """Launch the kernel for items [first, first + count) with the arguments written last."""
@@ -90,11 +92,6 @@ def _kind(command: wp.Launch) -> Any:
     """Type of the structure in which Warp's kernels for the CPU take their arguments."""
     names, values = [argument.label for argument in command.kernel.adj.args], command.params[1:]
     return type("Arguments", (ctypes.Structure,), {"_fields_": [*zip(names, map(type, values), strict=True)]})
-
-
-def _on_cpu(command: wp.Launch, memory: Any) -> Callable[[], None]:
-    """The same call as in ``wp.Launch.launch``, without its copy of each argument."""
-    return partial(command.hooks.forward, ctypes.byref(command.bounds), ctypes.byref(memory))
 
 
 def _on_cuda(command: wp.Launch, memory: Any) -> Callable[[], None]:

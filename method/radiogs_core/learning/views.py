@@ -97,15 +97,16 @@ class TrainingView:
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
         """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
-        return self.once("image", self._read_image, lasting=False)
+        return self.once(
+            "image",
+            lambda: self.view.read("image").to(self.device) if self.pixels is None else values_of(self.pixels),
+            lasting=False,
+        )
 
     @property
     def mask(self) -> Float[Tensor, "height width"]:
         """Coverage in [0, 1]; 1 in all pixels of a view without alpha, 0 in pixels that do not count."""
         return self.once("mask", self._read_mask)
-
-    def _read_image(self) -> Float[Tensor, "height width 3"]:
-        return self.view.read("image").to(self.device) if self.pixels is None else values_of(self.pixels)
 
     def _read_mask(self) -> Float[Tensor, "height width"]:
         if self.covered is not None:

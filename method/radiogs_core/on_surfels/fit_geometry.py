@@ -166,7 +166,8 @@ class FitGeometry(SurfelStage[Any, Any]):
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name; sets ``touched``, the mask of surfels that the view shows."""
         surfels = self.optimiser.surfels.with_cached_values()
-        surfels.sh = surfels.sh[:, : self._coefficients()]
+        degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)
+        surfels.sh = surfels.sh[:, : (degree + 1) ** 2]
         camera = view.camera
         radiance, own = own_radiance_twice(camera, surfels)
         progress = self.iteration / self.iterations
@@ -203,10 +204,6 @@ class FitGeometry(SurfelStage[Any, Any]):
             far=0.0 if self.space is None else self.depth_unit,
             smoothness=(("normal smoothness", weights.normal_smoothness),) if smooth else (),
         )
-
-    def _coefficients(self) -> int:
-        degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)
-        return (degree + 1) ** 2
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""

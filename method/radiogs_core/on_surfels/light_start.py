@@ -85,7 +85,9 @@ def starting_light_and_albedo(
         found = light_and_albedo(rays, views, rows, start, generator, finest)
         if found is not None:
             return *found, True
-    level = white_light(views, start.white, start.brightest)
+    # The brightest covered pixels have the albedo ``start.white``.
+    bright = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), start.brightest)
+    level = max(bright or 0.0, LINEAR_KNEE) / start.white
     light = rays.surfels.centre.new_full((rows, 2 * rows, 3), level)
     return light, torch.full_like(rays.surfels.albedo_logit, start.albedo), False
 
@@ -170,12 +172,3 @@ def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor,
     large = interpolate(around, size=(rows, round(around.shape[-1] * scale)), mode="bilinear", align_corners=False)
     margin = (large.shape[-1] - 2 * rows) // 2
     return large[0, :, :, margin : margin + 2 * rows].permute(1, 2, 0)
-
-
-def white_light(views: tuple[TrainingView, ...], white: float, brightest: float) -> float:
-    """Radiance of the constant light under which the brightest surfaces in the views have the albedo ``white``.
-
-    ``brightest``: quantile of the covered pixels' linear brightness that counts as the brightest.
-    """
-    brightness = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), brightest)
-    return max(brightness or 0.0, LINEAR_KNEE) / white

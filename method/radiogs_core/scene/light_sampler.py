@@ -98,10 +98,8 @@ class LightSampler:
 
     def pdf(self, direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Density of ``draw`` per steradian."""
-        return self.density.take(self._texel(direction))
-
-    def _texel(self, direction: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
         x, y, z = direction.unbind(-1)
         row = torch.atan2(torch.hypot(x, y), z) * (self.height / torch.pi)
         column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * self.width
-        return row.long().clamp(0, self.height - 1) * self.width + column.long().clamp(0, self.width - 1)
+        row, column = row.long().clamp(0, self.height - 1), column.long().clamp(0, self.width - 1)
+        return self.density.take(row * self.width + column)

@@ -79,7 +79,7 @@ def initial_surfels(
         surfels, colour, opacity = *found, start.sweep.opacity
     else:
         points, colour = (
-            points_in_box(count, start.box, generator)
+            (start.box * (2 * torch.rand(count, 3, generator=generator) - 1), torch.full((count, 3), 0.5))
             if start.points == "box"
             else initial_points(scene, views, count, generator, start)
         )
@@ -98,14 +98,6 @@ def _swept_surfels(
         return None
     spacing = SPREAD * neighbour_spacing(points)
     return surfels_facing(points, spacing, normals), colour
-
-
-def points_in_box(
-    count: int, half_side: float, generator: torch.Generator
-) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """``count`` random points of the cube of this half side around the world's origin, and grey, display sRGB."""
-    points = half_side * (2 * torch.rand(count, 3, generator=generator) - 1)
-    return points, torch.full((count, 3), 0.5)
 
 
 def view_radius(scene: Scene) -> float:

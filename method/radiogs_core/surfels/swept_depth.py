@@ -115,7 +115,9 @@ def _swept(
         return depth
     middle = float(view.camera.depth_of(centre))
     planes = torch.linspace(max(middle - radius, middle * 0.05), middle + radius, sweep.planes)
-    box = _box_of(view.covered)
+    # The smallest ranges of rows and columns that hold all covered pixels.
+    first, last = zip(*(torch.aminmax(view.covered.any(axis).nonzero()) for axis in (1, 0)), strict=True)
+    box = slice(int(first[0]), int(last[0]) + 1), slice(int(first[1]), int(last[1]) + 1)
     matched = Matched(
         view.camera, view.covered[box], view.camera.ray_directions()[view.covered], view.colour[:, view.covered]
     )
@@ -123,12 +125,6 @@ def _swept(
     total = aggregated(cost, matched.covered, sweep.step, sweep.jump)
     depth[box] = torch.where(matched.covered, lowest(total, planes), 0.0)
     return depth
-
-
-def _box_of(covered: Bool[Tensor, "height width"]) -> tuple[slice, slice]:
-    """The smallest ranges of rows and columns that hold all covered pixels."""
-    first, last = zip(*(torch.aminmax(covered.any(axis).nonzero()) for axis in (1, 0)), strict=True)
-    return slice(int(first[0]), int(last[0]) + 1), slice(int(first[1]), int(last[1]) + 1)
 
 
 def aggregated(

@@ -47,7 +47,10 @@ def turned(surfels: Surfels, turn: Float[Tensor, "4"]) -> Surfels:
     by = frames(turn.double()[None])[0]
     raw["centre"] = raw["centre"] @ by.T
     raw["rotation"] = product(turn.double().expand_as(raw["rotation"]), raw["rotation"])
-    raw["sh"] = torch.einsum("ij,njk->nik", harmonics_after(by), raw["sh"])
+    # The harmonics of degrees 0 to 3 are closed under rotation, so the least-squares fit is exact.
+    directions = spread_directions(DIRECTIONS)
+    after = torch.linalg.pinv(basis_along(directions)) @ basis_along(directions @ by)
+    raw["sh"] = torch.einsum("ij,njk->nik", after, raw["sh"])
     return Surfels.of({name: value.float() for name, value in raw.items()})
 
 
@@ -69,12 +72,3 @@ def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"])
     a, b = first[..., 1:], second[..., 1:]
     scalar = first[..., :1] * second[..., :1] - (a * b).sum(-1, keepdim=True)
     return torch.cat([scalar, first[..., :1] * b + second[..., :1] * a + torch.linalg.cross(a, b)], -1)
-
-
-def harmonics_after(by: Float[Tensor, "3 3"]) -> Float[Tensor, "16 16"]:
-    """Matrix that rotates SH coefficients by the rotation ``by``: it maps those of f(d) to those of f(by^T d).
-
-    The harmonics of degrees 0 to 3 are closed under rotation, so the least-squares fit is exact.
-    """
-    directions = spread_directions(DIRECTIONS)
-    return torch.linalg.pinv(basis_along(directions)) @ basis_along(directions @ by)

@@ -7,7 +7,6 @@ hits scatters all it reflects by Lambert's law, the light of its specular lobe t
 ``light_paths`` keeps so much of this that a viewer can relight the surfels without tracing rays.
 """
 
-import math
 from collections.abc import Callable, Iterator
 
 import torch
@@ -16,6 +15,7 @@ from torch import Tensor
 
 from ..kernels.shade.shade import shade
 from ..kernels.trace.hits import HitLists
+from ..scene.light_sampler import GOLDEN_RATIO
 from .incident import Incident, unoccluded
 from .plan import EffectPlan
 from .sampling import sphere_directions
@@ -160,15 +160,15 @@ def light_paths(
     mean over them is that over the hemisphere. -1 where the light is seen, and where a surfel is met from behind.
     """
     normal = tracer.surfels.frame[..., 2]
-    along, golden = sphere_directions(SEEN).to(normal), (math.sqrt(5) - 1) / 2
-    found = []
+    along, found = sphere_directions(SEEN).to(normal), []
     for some in index.split(RAYS_AT_ONCE // SEEN):
-        every = along.expand(len(some), -1, -1).contiguous()
-        left, strongest = (each.view(-1, SEEN) for each in strongest_hits(tracer.hits(some, every)))
+        hits = tracer.hits(some, along.expand(len(some), -1, -1).contiguous())
+        left, strongest = (each.view(-1, SEEN) for each in strongest_hits(hits))
         from_front = (normal[strongest.clamp(min=0)] * along).sum(-1) < 0
         met = torch.where((left < 0.5) & from_front, strongest, -1)
         flow = (normal[some] @ along.T).clamp(min=0).double().cumsum(1)
-        shares = (torch.arange(MET, device=some.device) + (some[:, None] * golden) % 1) / MET  # no two surfels alike
+        shift = (some[:, None] * GOLDEN_RATIO) % 1  # no two surfels alike
+        shares = (torch.arange(MET, device=some.device) + shift) / MET
         drawn = torch.searchsorted(flow, shares * flow[:, -1:]).clamp(max=SEEN - 1)
         found.append((left >= 0.5, met.gather(1, drawn)))
     return torch.cat([seen for seen, _ in found]), torch.cat([each for _, each in found])

@@ -113,8 +113,8 @@ class SurfelTracer:
     def hits(self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]) -> HitLists:
         """The hits of the rays of ``trace``, without gradient."""
         origin, reach, back_from = self._starts(index, direction.shape[1])
-        rays_of_origin = direction.shape[1]
-        return find_hits(self.bvh, origin, direction.flatten(0, 1), reach, back_from, rays_of_origin=rays_of_origin)
+        rays = direction.flatten(0, 1)
+        return find_hits(self.bvh, origin, rays, reach, back_from, rays_of_origin=direction.shape[1])
 
     @torch.no_grad()
     def blended(

@@ -91,7 +91,7 @@ def matching_costs(
     wide, high = columns + 2 * reach, rows + 2 * reach
     targets = pad(((row + reach) * wide + column + reach).int(), (0, spare), value=high * wide)
     colours = pad(matched.colour.T, (0, TEXEL - 3, 0, spare)).to(dtype)
-    room = planes.new_empty(len(planes) * scratch_of(rows, columns, window, agreeing))
+    room = planes.new_empty(len(planes) * (high * wide + 1 + agreeing * rows * columns + wide + columns))
     out = planes.new_empty(len(planes), rows, columns)
     square = torch.ones(1, 1, window, window)
     inside = conv2d(matched.covered[None, None].float(), square, padding=reach)[0, 0].clamp(min=1).to(dtype)
@@ -116,12 +116,6 @@ def sweep_kernel(dtype: torch.dtype) -> wp.Kernel:
     )
     words = {"TEXEL": TEXEL, "COVERED": COVERED, "PIXELS_AT_ONCE": PIXELS_AT_ONCE}
     return native_kernel(MATCHING, dtype, NATIVE, "sweep", "plane", *parameters, words=words)
-
-
-def scratch_of(rows: int, columns: int, window: int, agreeing: int) -> int:
-    """Size of the scratch memory of an item, in numbers."""
-    wide = columns + window // 2 * 2
-    return (rows + window // 2 * 2) * wide + 1 + agreeing * rows * columns + wide + columns
 
 
 def _projected(matched: Matched, other: Camera) -> tuple[Float[Tensor, "3"], Float[Tensor, "3 pixels"]]:

@@ -115,7 +115,8 @@ class _Blend(torch.autograd.Function):
         planes = [records.new_empty(shape) for _ in range(PLANES)]
         images = [records.new_empty(*shape, values.shape[1]) for values in features]
         sums, ends = records.new_empty(*shape, PIXEL_SUMS), seen.lists.starts.new_empty(shape)
-        items = _items(camera, records.device)
+        tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
+        items = items_of(tiles * TILE * TILE, records.device, TILE * TILE)
         blended = ends.new_empty(items)
         widths = [image.shape[-1] for image in images]
         strides = kernels.Strides(*(width for width in widths for _ in range(width)))
@@ -183,12 +184,6 @@ def _planes(kind: Any, images: Sequence[Tensor | None], widths: Sequence[int], o
         for channel in range(width)
     )
     return kind(*channels, *(0 if plane is None else plane.data_ptr() for plane in others))
-
-
-def _items(camera: Camera, device: torch.device) -> int:
-    """Number of items of the blending kernels, for whole tiles."""
-    tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
-    return items_of(tiles * TILE * TILE, device, TILE * TILE)
 
 
 class BlendKernels(NamedTuple):

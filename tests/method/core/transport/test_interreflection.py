@@ -16,9 +16,9 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 from radiogs_core.transport import interreflection
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.interreflection import bounced_incident, mean_over_cosine
+from radiogs_core.transport.interreflection import SEEN, bounced_incident, light_paths, mean_over_cosine
 from radiogs_core.transport.plan import EffectPlan
-from radiogs_core.transport.sampling import relighting_directions
+from radiogs_core.transport.sampling import relighting_directions, sphere_directions
 from radiogs_core.transport.shading import lobe_albedo
 from radiogs_core.transport.tracer import BACK_OFFSET, SurfelTracer
 from reference.trace import trace as dense_trace
@@ -229,3 +229,26 @@ def test_all_surfels_of_a_transparent_cloud_stay_dark() -> None:
     found = bounced(cloud, 0.9, WHITE, 3)
     assert not found.radiance.any()
     assert float(found.visibility.min()) == 1
+
+
+def test_a_wall_hides_the_directions_that_end_on_it_and_is_met_where_it_faces_the_surfel() -> None:
+    """A surfel that looks up between two walls that look to -X: it is before one, and behind the other, mirrored one."""
+    y, z = torch.meshgrid(torch.arange(-0.3, 0.95, 0.1), torch.arange(0.1, 0.75, 0.1), indexing="ij")
+    wall = torch.stack([torch.full_like(y, 0.5), y, z], -1).view(-1, 3)
+    centre = torch.cat([torch.zeros(1, 3), wall, wall * torch.tensor([-1.0, -1.0, 1.0])])
+    normal = torch.tensor([-1.0, 0.0, 0.0]).repeat(len(centre), 1)
+    normal[0] = torch.tensor([0.0, 0.0, 1.0])
+    seen, met = light_paths(SurfelTracer(surfels_facing(centre, normal)), torch.tensor([0]))
+    along = sphere_directions(SEEN).float()
+    # y and z at which a direction crosses the plane of the wall, or of the mirrored one, where y is turned.
+    end = 0.5 * torch.stack([along[:, 1] / along[:, 0], along[:, 2] / along[:, 0].abs()], -1)
+    low, high = torch.tensor([-0.3, 0.1]), torch.tensor([0.9, 0.7])
+    inside, outside = ((end > low) & (end < high)).all(1), ((end < low - 0.3) | (end > high + 0.3)).any(1)
+    assert int(inside.sum()) > 60
+    assert not seen[0, inside].any()
+    assert seen[0, outside].all()
+    on_wall = met[0][met[0] >= 0]
+    assert 1 <= int(on_wall.min()) <= int(on_wall.max()) <= len(wall)
+    flow = along[:, 2].clamp(min=0) * ~seen[0] * (along[:, 0] > 0)
+    assert len(on_wall) / 32 == pytest.approx(float(flow.sum() / along[:, 2].clamp(min=0).sum()), abs=1 / 32)
+    assert centre[on_wall, 1:].mean(0).tolist() == pytest.approx((flow @ end / flow.sum()).tolist(), abs=0.1)
