@@ -232,7 +232,7 @@ def test_all_surfels_of_a_transparent_cloud_stay_dark() -> None:
 
 
 def test_a_wall_hides_the_directions_that_end_on_it_and_is_met_where_it_faces_the_surfel() -> None:
-    """A surfel that looks up between two walls that look to -X: it is before one, and behind the other, mirrored one."""
+    """A surfel that looks up between two walls that look to -X: before one, and behind the other, mirrored one."""
     y, z = torch.meshgrid(torch.arange(-0.3, 0.95, 0.1), torch.arange(0.1, 0.75, 0.1), indexing="ij")
     wall = torch.stack([torch.full_like(y, 0.5), y, z], -1).view(-1, 3)
     centre = torch.cat([torch.zeros(1, 3), wall, wall * torch.tensor([-1.0, -1.0, 1.0])])
