@@ -43,19 +43,20 @@ LIMITS: Mapping[str, int] = {
     "files with one user": 89,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
-    "lines of radiogs_core": 12_340, "functions of radiogs_core": 728,
+    "lines of radiogs_core": 12_340, "functions of radiogs_core": 719,
     "lines of radiogs": 4_967, "functions of radiogs": 269,
-    "lines of radiogs_datasets": 11_834, "functions of radiogs_datasets": 646,
+    "lines of radiogs_datasets": 11_944, "functions of radiogs_datasets": 645,
     "lines of radiogs_baselines": 8_553, "functions of radiogs_baselines": 485,
-    "lines of radiogs_reports": 8_495, "functions of radiogs_reports": 505,
-    "lines of radiogs_bench": 25_070, "functions of radiogs_bench": 1_390,
+    "lines of radiogs_reports": 8_519, "functions of radiogs_reports": 505,
+    "lines of radiogs_bench": 25_076, "functions of radiogs_bench": 1_390,
     "lines of kernels' C++": 3_824,
-    "lines of the page's JavaScript": 1_785,
+    "lines of the page's JavaScript": 1_780,
     "lines of tests": 61_526,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
-unless readers look for it by its own name. The bounds of datasets rose once, on 2026-11-30, with the kinds of photos,
-masks, names and splits that captures by others have; that of JavaScript, on that day, with relighting in the page."""
+unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,
+masks, names and splits that captures by others have, and with their check in one pass; of JavaScript, reports and the
+harness with relighting in the page."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",
