@@ -69,7 +69,7 @@ def test_the_last_stage_in_the_list_is_the_one_that_was_scored(stages: dict[str,
 def test_each_stage_has_a_panel_under_its_title_with_the_total_loss(stages: dict[str, str]) -> None:
     losses, metrics = convergence_figures(made_up(stages))
     panels = [axes for axes in losses.figure.axes if axes.get_visible()]
-    assert [axes.get_title() for axes in panels] == [f"loss (weighted), {title}" for title in stages.values()]
+    assert [axes.get_title() for axes in panels] == [f"all losses (weighted), {title}" for title in stages.values()]
     for axes in panels:
         assert list(axes.get_lines()[0].get_ydata()) == pytest.approx([4.0 / step for step in (1, 2, 4, 8)])
     assert "sum of all weighted losses" in losses.caption
@@ -109,7 +109,11 @@ def test_rows_of_two_methods_stand_in_one_run(tmp_path: Path) -> None:
     assert cost_report(made) is None
     losses, metrics = convergence_figures(made)
     titles = [axes.get_title() for axes in losses.figure.axes if axes.get_visible()]
-    assert titles == [r"$L_\mathrm{rad}$ (weighted), stage 2"]
+    assert titles == [
+        *(f"all losses (weighted), {stage}" for stage in ("stage 1", "stage 2")),
+        r"$L_\mathrm{rad}$ (weighted), stage 2",
+        "all losses (weighted), fitting",
+    ]
     assert "Metrics during the last stage," in metrics.caption
     assert len(metrics.figure.axes[0].get_lines()) == 1, "both rows were scored alike, so they are one line"
     assert (tmp_path / "report.html") in write_reports(write_run(tmp_path, made, size=8))

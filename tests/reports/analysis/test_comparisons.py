@@ -105,7 +105,11 @@ def test_a_row_that_has_finished_on_one_of_several_scenes_is_not_judged_over_its
     single = found["part"].difference
     assert (single.mean > 4, single.units, single.low, found["part"].verdict) == (True, 1, None, None)
     assert ranks({"ours": ours, "part": part, "full": full}, "up") == {"ours": 2, "part": 1, "full": 1}
-    assert pareto_front([1.0, 2.0, 3.0], [ours, part, full], "up") == {0, 2}
+    costs = [
+        {origin: cost + 1e-3 * value for origin, value in each.items()}
+        for cost, each in ((1, ours), (2, part), (3, full))
+    ]
+    assert pareto_front(costs, [ours, part, full], "up") == {0, 2}
     alone = {origin: value for origin, value in ours.items() if origin.scene == "2"}
     assert to_reference({"ours": alone, "part": part}, "ours", "up")["part"].verdict == "better", "a run of that scene"
 

@@ -208,11 +208,16 @@ def test_pictures_that_do_not_fit_give_up_exactness_then_views_then_size_then_ce
     assert not album(runs, folder, 1).cells
 
 
-def test_figures_and_surfels_leave_less_of_a_page_to_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, folder = summary(), write_run(tmp_path, summary(), size=64)
-    whole = written_page(made, folder).stat().st_size
-    monkeypatch.setattr(assemble, "LARGEST", whole - 20_000)
-    assert whole / 2 < written_page(made, folder).stat().st_size < whole - 10_000
+def test_figures_leave_less_of_a_page_to_pictures_but_a_third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, folder, drawn, budgets = summary(), write_run(tmp_path, summary()), tmp_path / "drawn.png", list[int]()
+    drawn.write_bytes(bytes(30_000))
+    monkeypatch.setattr(assemble, "album", lambda runs, out, budget: budgets.append(budget) or Album())
+    assemble.write_page(made, folder)
+    assemble.write_page(made, folder, [Drawn(drawn, drawn, "a chart", images=False)])
+    assert 40_000 < budgets[0] - budgets[1] < 42_000, "three bytes are four characters"
+    monkeypatch.setattr(assemble, "LARGEST", assemble.LARGEST - budgets[0] + 30)
+    assemble.write_page(made, folder)
+    assert budgets[2] == assemble.LARGEST // 3
 
 
 def test_a_sheet_has_one_size_of_picture_and_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -319,6 +324,6 @@ def test_figures_of_images_keep_their_colours_on_a_dark_ground(tmp_path: Path) -
     made, drawn = summary(), tmp_path / "drawn.png"
     drawn.write_bytes(b"picture")
     figures = [Drawn(drawn, drawn, caption, images=images) for caption, images in (("a chart", False), ("maps", True))]
-    text = page(made, album(made["runs"], write_run(tmp_path, made)), figures)
+    text = page(made, album(made["runs"], write_run(tmp_path, made), None), figures)
     assert re.search(r'<figure class="chart"><img src="data:image/png;base64,cGljdHVyZQ=="[^>]*alt="a chart"', text)
     assert re.search(r'<figure><img [^>]*alt="maps"', text)
