@@ -18,8 +18,8 @@ Meaning = Literal["object", "ignore"]
 class SceneOptions:
     """How a scene is opened; the defaults take it as it is stored.
 
-    ``hold_out``, ``mask_folder`` and ``masks`` are for layouts ``colmap``, ``blender`` and ``llff`` without a test
-    split. Raises UsageError for numbers that mean nothing, and for both ``reduce`` and ``long_side``.
+    ``hold_out``, ``mask_folder``, ``masks`` and ``undistorted`` are for layouts ``colmap``, ``blender`` and ``llff``
+    without a test split. Raises UsageError for numbers that mean nothing, and for both ``reduce`` and ``long_side``.
     """
 
     layout: str | None = None
@@ -35,6 +35,8 @@ class SceneOptions:
     masks: Meaning | None = None
     """Take black in masks for places where nothing is (object, the default), or leave such pixels out of training and
     metrics (ignore)."""
+    undistorted: bool | None = None
+    """Take photos as pinhole images: they are undistorted already, and their cameras still have the distortion."""
 
     def __post_init__(self) -> None:
         if self.mask_folder is not None:  # valid in another working folder
@@ -63,8 +65,9 @@ AS_STORED = SceneOptions()
 
 def options_of(plain: Mapping[str, Any]) -> SceneOptions:
     """The options that ``plain()`` wrote. Raises UsageError for names and values that are none."""
-    kinds = {"layout": str, "hold_out": int, "mask_folder": str, "reduce": int, "long_side": int, "masks": str}
+    texts, numbers = ("layout", "mask_folder", "masks"), ("hold_out", "reduce", "long_side")
+    kinds = dict.fromkeys(texts, str) | dict.fromkeys(numbers, int) | {"undistorted": bool}
     for name, value in plain.items():
-        if name not in kinds or not isinstance(value, kinds[name]) or isinstance(value, bool):
+        if name not in kinds or type(value) is not kinds[name]:
             raise UsageError(f"a scene cannot be opened with {name} = {value!r}", f"It takes: {', '.join(kinds)}.")
     return SceneOptions(**plain)

@@ -167,7 +167,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         scene = files.read(lambda: load(place, options))
         held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
         left_out = "/masks-ignore" if options.masks == "ignore" else ""
-        scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}")
+        straight = "/undistorted" if options.undistorted else ""
+        scene = replace(scene, checksum=f"{scene.checksum}{held}{left_out}{straight}")
     else:
         _require_none(options, name_or_path)
         scene = files.read(lambda: load(place))
@@ -182,11 +183,11 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
 
 
 def _require_none(options: SceneOptions, scene: str) -> None:
-    if options.hold_out is not None or options.mask_folder is not None or options.masks is not None:
+    if any(each is not None for each in (options.hold_out, options.mask_folder, options.masks, options.undistorted)):
         raise UsageError(
-            f"scene '{scene}' has test views and masks of its own",
-            "Views are held out, and folders of masks are read, of photos: layouts colmap, blender and llff.",
-            "Leave --hold-out, --mask-folder and --masks out.",
+            f"scene '{scene}' has test views and masks of its own, and pinhole images",
+            "Views are held out, masks are read and lenses are told of photos alone: layouts colmap, blender and llff.",
+            "Leave --hold-out, --mask-folder, --masks and --undistorted out.",
         )
 
 

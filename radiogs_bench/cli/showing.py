@@ -61,7 +61,9 @@ def below(table: Table) -> list[str]:
     """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
     columns, lines = table.columns, []
     if table.reference and any(cell.difference is not None for cell in table.cells):
-        lines.append(f"Below each value its difference to '{table.reference.text}'; * resolved.")
+        lines.append(
+            f"With each value the difference to '{table.reference.text}', ± half its 95 % interval; * resolved."
+        )
     if marked := [
         each.label for place, each in enumerate(columns) if any(row.cells[place].marks for row in table.rows)
     ]:
@@ -72,7 +74,7 @@ def below(table: Table) -> list[str]:
         lines.append(f"The paper's values are on other data and by protocol {', '.join(apart)}: {own}.")
     if told := [each for each in columns if each.smallest is not None]:
         smallest = (f"{each.label} {number(each.smallest or 0.0, each.decimals)} {each.unit}".rstrip() for each in told)
-        lines.append(f"Not resolved is what is smaller than about: {', '.join(smallest)}.")
+        lines.append(f"The median row resolves differences from about: {', '.join(smallest)}.")
     return [*lines, *(f"n/a in {', '.join(labels)}: {reason}" for reason, labels in table.missing.items())]
 
 

@@ -13,11 +13,13 @@ import pytest
 import torch
 
 from datasets.lenses import FOCAL, HEIGHT, LENSES, TOLERANCE, WIDTH, bent, dot_near, dots
+from radiogs_core.errors import UsageError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.cameras.lens import Lens, lens_of
 from radiogs_datasets.cameras.undistortion import pinhole_of, undistorted, undistorted_depth
+from radiogs_datasets.options import SceneOptions, options_of
 
 
 def points_before_the_camera() -> np.ndarray:
@@ -165,3 +167,24 @@ def test_uncovered_colour_does_not_bleed_into_the_object() -> None:
     alpha[:, 150:] = 1
     colours = undistorted(image, alpha, lens)
     assert bool(((colours - 0.8).abs().lt(1e-4) | colours.eq(0)).all())
+
+
+def test_photos_that_are_undistorted_already_keep_their_pixels(tmp_path: Path) -> None:
+    """A lens that bends by a fifth: the pixels are those of the file, the camera is the lens without its distortion."""
+    folder, options = tmp_path / "bent", SceneOptions(undistorted=True)
+    write_model(folder, "SIMPLE_RADIAL", (90.0, 64.0, 48.0, 0.3), ["a.png", "b.png"], "128 96")
+    (folder / "images").mkdir()
+    pixels = np.random.default_rng(3).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(folder / "images" / name), pixels[..., ::-1])
+    undone, straight = load_scene(str(folder)), load_scene(str(folder), options=options)
+    assert any(said.endswith("need --undistorted") for said in undone.repairs)
+    assert not any("distort" in said for said in straight.repairs)
+    assert np.array_equal(np.rint(255 * straight.train[0].read("image").numpy()), pixels)
+    camera = straight.train[0].camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.width) == (90, 90, 64, 48, 128)
+    assert straight.checksum != undone.checksum
+    assert options_of(options.plain()) == options
+    (folder / "sparse/cameras.txt").write_text("1 PINHOLE 128 96 90 90 64 48\n")
+    with pytest.raises(UsageError, match="no camera of the scene has any"):
+        load_scene(str(folder), options=options)

@@ -112,7 +112,7 @@ def views_of(
 
     Raises DataError for coverage and lenses that cannot be, and in a small scene for damage.
     """
-    given, said = said_of_masks(photos, options)
+    given, said = said_of_masks(straightened(photos) if options.undistorted else photos, options)
     views = [view_of(photo) for photo in given]
     turned = {photo.image for photo in given if photo.turned > 1}
     said_of_types = decode_if_small(views, headers, turned)
@@ -126,8 +126,19 @@ def views_of(
         least, most = round(100 * min(kept)), round(100 * max(kept))
         share = f"{least} %" if least == most else f"{least} to {most} %"
         undone = f"lens distortion of {len(kept)} photos is undone on reading: pinhole images show {share} of each"
-        said_of_types = (undone, *said_of_types)
+        said_of_types = (f"{undone}; photos that are undistorted already need --undistorted", *said_of_types)
     return views, (*said, *require_possible_lenses(given), *said_of_types)
+
+
+def straightened(photos: Sequence[Photo]) -> list[Photo]:
+    """Photos with lenses that do not distort. Raises UsageError where no lens does."""
+    if all(photo.lens.pinhole for photo in photos):
+        raise UsageError(
+            "--undistorted leaves distortion out, and no camera of the scene has any",
+            "The photos are read as pinhole images in any case.",
+            "Leave --undistorted out.",
+        )
+    return [replace(photo, lens=replace(photo.lens, projection="perspective", coefficients=())) for photo in photos]
 
 
 def view_of(photo: Photo) -> View:

@@ -77,5 +77,5 @@ def test_below_the_table_stand_the_smallest_differences_and_why_values_are_missi
     made = summary()
     made["columns"][0]["smallest"] = 0.2
     lines = below(suite_table(made))
-    assert any(line.startswith("Not resolved is what is smaller than about: NVS PSNR 0.20 dB") for line in lines)
+    assert any(line.startswith("The median row resolves differences from about: NVS PSNR 0.20 dB") for line in lines)
     assert any(line.startswith("n/a in NVS LPIPS: ") for line in lines)
