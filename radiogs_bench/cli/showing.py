@@ -61,9 +61,7 @@ def below(table: Table) -> list[str]:
     """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
     columns, lines = table.columns, []
     if table.reference and any(cell.difference is not None for cell in table.cells):
-        lines.append(
-            f"With each value the difference to '{table.reference.text}', ± half its 95 % interval; * resolved."
-        )
+        lines.append(f"Differences: to '{table.reference.text}', ± half of the 95 % interval; * resolved.")
     if marked := [
         each.label for place, each in enumerate(columns) if any(row.cells[place].marks for row in table.rows)
     ]:
