@@ -125,7 +125,7 @@ def _score(model: "Model", folder: Path, path: Path) -> None:
     require_unchanged(run.scene, checksum_now)
     write_sealed(path, record)
     table, found = Table("metric", "value", "unit"), record["protocols"]["default"]["metrics"]
-    for each in metrics(*MAIN):
+    for each in (one for one in metrics(*MAIN) if one.key in found):  # photos have no true albedo
         measure, value = MEASURES[each.measure], found[each.key]["value"]
         shown = f"n/a: {found[each.key]['reason']}" if value is None else f"{value:.{measure.decimals}f}"
         table.add_row(f"{each.label} {ARROWS[measure.better]}", escape(shown), measure.unit)

@@ -265,7 +265,8 @@ def test_200_cells_open_at_once_in_a_file_that_can_be_sent(browser: "playwright.
             watched = Watched(browser, path, viewport=DESK)
             assert watched.page.locator('table[data-name="cells"] tbody tr').count() == 2 * scenes * seeds
             drawn = "document.getElementById('compare-right-image').width === 64"
-            watched.page.wait_for_function(drawn)
+            while not watched.page.evaluate(drawn):  # `wait_for_function` needs eval, which the page forbids
+                watched.page.wait_for_timeout(20)
             times.append(watched.page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd"))
             watched.close()
         return float(min(times))
