@@ -1,4 +1,5 @@
-"""Digests of the code and data files that decide a result, found by following imports, so that no list has to be kept.
+"""Digests of the code and data files that decide a result, found by following imports, so that no list has to be kept;
+and the commit of this package.
 
 Every import in a module's text is followed, also inside functions, within the packages of this project and the
 module's own (another package's method). Modules whose name is computed at run time are not seen.
@@ -11,12 +12,16 @@ relative to its own folder or one around it in the package: ``files(__package__)
 
 import ast
 import hashlib
+import json
 import re
+import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NotRequired, TypedDict
 
 OURS = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_baselines", "radiogs_reports", "radiogs_bench")
 """Packages that imports are followed into, besides that of the requested module."""
@@ -262,3 +267,40 @@ def installed(*packages: str) -> SourceTree:
 def code_digest(*modules: str) -> str:
     """Digest of the modules' installed sources, imports and data files; cached for the life of the process."""
     return installed(*sorted({module.split(".")[0] for module in modules} - set(OURS))).digest(*modules)
+
+
+class GitState(TypedDict):
+    """The state of a repository."""
+
+    commit: str
+    dirty: NotRequired[bool]
+    """Whether files differ from the commit; absent where pip installed the commit."""
+
+
+@cache
+def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
+    """Commit and dirtiness of the repository that tracks this package, else the commit that pip installed it from.
+
+    None where neither knows one, as for a wheel, and where there is no git.
+    """
+
+    def git(*arguments: str) -> str | None:
+        try:
+            done = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+        except FileNotFoundError:
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None
+    if tracked and (commit := git("rev-parse", "HEAD")) is not None:
+        return {"commit": commit, "dirty": git("status", "--porcelain") != ""}
+    installed_from = json.loads(distribution("radiogs-bench").read_text("direct_url.json") or "{}")
+    commit = installed_from.get("vcs_info", {}).get("commit_id")
+    return None if commit is None else {"commit": commit}
+
+
+def version_and_commit() -> str:
+    """The version, and the commit if it is known: ``0.1.0, commit 0123456789ab, with changes``."""
+    number, state = distribution("radiogs-bench").version, git_state()
+    known = "unknown" if state is None else f"{state['commit'][:12]}{', with changes' if state.get('dirty') else ''}"
+    return f"{number}, commit {known}"

@@ -20,7 +20,7 @@ from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..errors import UNEXPECTED, Interrupted, exit_code, explain, visible
-from ..extras import version_and_commit
+from ..sources import version_and_commit
 from ..trusted_methods import trusting
 from .options import OPTIONS
 from .reporter import VisibleFormatter, complain, complain_with_trace

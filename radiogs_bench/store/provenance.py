@@ -19,7 +19,7 @@ import torch
 
 from radiogs_core.kernels.runtime import return_freed_memory, workers
 
-from ..extras import git_state
+from ..sources import git_state
 from .schema import Machine, Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
-from ..extras import GitState
+from ..sources import GitState
 from .shapes import mismatch
 
 RESULT_SCHEMA = "radiogs-bench/result/6"

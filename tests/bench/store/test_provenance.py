@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from radiogs_bench import extras
-from radiogs_bench.extras import git_state, version_and_commit
+from radiogs_bench import sources
+from radiogs_bench.sources import git_state, version_and_commit
 from radiogs_bench.store import provenance
 from radiogs_bench.store.provenance import peak_memory, peaks_within, reset_peaks, session
 from radiogs_core.kernels.runtime import workers
@@ -49,9 +49,9 @@ def test_a_package_that_pip_installed_from_a_repository_knows_its_commit(
 ) -> None:
     url = {"url": "https://example.org/it", "vcs_info": {"vcs": "git", "commit_id": "0123456789abcdef"}}
     installed = SimpleNamespace(version="0.1.0", read_text={"direct_url.json": json.dumps(url)}.get)
-    monkeypatch.setattr(extras, "distribution", lambda name: installed)
+    monkeypatch.setattr(sources, "distribution", lambda name: installed)
     assert git_state(tmp_path) == {"commit": "0123456789abcdef"}
-    monkeypatch.setattr(extras, "git_state", lambda: git_state(tmp_path))
+    monkeypatch.setattr(sources, "git_state", lambda: git_state(tmp_path))
     assert version_and_commit() == "0.1.0, commit 0123456789ab"
 
 
