@@ -146,31 +146,31 @@ def summed(
     return total
 
 
-SEEN, MET = 512, 32
-"""Directions of ``light_paths``: those with a visibility, and those with the surfel that is met."""
+SEEN, ABOVE, MET = 512, 288, 32
+"""Directions of ``light_paths``: over the sphere, from a surfel's horizon upwards, with the surfel that is met."""
 
 
 @torch.no_grad()
 def light_paths(
     tracer: SurfelTracer, index: Int[Tensor, " chosen"]
 ) -> tuple[Bool[Tensor, "chosen seen"], Int[Tensor, "chosen met"]]:
-    """Whether the surfels at ``index`` see the light along ``sphere_directions(SEEN)``, and which surfels they meet.
+    """Whether surfels at ``index`` see the light along ``sphere_directions(SEEN)``, and which surfels they meet.
 
-    They see it where V is at least one half. Surfels are met along MET of these directions, drawn by the cosine: the
-    mean over them is that over the hemisphere. -1 where the light is seen, and where a surfel is met from behind.
+    They see it where V is at least one half, along the ABOVE directions of the largest cosine. Surfels are met along
+    MET of them, drawn by the cosine: the mean over MET is that over the hemisphere. -1: the light, or a surfel's back.
     """
     normal = tracer.surfels.frame[..., 2]
     along, found = sphere_directions(SEEN).to(normal), []
-    for some in index.split(RAYS_AT_ONCE // SEEN):
-        hits = tracer.hits(some, along.expand(len(some), -1, -1).contiguous())
-        left, strongest = (each.view(-1, SEEN) for each in strongest_hits(hits))
-        from_front = (normal[strongest.clamp(min=0)] * along).sum(-1) < 0
+    for some in index.split(RAYS_AT_ONCE // ABOVE):
+        cosine = normal[some] @ along.T
+        above = cosine.topk(ABOVE).indices.sort(1).values
+        left, strongest = (each.view(-1, ABOVE) for each in strongest_hits(tracer.hits(some, along[above])))
+        from_front = (normal[strongest.clamp(min=0)] * along[above]).sum(-1) < 0
         met = torch.where((left < 0.5) & from_front, strongest, -1)
-        flow = (normal[some] @ along.T).clamp(min=0).double().cumsum(1)
-        shift = (some[:, None] * GOLDEN_RATIO) % 1  # no two surfels alike
-        shares = (torch.arange(MET, device=some.device) + shift) / MET
-        drawn = torch.searchsorted(flow, shares * flow[:, -1:]).clamp(max=SEEN - 1)
-        found.append((left >= 0.5, met.gather(1, drawn)))
+        flow = cosine.gather(1, above).clamp(min=0).double().cumsum(1)
+        shares = (torch.arange(MET, device=some.device) + some[:, None] * GOLDEN_RATIO % 1) / MET  # no two alike
+        drawn = met.gather(1, torch.searchsorted(flow, shares * flow[:, -1:]).clamp(max=ABOVE - 1))
+        found.append((torch.zeros_like(cosine, dtype=torch.bool).scatter(1, above, left >= 0.5), drawn))
     return torch.cat([seen for seen, _ in found]), torch.cat([each for _, each in found])
 
 
