@@ -15,6 +15,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.deep_check import short_findings
 from radiogs_datasets.findings import grouped
+from radiogs_datasets.reduction import with_long_side
 from radiogs_datasets.registry import comes_with_package
 from radiogs_datasets.soundness import require_trainable
 
@@ -31,8 +32,8 @@ logger = logging.getLogger(__name__)
 COMPILED_ON = "convex"
 """The scene on which kernels are compiled: one with images, because some experiments have scenes without."""
 
-VIEWS = 2
-"""Views of the warm-up scene: the fewest from which a scene's extent is known."""
+VIEWS, PIXELS = 2, 32
+"""Views of the warm-up scene, the fewest from which a scene's extent is known, and their longer side."""
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
@@ -90,32 +91,44 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
     """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
 
     So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
-    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them. A
-    method that fails here will fail its cells, which say so.
+    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them. What
+    variants share is made once. A method that fails here will fail its cells, which say so.
     """
-    little = replace(scene, train=scene.train[:VIEWS])
+    little = with_long_side(replace(scene, train=scene.train[:VIEWS]), PIXELS)
     done: list[tuple[str, Any]] = []
+    made: dict[str, Mapping[str, Any]] = {}
     for method, variant in work:
         if (method.name, variant) in done:
             continue
         done.append((method.name, variant))
         try:
-            _warm_up(method, Run(own_scene(little), variant, method.presets[SMOKE], 0, device))
+            _warm_up(method, Run(own_scene(little), variant, method.presets[SMOKE], 0, device), made)
         except MethodFailed:
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 
 
-def _warm_up(method: Method, run: Run) -> None:
+def _warm_up(method: Method, run: Run, made: dict[str, Mapping[str, Any]]) -> None:
+    """``made``: products by all that decides them."""
     product: Mapping[str, Any] = {}
     with calling(method.name, "stages()"):
         specs = method.stages(run.variant, run.budget)
     needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
+    key = method.name
     for spec in specs[:needed]:
-        stage = begun(method.name, spec, run, product)
-        try:
-            with calling(method.name, f"the first step of stage '{spec.name}'"):
-                if spec.compiles:
-                    stage.step()
-                product = dict(stage.product())
-        finally:
-            close_stage(method.name, stage)
+        begin, start = spec, f"{key}, start of {spec.name} {spec.start and spec.start.reads}"
+        if spec.start is not None:
+            if start not in made:
+                with calling(method.name, f"start.make() of stage '{spec.name}'"):
+                    made[start] = spec.start.make(run, product)
+            begin, product = replace(spec, begin=spec.start.begin), made[start]
+        key = f"{key}, {spec.name} {spec.reads}"
+        if key not in made:
+            stage = begun(method.name, begin, run, dict(product))
+            try:
+                with calling(method.name, f"the first step of stage '{spec.name}'"):
+                    if spec.compiles:
+                        stage.step()
+                    made[key] = dict(stage.product())
+            finally:
+                close_stage(method.name, stage)
+        product = made[key]

@@ -37,7 +37,7 @@ class Starting(Chain):
     """A chain whose last stage begins with a random start that no field of the variant decides."""
 
     def __init__(self) -> None:
-        super().__init__(("coarse", "fine"))
+        super().__init__(("coarse", "fine"), (True, True))
         self.made, self.takes = 0, 0.0
         self.first: weakref.ref[torch.Tensor] | None = None
         self.left: list[bool] = []
@@ -224,11 +224,11 @@ def test_one_step_is_taken_of_each_stage_that_compiles_and_none_of_the_others(
     compiles: tuple[bool, ...], stepped: list[str], begun: list[str]
 ) -> None:
     chain = Chain(("one", "two", "three"), compiles)
-    compile_kernels(sphere_scene(views=4), CPU, [(chain, Turned()), (chain, Turned())])
+    compile_kernels(sphere_scene(views=4, size=48), CPU, [(chain, Turned()), (chain, Turned())])
     assert chain.stepped == stepped
     assert chain.begun == begun
     assert chain.closed == begun
-    assert {len(run.scene.train) for run in chain.runs} <= {2}
+    assert {(len(run.scene.train), run.scene.train[0].camera.width) for run in chain.runs} <= {(2, 32)}
 
 
 def test_every_variant_of_every_method_is_warmed_up_once() -> None:
@@ -238,6 +238,12 @@ def test_every_variant_of_every_method_is_warmed_up_once() -> None:
     compile_kernels(sphere_scene(views=4), CPU, work)
     assert [run.variant.weight for run in first.runs] == [1.0, 2.0]
     assert second.stepped == ["fit"]
+
+
+def test_variants_are_warmed_up_with_one_start_and_one_step_of_what_they_share() -> None:
+    chain = Starting()
+    compile_kernels(sphere_scene(views=4), CPU, [(chain, Turned()), (chain, Turned(weight=2.0))])
+    assert (chain.made, chain.stepped) == (1, ["coarse", "fine", "fine"])
 
 
 def test_a_stage_whose_step_fails_lets_go_of_what_it_holds() -> None:
