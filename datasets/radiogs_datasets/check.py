@@ -3,13 +3,15 @@
 import hashlib
 import os
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import cv2
+import numpy as np
 import torch
 
 from radiogs_core.errors import DataError, ExplainedError
@@ -20,7 +22,7 @@ from .deep_check import deep_findings
 from .deep_check.evidence import Advance, gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
-from .image_files import DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
+from .image_files import COARSE, DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
@@ -69,6 +71,8 @@ class Seen:
     remarks: Sequence[Finding] = ()
     frame: Frame | None = None
     digest: bytes = b""
+    whole: bool = True
+    """Whether the digest is that of the whole image, not of a coarse one."""
 
 
 def check_scene(
@@ -119,8 +123,10 @@ def _seen(folder: Path, scene: Scene | None, views: Sequence[View], advance: Adv
         return seen
 
     centre = scene.centre if scene is not None and _look_at_something(scene) else None
+    # Where nothing has coverage, the border's colours are compared pixel by pixel.
+    levels = 1 if scene is None or scene.surrounded else COARSE
     with ThreadPoolExecutor(READERS) as pool:
-        yield from map(counted, pool.map(partial(_at_view, folder, centre), views))
+        yield from map(counted, pool.map(partial(_at_view, folder, centre, levels), views))
         yield from map(counted, pool.map(partial(_at_file, folder), sorted(left)))
 
 
@@ -141,9 +147,12 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
     of_views = list(zip(views, seen, strict=False))
     yield from (each for _, one in of_views for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)
+    counts = Counter(one.digest for one in seen)
+    unlike = len({one.whole for _, one in of_views if one.frame is not None}) > 1
     for view, one in of_views:
         if one.frame is not None:
-            names[one.digest].append(view.name)
+            again = not one.whole and (unlike or counts[one.digest] > 1)
+            names[_digest(_levels(view, 1)) if again else one.digest].append(view.name)
             yield from one.remarks
             if view.has("alpha") and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
                 throughout = "its alpha or mask is 1 throughout, unlike those of others: every pixel counts"
@@ -156,11 +165,14 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
     yield from (warning(scene.name, said) for said in doubtful_coverage(scene, frames))
 
 
-def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
-    """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels."""
+def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View) -> Seen:
+    """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels.
+
+    What a coarse image shows in doubt, one colour or little coverage, is looked at in the whole one.
+    """
     wrong = [] if centre is None else list(_aim(view, centre))
     files: Decoded = {}
-    with within(DECODED, files), within(LEVELS_WANTED, True):
+    with within(DECODED, files), within(LEVELS_WANTED, levels):
         try:
             alpha, valid = (view.sources[name]() if view.has(name) else None for name in ("alpha", "valid"))
             if alpha is not None and not alpha.numpy().any():
@@ -171,9 +183,28 @@ def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
             if _sentence(error) not in {each.what for each in damage}:
                 wrong.append(Finding(view.name, _sentence(error)))
             return Seen(bits, damage, wrong)
-    remarks = [warning(view.name, said) for said in little_evidence(image, alpha)]
-    digest = hashlib.sha256(image.contiguous().numpy().data).digest()
-    return Seen(*_decoded(folder, files), wrong, remarks, Frame.of(image, alpha, valid), digest)
+    whole = image.shape[:2] == (view.camera.height, view.camera.width)
+    remarks = list(little_evidence(image, alpha if whole or alpha is None else _wholly_covered(alpha, image)))
+    if remarks and not whole:
+        remarks = list(little_evidence(_levels(view, 1), alpha))
+    said = [warning(view.name, each) for each in remarks]
+    return Seen(*_decoded(folder, files), wrong, said, Frame.of(image, alpha, valid), _digest(image), whole)
+
+
+def _levels(view: View, levels: int) -> torch.Tensor:
+    """A view's image, as levels where they are levels."""
+    with within(LEVELS_WANTED, levels):
+        return view.sources["image"]()
+
+
+def _digest(image: torch.Tensor) -> bytes:
+    return hashlib.sha256(image.contiguous().numpy().data).digest()
+
+
+def _wholly_covered(alpha: torch.Tensor, coarse: torch.Tensor) -> torch.Tensor:
+    """1 at pixels of a coarse image, [rows, columns, 1], all of which is covered: an edge mixes colours."""
+    covered = (alpha.numpy() > 0) * np.uint8(255)
+    return torch.from_numpy(cv2.resize(covered, coarse.shape[1::-1], interpolation=cv2.INTER_AREA) == 255)[..., None]
 
 
 def _at_file(folder: Path, path: Path) -> Seen:
@@ -183,9 +214,10 @@ def _at_file(folder: Path, path: Path) -> Seen:
         if path.suffix == ".json":
             read_transforms(path)
             return Seen({path: None})
-        files[path, True] = read_stored(path, numbers=True)
+        with within(DECODED, files):
+            read_stored(path, numbers=True, coarse=not NORMAL_FILE.fullmatch(path.name))
     except DataError as error:
-        files[path, True] = error
+        files.setdefault((path, True, True), error)
     return Seen(*_decoded(folder, files))
 
 
@@ -193,7 +225,7 @@ def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list
     """Bits a sample of files that were decoded, None for damaged ones, and what is wrong with them."""
     bits: dict[Path, int | None] = {}
     damage: list[Finding] = []
-    for (path, _), found in files.items():
+    for (path, *_), found in files.items():
         place = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
         bits[path] = None if isinstance(found, DataError) else 8 * found.itemsize
         if isinstance(found, DataError):
