@@ -70,9 +70,8 @@ class Seen:
     wrong: Sequence[Finding] = ()
     remarks: Sequence[Finding] = ()
     frame: Frame | None = None
-    digest: bytes = b""
-    whole: bool = True
-    """Whether the digest is that of the whole image, not of a coarse one."""
+    digest: tuple[bool, bytes] = (True, b"")
+    """Whether it is of the whole image, not of a coarse one, and the SHA-256."""
 
 
 def check_scene(
@@ -147,12 +146,14 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
     of_views = list(zip(views, seen, strict=False))
     yield from (each for _, one in of_views for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)
-    counts = Counter(one.digest for one in seen)
-    unlike = len({one.whole for _, one in of_views if one.frame is not None}) > 1
+    known = [(view, one) for view, one in of_views if one.frame is not None]
+    counts, kinds = Counter(one.digest for _, one in known), {one.digest[0] for _, one in known}
+    with within(LEVELS_WANTED, 1):
+        for view, one in known:
+            again = not one.digest[0] and (len(kinds) > 1 or counts[one.digest] > 1)
+            names[_digest(view.sources["image"]()) if again else one.digest[1]].append(view.name)
     for view, one in of_views:
         if one.frame is not None:
-            again = not one.whole and (unlike or counts[one.digest] > 1)
-            names[_digest(_levels(view, 1)) if again else one.digest].append(view.name)
             yield from one.remarks
             if view.has("alpha") and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
                 throughout = "its alpha or mask is 1 throughout, unlike those of others: every pixel counts"
@@ -186,15 +187,10 @@ def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View)
     whole = image.shape[:2] == (view.camera.height, view.camera.width)
     remarks = list(little_evidence(image, alpha if whole or alpha is None else _wholly_covered(alpha, image)))
     if remarks and not whole:
-        remarks = list(little_evidence(_levels(view, 1), alpha))
+        with within(LEVELS_WANTED, 1):
+            remarks = list(little_evidence(view.sources["image"](), alpha))
     said = [warning(view.name, each) for each in remarks]
-    return Seen(*_decoded(folder, files), wrong, said, Frame.of(image, alpha, valid), _digest(image), whole)
-
-
-def _levels(view: View, levels: int) -> torch.Tensor:
-    """A view's image, as levels where they are levels."""
-    with within(LEVELS_WANTED, levels):
-        return view.sources["image"]()
+    return Seen(*_decoded(folder, files), wrong, said, Frame.of(image, alpha, valid), (whole, _digest(image)))
 
 
 def _digest(image: torch.Tensor) -> bytes:
