@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 import cv2
-import numpy as np
 import torch
 
 from radiogs_core.errors import DataError, ExplainedError
@@ -199,8 +198,8 @@ def _digest(image: torch.Tensor) -> bytes:
 
 def _wholly_covered(alpha: torch.Tensor, coarse: torch.Tensor) -> torch.Tensor:
     """1 at pixels of a coarse image, [rows, columns, 1], all of which is covered: an edge mixes colours."""
-    covered = (alpha.numpy() > 0) * np.uint8(255)
-    return torch.from_numpy(cv2.resize(covered, coarse.shape[1::-1], interpolation=cv2.INTER_AREA) == 255)[..., None]
+    shares = cv2.resize(alpha.numpy(), coarse.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(shares > 0.99 * (255 if alpha.dtype == torch.uint8 else 1))[..., None]
 
 
 def _at_file(folder: Path, path: Path) -> Seen:

@@ -174,17 +174,6 @@ def _of_type(wanted: str, path: Path, data: bytes | None) -> bytes:
     return data
 
 
-def exr_envmap(path: Path) -> str | None:
-    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None where it is absent."""
-    with (
-        caught_output(OUT, ERROR),
-        _named(read_bytes(path)) as name,
-        OpenEXR.File(name, separate_channels=True, header_only=True) as file,
-    ):
-        said = file.header().get("envmap")
-    return {OpenEXR.ENVMAP_CUBE: "cube", OpenEXR.ENVMAP_LATLONG: "latlong"}.get(said)
-
-
 @contextmanager
 def _named(data: bytes) -> Iterator[str]:
     """A path at which these bytes are read: OpenEXR reads paths, and the file at ours may change."""

@@ -57,6 +57,12 @@ def require_new(folder: Path) -> None:
         )
 
 
+def psnr(first: NDArray, second: NDArray) -> float | None:
+    """PSNR in dB between two maps, two digits; None where they are equal."""
+    error = float(np.square((first - second).astype(np.float64)).mean())
+    return round(-10 * math.log10(error), 2) if error else None
+
+
 PIXEL_TOLERANCE = 1e-3
 """How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
 
