@@ -168,7 +168,7 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
 def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View) -> Seen:
     """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels.
 
-    What a coarse image shows in doubt, one colour or little coverage, is looked at in the whole one.
+    Where a coarse image leaves doubt, of one colour or little coverage, the whole one is looked at.
     """
     wrong = [] if centre is None else list(_aim(view, centre))
     files: Decoded = {}

@@ -57,12 +57,6 @@ def require_new(folder: Path) -> None:
         )
 
 
-def psnr(first: NDArray, second: NDArray) -> float | None:
-    """PSNR in dB between two maps, two digits; None where they are equal."""
-    error = float(np.square((first - second).astype(np.float64)).mean())
-    return round(-10 * math.log10(error), 2) if error else None
-
-
 PIXEL_TOLERANCE = 1e-3
 """How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
 
@@ -119,6 +113,12 @@ def write_display(
     straight = radiance[..., :3] / np.where(coverage > 0, coverage, 1)
     display = srgb_encode(torch.from_numpy(np.where(alpha > 0, straight, 0).astype(np.float32))).numpy()
     write_png(path, np.concatenate([display, alpha], -1))
+
+
+def psnr(first: NDArray, second: NDArray) -> float | None:
+    """PSNR in dB between two maps, two digits; None where they are equal."""
+    error = float(np.square((first - second).astype(np.float64)).mean())
+    return round(-10 * math.log10(error), 2) if error else None
 
 
 Advance = Callable[[int, int], None]
