@@ -142,21 +142,18 @@ def _of_scene(scene: Scene) -> Iterator[Finding]:
 
 def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iterator[Finding]:
     """Findings on views, one by one and held against one another; ``seen`` begins with theirs."""
-    of_views = list(zip(views, seen, strict=False))
-    yield from (each for _, one in of_views for each in one.wrong)
+    yield from (each for one in seen for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)
-    known = [(view, one) for view, one in of_views if one.frame is not None]
+    known = [(view, one) for view, one in zip(views, seen, strict=False) if one.frame is not None]
     counts, kinds = Counter(one.digest for _, one in known), {one.digest[0] for _, one in known}
     with within(LEVELS_WANTED, 1):
         for view, one in known:
             again = not one.digest[0] and (len(kinds) > 1 or counts[one.digest] > 1)
             names[_digest(view.sources["image"]()) if again else one.digest[1]].append(view.name)
-    for view, one in of_views:
-        if one.frame is not None:
-            yield from one.remarks
-            if view.has("alpha") and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
-                throughout = "its alpha or mask is 1 throughout, unlike those of others: every pixel counts"
-                yield warning(view.name, throughout)
+    for view, one in known:
+        yield from one.remarks
+        if view.has("alpha") and one.frame is not None and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
+            yield warning(view.name, "its alpha or mask is 1 throughout, unlike those of others: every pixel counts")
     for first, *others in names.values():
         if others:
             more = f", as are {len(others) - 1} more" if others[1:] else ""
@@ -184,7 +181,11 @@ def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View)
                 wrong.append(Finding(view.name, _sentence(error)))
             return Seen(bits, damage, wrong)
     whole = image.shape[:2] == (view.camera.height, view.camera.width)
-    remarks = list(little_evidence(image, alpha if whole or alpha is None else _wholly_covered(alpha, image)))
+    covered = alpha
+    if alpha is not None and not whole:  # the pixels all of which is covered: an edge mixes colours
+        shares = cv2.resize(alpha.numpy(), image.shape[1::-1], interpolation=cv2.INTER_AREA)
+        covered = torch.from_numpy(shares > 0.99 * (255 if alpha.dtype == torch.uint8 else 1))[..., None]
+    remarks = list(little_evidence(image, covered))
     if remarks and not whole:
         with within(LEVELS_WANTED, 1):
             remarks = list(little_evidence(view.sources["image"](), alpha))
@@ -194,12 +195,6 @@ def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View)
 
 def _digest(image: torch.Tensor) -> bytes:
     return hashlib.sha256(image.contiguous().numpy().data).digest()
-
-
-def _wholly_covered(alpha: torch.Tensor, coarse: torch.Tensor) -> torch.Tensor:
-    """1 at pixels of a coarse image, [rows, columns, 1], all of which is covered: an edge mixes colours."""
-    shares = cv2.resize(alpha.numpy(), coarse.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return torch.from_numpy(shares > 0.99 * (255 if alpha.dtype == torch.uint8 else 1))[..., None]
 
 
 def _at_file(folder: Path, path: Path) -> Seen:

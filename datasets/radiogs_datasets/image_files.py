@@ -49,7 +49,6 @@ DECODED: ContextVar[Decoded | None] = ContextVar("images that are kept once deco
 """Where this thread keeps what it decodes, each file once, which nobody may write into; None: nowhere."""
 
 COARSE = 2
-
 LEVELS_WANTED: ContextVar[int] = ContextVar("whether levels of 8 bits are wanted in place of values", default=0)
 """Whether sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of values. Not for
 sources that are made of others' values. Where COARSE levels are wanted, a photo may be read coarsely."""
@@ -267,8 +266,7 @@ def decode_jpeg(path: Path, data: bytes, coarse: bool = False) -> NDArray[np.uin
     """Levels [height, width, 3] as (R, G, B), as stored, or ``coarse``, see there; EXIF's orientation is ignored.
 
     OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
-    decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file, in coarse
-    decoding, too: it passes over the waves of a block and reads all of their codes.
+    decodes; what others print is passed on where it succeeds. Raises DataError for a damaged file, coarse or not.
     """
     flags = cv2.IMREAD_REDUCED_COLOR_8 if coarse else cv2.IMREAD_COLOR
     try:
