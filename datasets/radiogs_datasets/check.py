@@ -3,13 +3,14 @@
 import hashlib
 import os
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import cv2
 import torch
 
 from radiogs_core.errors import DataError, ExplainedError
@@ -20,7 +21,7 @@ from .deep_check import deep_findings
 from .deep_check.evidence import Advance, gather
 from .deep_check.poses import equal_poses, poses
 from .findings import Finding, grouped, warning
-from .image_files import DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
+from .image_files import COARSE, DECODED, LEVELS_WANTED, Decoded, in_unit_range, read_stored
 from .image_structure import KNOWN, usual_type
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
@@ -68,7 +69,8 @@ class Seen:
     wrong: Sequence[Finding] = ()
     remarks: Sequence[Finding] = ()
     frame: Frame | None = None
-    digest: bytes = b""
+    digest: tuple[bool, bytes] = (True, b"")
+    """Whether it is of the whole image, not of a coarse one, and the SHA-256."""
 
 
 def check_scene(
@@ -119,8 +121,10 @@ def _seen(folder: Path, scene: Scene | None, views: Sequence[View], advance: Adv
         return seen
 
     centre = scene.centre if scene is not None and _look_at_something(scene) else None
+    # Where nothing has coverage, the border's colours are compared pixel by pixel.
+    levels = 1 if scene is None or scene.surrounded else COARSE
     with ThreadPoolExecutor(READERS) as pool:
-        yield from map(counted, pool.map(partial(_at_view, folder, centre), views))
+        yield from map(counted, pool.map(partial(_at_view, folder, centre, levels), views))
         yield from map(counted, pool.map(partial(_at_file, folder), sorted(left)))
 
 
@@ -138,16 +142,18 @@ def _of_scene(scene: Scene) -> Iterator[Finding]:
 
 def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iterator[Finding]:
     """Findings on views, one by one and held against one another; ``seen`` begins with theirs."""
-    of_views = list(zip(views, seen, strict=False))
-    yield from (each for _, one in of_views for each in one.wrong)
+    yield from (each for one in seen for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)
-    for view, one in of_views:
-        if one.frame is not None:
-            names[one.digest].append(view.name)
-            yield from one.remarks
-            if view.has("alpha") and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
-                throughout = "its alpha or mask is 1 throughout, unlike those of others: every pixel counts"
-                yield warning(view.name, throughout)
+    known = [(view, one) for view, one in zip(views, seen, strict=False) if one.frame is not None]
+    counts, kinds = Counter(one.digest for _, one in known), {one.digest[0] for _, one in known}
+    with within(LEVELS_WANTED, 1):
+        for view, one in known:
+            again = not one.digest[0] and (len(kinds) > 1 or counts[one.digest] > 1)
+            names[_digest(view.sources["image"]()) if again else one.digest[1]].append(view.name)
+    for view, one in known:
+        yield from one.remarks
+        if view.has("alpha") and one.frame is not None and one.frame.whole == 1 and scene.layout in OF_PHOTOS:
+            yield warning(view.name, "its alpha or mask is 1 throughout, unlike those of others: every pixel counts")
     for first, *others in names.values():
         if others:
             more = f", as are {len(others) - 1} more" if others[1:] else ""
@@ -156,11 +162,14 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
     yield from (warning(scene.name, said) for said in doubtful_coverage(scene, frames))
 
 
-def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
-    """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels."""
+def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View) -> Seen:
+    """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels.
+
+    Where a coarse image leaves doubt, of one colour or little coverage, the whole one is looked at.
+    """
     wrong = [] if centre is None else list(_aim(view, centre))
     files: Decoded = {}
-    with within(DECODED, files), within(LEVELS_WANTED, True):
+    with within(DECODED, files), within(LEVELS_WANTED, levels):
         try:
             alpha, valid = (view.sources[name]() if view.has(name) else None for name in ("alpha", "valid"))
             if alpha is not None and not alpha.numpy().any():
@@ -171,9 +180,21 @@ def _at_view(folder: Path, centre: torch.Tensor | None, view: View) -> Seen:
             if _sentence(error) not in {each.what for each in damage}:
                 wrong.append(Finding(view.name, _sentence(error)))
             return Seen(bits, damage, wrong)
-    remarks = [warning(view.name, said) for said in little_evidence(image, alpha)]
-    digest = hashlib.sha256(image.contiguous().numpy().data).digest()
-    return Seen(*_decoded(folder, files), wrong, remarks, Frame.of(image, alpha, valid), digest)
+    whole = image.shape[:2] == (view.camera.height, view.camera.width)
+    covered = alpha
+    if alpha is not None and not whole:  # the pixels all of which is covered: an edge mixes colours
+        shares = cv2.resize(alpha.numpy(), image.shape[1::-1], interpolation=cv2.INTER_AREA)
+        covered = torch.from_numpy(shares > 0.99 * (255 if alpha.dtype == torch.uint8 else 1))[..., None]
+    remarks = list(little_evidence(image, covered))
+    if remarks and not whole:
+        with within(LEVELS_WANTED, 1):
+            remarks = list(little_evidence(view.sources["image"](), alpha))
+    said = [warning(view.name, each) for each in remarks]
+    return Seen(*_decoded(folder, files), wrong, said, Frame.of(image, alpha, valid), (whole, _digest(image)))
+
+
+def _digest(image: torch.Tensor) -> bytes:
+    return hashlib.sha256(image.contiguous().numpy().data).digest()
 
 
 def _at_file(folder: Path, path: Path) -> Seen:
@@ -183,9 +204,10 @@ def _at_file(folder: Path, path: Path) -> Seen:
         if path.suffix == ".json":
             read_transforms(path)
             return Seen({path: None})
-        files[path, True] = read_stored(path, numbers=True)
+        with within(DECODED, files):
+            read_stored(path, numbers=True, coarse=not NORMAL_FILE.fullmatch(path.name))
     except DataError as error:
-        files[path, True] = error
+        files.setdefault((path, True, True), error)
     return Seen(*_decoded(folder, files))
 
 
@@ -193,7 +215,7 @@ def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list
     """Bits a sample of files that were decoded, None for damaged ones, and what is wrong with them."""
     bits: dict[Path, int | None] = {}
     damage: list[Finding] = []
-    for (path, _), found in files.items():
+    for (path, *_), found in files.items():
         place = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
         bits[path] = None if isinstance(found, DataError) else 8 * found.itemsize
         if isinstance(found, DataError):

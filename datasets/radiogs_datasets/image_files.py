@@ -42,43 +42,46 @@ def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
     return in_unit_range(read_stored(path, numbers))
 
 
-Decoded = dict[tuple[Path, bool], NDArray | DataError]
-"""Images by path and whether they were read as numbers: levels or values, or the error that reading ended in."""
+Decoded = dict[tuple[Path, bool, bool], NDArray | DataError]
+"""Images by path, whether read as numbers, and whether coarsely: levels, values, or the error that reading ended in."""
 
 DECODED: ContextVar[Decoded | None] = ContextVar("images that are kept once decoded", default=None)
 """Where this thread keeps what it decodes, each file once, which nobody may write into; None: nowhere."""
 
-LEVELS_WANTED: ContextVar[bool] = ContextVar("whether levels of 8 bits are wanted in place of values", default=False)
+COARSE = 2
+LEVELS_WANTED: ContextVar[int] = ContextVar("whether levels of 8 bits are wanted in place of values", default=0)
 """Whether sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of values. Not for
-sources that are made of others' values."""
+sources that are made of others' values. Where COARSE levels are wanted, a photo may be read coarsely."""
 
 
-def read_stored(path: Path, numbers: bool = False) -> NDArray:
+def read_stored(path: Path, numbers: bool = False, coarse: bool = False) -> NDArray:
     """An image as stored, [height, width, channels] in the order (R, G, B, A); its bytes tell the file's type.
 
     Levels of 8 or 16 bits of a PNG, JPEG or WebP file are display sRGB: its colour profile is applied, unless the
     levels are ``numbers``, such as a mask's. Float32 values of an OpenEXR or Radiance file are linear. EXIF's
-    orientation is not applied. Raises DataError if the file is missing, cut off, damaged or of another type.
+    orientation is not applied. ``coarse``: of a JPEG every eighth row and column, means of 8 x 8 display levels.
+    Raises DataError if the file is missing, cut off, damaged or of another type.
     """
     kept: Decoded = {} if (held := DECODED.get()) is None else held
-    if (path, numbers) not in kept:
+    key = (path, numbers, coarse)
+    if key not in kept:
         try:
-            kept[path, numbers] = _read_stored(path, numbers)
+            kept[key] = _read_stored(*key)
         except DataError as error:
-            kept[path, numbers] = error
-    if isinstance(found := kept[path, numbers], DataError):
+            kept[key] = error
+    if isinstance(found := kept[key], DataError):
         raise found
     return found
 
 
-def _read_stored(path: Path, numbers: bool) -> NDArray:
+def _read_stored(path: Path, numbers: bool, coarse: bool) -> NDArray:
     data = read_bytes(path)
     match type_of(path, data):
         case "PNG":
             return _png_levels(path, data, numbers)
         case "JPEG" | "WebP" as kind:
             profile = None if numbers else photo_file(path, data).info.get("icc_profile")
-            return in_srgb(path, decode_jpeg(path, data) if kind == "JPEG" else _decode(path, data), profile)
+            return in_srgb(path, decode_jpeg(path, data, coarse) if kind == "JPEG" else _decode(path, data), profile)
         case "OpenEXR":
             return read_exr(path, data)
         case _:
@@ -170,17 +173,6 @@ def _of_type(wanted: str, path: Path, data: bytes | None) -> bytes:
     return data
 
 
-def exr_envmap(path: Path) -> str | None:
-    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None where it is absent."""
-    with (
-        caught_output(OUT, ERROR),
-        _named(read_bytes(path)) as name,
-        OpenEXR.File(name, separate_channels=True, header_only=True) as file,
-    ):
-        said = file.header().get("envmap")
-    return {OpenEXR.ENVMAP_CUBE: "cube", OpenEXR.ENVMAP_LATLONG: "latlong"}.get(said)
-
-
 @contextmanager
 def _named(data: bytes) -> Iterator[str]:
     """A path at which these bytes are read: OpenEXR reads paths, and the file at ours may change."""
@@ -270,15 +262,16 @@ JPEG_WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS p
 """How libjpeg's warnings (``jerror.h``) begin; they are all that OpenCV lets through of damage to pixels."""
 
 
-def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
-    """Levels [height, width, 3] as (R, G, B), as stored; EXIF's orientation is ignored.
+def decode_jpeg(path: Path, data: bytes, coarse: bool = False) -> NDArray[np.uint8]:
+    """Levels [height, width, 3] as (R, G, B), as stored, or ``coarse``, see there; EXIF's orientation is ignored.
 
     OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
-    decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.
+    decodes; what others print is passed on where it succeeds. Raises DataError for a damaged file, coarse or not.
     """
+    flags = cv2.IMREAD_REDUCED_COLOR_8 if coarse else cv2.IMREAD_COLOR
     try:
         with caught_output(ERROR) as printed:
-            image = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+            image = _decode(path, data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     finally:
         if warnings := printed.taken(JPEG_WARNINGS):
             raise damaged(path, f"libjpeg says: {warnings[0].decode(errors='replace').strip()}")

@@ -16,6 +16,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from PIL.WebPImagePlugin import WebPImageFile
 
 from radiogs_core.errors import DataError
 
-from .bounded_reading import IMAGE_LIMIT, limit
+from .bounded_reading import IMAGE_LIMIT, limit, read_bytes
 from .colour_profiles import profile_of_png
 
 EXR_COLOURS = (("R", "G", "B", "A"), ("R", "G", "B"), ("X", "Y", "Z"))
@@ -65,6 +66,7 @@ TYPES = (
     ("TIFF", "tif tiff", rb"II\*\0|MM\0\*"),
     ("HEIC or AVIF", "heic heif avif", rb".{4}ftyp"),
     ("GIF", "gif", rb"GIF8"),
+    ("BMP", "bmp", rb"BM"),
 )
 """Types of image files: name, usual endings, and how they begin."""
 
@@ -350,6 +352,13 @@ def _png_chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, bytes]]:
         if name == b"IEND":
             return
         place = end
+
+
+def exr_envmap(path: Path) -> str | None:
+    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None where it is absent."""
+    with suppress(ValueError):
+        return {b"\0": "latlong", b"\1": "cube"}.get(_exr_attribute(read_bytes(path), b"envmap"))
+    return None
 
 
 def _exr_attribute(data: bytes, wanted: bytes) -> bytes:

@@ -15,7 +15,8 @@ from torch import Tensor
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 
-from .image_files import exr_envmap, read_exr, read_hdr
+from .image_files import read_exr, read_hdr
+from .image_structure import exr_envmap
 
 OWN_LIGHTS = Path(__file__).parent / "tiny" / "corner" / "envmaps"
 """A folder of maps that comes with the package: a sunny sky (``training``), a sunset, an overcast sky."""

@@ -14,7 +14,6 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from radiogs_core.errors import UsageError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene, View
 
@@ -36,8 +35,6 @@ Size = tuple[int, int]
 
 def every(scene: Scene, step: int) -> Scene:
     """Every ``step``-th view of both splits, from the first on."""
-    if step < 1:
-        raise UsageError(f"every {step}th view is none", "", "Give a whole number above zero.")
     if step == 1:
         return scene
     return replace(
@@ -57,9 +54,7 @@ def resized(scene: Scene, options: SceneOptions) -> Scene:
 
 
 def smaller(scene: Scene, factor: int) -> Scene:
-    """Images of ``1 / factor`` of the side, rounded to whole pixels. Raises UsageError for a factor below one."""
-    if factor < 1:
-        raise UsageError(f"a scene cannot be made {factor} times smaller", "", "Give a whole number above zero.")
+    """Images of ``1 / factor`` of the side, rounded to whole pixels."""
     if factor == 1:
         return scene
     return _with_sizes(
@@ -71,9 +66,7 @@ def smaller(scene: Scene, factor: int) -> Scene:
 
 
 def with_long_side(scene: Scene, pixels: int) -> Scene:
-    """Images whose longer side has at most so many pixels; smaller ones stay. Raises UsageError below one."""
-    if pixels < 1:
-        raise UsageError(f"images cannot have {pixels} pixels a side", "", "Give a whole number above zero.")
+    """Images whose longer side has at most so many pixels; smaller ones stay."""
 
     def size(height: int, width: int) -> Size:
         longer = max(height, width)

@@ -295,8 +295,8 @@ class Frame(NamedTuple):
             third = alpha[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
             most = 255 if alpha.dtype == torch.uint8 else 1
             middle, whole = (float(each.numpy().mean(dtype=np.float64)) / most for each in (third, alpha))
-        ring = _values(_ring(image))
-        cover = torch.ones(len(ring)) if alpha is None else _values(_ring(alpha))[:, 0]
+        ring = _ring(image)
+        cover = torch.ones(len(ring)) if alpha is None else _ring(alpha)[:, 0]
         if valid is not None:
             ring, cover = (each[_ring(valid)[:, 0] > 0] for each in (ring, cover))
         if not len(ring):
@@ -306,15 +306,12 @@ class Frame(NamedTuple):
         return Frame(float(cover.mean()), middle, whole, colour, float(flat))
 
 
-def _values(levels: torch.Tensor) -> torch.Tensor:
-    return torch.from_numpy(in_unit_range(levels.numpy()))
-
-
 def _ring(image: torch.Tensor) -> torch.Tensor:
-    """The pixels [count, channels] at the border of an image."""
+    """The pixels [count, channels] at the border of an image, as values in [0, 1]."""
     rows, columns = (torch.arange(side) for side in image.shape[:2])
     edge, side = ((each < RING) | (each >= len(each) - RING) for each in (rows, columns))
-    return torch.cat([image[edge].flatten(0, 1), image[:, side][~edge].flatten(0, 1)])
+    pixels = torch.cat([image[edge].flatten(0, 1), image[:, side][~edge].flatten(0, 1)])
+    return torch.from_numpy(in_unit_range(pixels.numpy()))
 
 
 def doubtful_coverage(scene: Scene, frames: Sequence[Frame]) -> Iterator[str]:

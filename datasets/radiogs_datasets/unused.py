@@ -10,10 +10,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from .image_structure import usual_type
 from .layouts.inspection import shown
 from .layouts.masks import mask_among
-
-IMAGES = frozenset({".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".heic", ".webp", ".bmp"})
 
 MASK_FOLDER = re.compile(r"(.*[_-])?(masks?|segmentations?|silhouettes?|mattes?)([_-].*)?", re.IGNORECASE)
 """Names of folders that hold masks."""
@@ -44,8 +43,8 @@ def unused_files(folder: Path, used: Iterable[str]) -> tuple[str, ...]:
     top = Path(os.path.abspath(folder))
     every = list(_files(top))
     rest = [path.relative_to(top) for path in every if str(path) not in taken]
-    left = [path for path in rest if path.suffix.lower() in IMAGES]
-    read = [path.relative_to(top) for path in every if str(path) in taken and path.suffix.lower() in IMAGES]
+    left = [path for path in rest if usual_type(path)]
+    read = [path.relative_to(top) for path in every if str(path) in taken and usual_type(path)]
     masks, left = _masks(folder, left, read)
     moving, left = _moving(left)
     sizes, left = _sizes(left, read)

@@ -115,6 +115,12 @@ def write_display(
     write_png(path, np.concatenate([display, alpha], -1))
 
 
+def psnr(first: NDArray, second: NDArray) -> float | None:
+    """PSNR in dB between two maps, two digits; None where they are equal."""
+    error = float(np.square((first - second).astype(np.float64)).mean())
+    return round(-10 * math.log10(error), 2) if error else None
+
+
 Advance = Callable[[int, int], None]
 
 

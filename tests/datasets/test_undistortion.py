@@ -169,10 +169,21 @@ def test_uncovered_colour_does_not_bleed_into_the_object() -> None:
     assert bool(((colours - 0.8).abs().lt(1e-4) | colours.eq(0)).all())
 
 
-def test_photos_that_are_undistorted_already_keep_their_pixels(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("model", "bent"),
+    [
+        ("SIMPLE_RADIAL", (0.3,)),
+        ("OPENCV", (-0.2, 0.05, 0.01, -0.01)),
+        ("OPENCV_FISHEYE", (0.05, -0.02, 0.004, -0.001)),
+    ],
+)
+def test_photos_that_are_undistorted_already_keep_their_pixels(
+    tmp_path: Path, model: str, bent: tuple[float, ...]
+) -> None:
     """A lens that bends by a fifth: the pixels are those of the file, the camera is the lens without its distortion."""
     folder, options = tmp_path / "bent", SceneOptions(undistorted=True)
-    write_model(folder, "SIMPLE_RADIAL", (90.0, 64.0, 48.0, 0.3), ["a.png", "b.png"], "128 96")
+    lens = ((90.0,) if model == "SIMPLE_RADIAL" else (90.0, 90.0)) + (64.0, 48.0, *bent)
+    write_model(folder, model, lens, ["a.png", "b.png"], "128 96")
     (folder / "images").mkdir()
     pixels = np.random.default_rng(3).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     for name in ("a.png", "b.png"):

@@ -8,7 +8,6 @@ on where it was. ``metadata.json`` keeps how the scene was made, its noise, and 
 """
 
 import json
-import math
 import queue
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +27,7 @@ from radiogs_core.scene.scene import View
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir import TRAINING_LIGHT
 from ..lights import read_light
-from ..writing import require_new, write_display, write_transforms
+from ..writing import psnr, require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots
 from .passes import Maps
 from .process import Blender, require_blender
@@ -192,8 +191,8 @@ def describe(
         "scene": request.file.stem,
         "purpose": "rendered from a .blend file by Blender Cycles",
         **request.identity(),
-        "noise_floor_db": _psnr(*shown),
-        "noise_floors_db": {name: _psnr(getattr(first, name), getattr(second, name)) for name in NOISY},
+        "noise_floor_db": psnr(*shown),
+        "noise_floors_db": {name: psnr(getattr(first, name), getattr(second, name)) for name in NOISY},
         "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
         "indirect_share": _share(sum(each["indirect"] for each in test), radiance),
         "largest_closure_error": max(each["closure"] for each in measured.values()),
@@ -213,12 +212,6 @@ def describe(
 
 OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_system", "scripts", "lamps", "cameras",
           "volumes", "other_scenes")  # fmt: skip
-
-
-def _psnr(first: np.ndarray, second: np.ndarray) -> float | None:
-    """PSNR in dB between two maps; None where they are equal."""
-    error = float(np.square((first - second).astype(np.float64)).mean())
-    return round(-10 * math.log10(error), 2) if error else None
 
 
 def _share(part: float, whole: float) -> float:

@@ -1,6 +1,7 @@
 """The deep checks of a scene: which evidence there is, and in which order it is checked."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from radiogs_core.scene.scene import Scene
 
@@ -54,5 +55,6 @@ def deep_findings(scene: Scene, advance: Advance = lambda done, total: None) -> 
         for check in OF_VALUES:
             found = list(check(sound))
             yield from found
-            for name in WHOLE_MAPS & {each.place for each in found}:
-                sound = sound.without_map(name)
+            if wrong := WHOLE_MAPS & {each.place for each in found}:
+                left = (replace(one, maps={k: one.maps[k] for k in one.maps if k not in wrong}) for one in sound.truths)
+                sound = replace(sound, truths=tuple(left))

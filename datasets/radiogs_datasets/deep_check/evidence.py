@@ -5,7 +5,7 @@ every n-th pixel, so that those of one pixel belong together.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -125,14 +125,6 @@ class Evidence:
             return self
         looks = tuple(look for look in self.looks if look.name not in names)
         return Evidence(self.scene, looks, tuple(truth for truth in self.truths if truth.name not in names))
-
-    def without_map(self, name: str) -> "Evidence":
-        """The evidence but for one map of the test views."""
-        truths = [
-            replace(truth, maps={each: truth.maps[each] for each in truth.maps if each != name})
-            for truth in self.truths
-        ]
-        return Evidence(self.scene, self.looks, tuple(truths))
 
     @cached_property
     def cameras(self) -> Cameras:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -20,7 +19,7 @@ from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir import TRAINING_LIGHT
-from ..writing import write_display
+from ..writing import psnr, write_display
 from . import render
 from .environments import LIGHTS
 from .recipe import TEST_RATIO, Pictures, Pinhole, Recipe, pinhole
@@ -107,7 +106,7 @@ def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArra
 
 
 NOISE_SEEDS = (1_000_000, 1_000_001)
-"""Seeds that no view uses."""
+"""Seeds that no view uses: the noise floor is that between both, in display colour, multiplied by alpha."""
 
 SHARE_SAMPLES, SHARE_SIZE = 256, 96
 """Samples a pixel, and the most pixels a side, for shares of energy, which are sums over a whole image."""
@@ -124,6 +123,8 @@ def describe(
     depth, scored = pictures.depth, TEST_RATIO * pictures.samples
     light = read_hdr(folder / "envmaps" / "training.hdr")
     small = replace(camera, size=min(camera.size, SHARE_SIZE))
+    pictures_of_both = (render.radiance(scene, camera, scored, depth, each)[..., :3] for each in NOISE_SEEDS)
+    shown = [srgb_encode(torch.from_numpy(each)).clamp(0, 1).numpy() for each in pictures_of_both]
     return {
         "scene": recipe.name,
         "purpose": recipe.purpose,
@@ -133,7 +134,7 @@ def describe(
         "samples": {"train": pictures.samples, "test": scored},
         "sampler": "multijitter",
         "depth": depth,
-        "noise_floor_db": round(noise_floor(scene, camera, scored, depth), 2),
+        "noise_floor_db": psnr(*shown),
         "indirect_share": round(indirect_share, 4),
         **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, small, depth).items()},
         "lights": {
@@ -141,15 +142,6 @@ def describe(
         },
         "versions": {package: version(package) for package in ("mitsuba", "drjit", "numpy")},
     }
-
-
-def noise_floor(scene: mi.Scene, camera: Pinhole, samples: int, depth: int) -> float:
-    """PSNR in dB between two renderings with different seeds, in display colour, multiplied by alpha."""
-    first, second = (
-        srgb_encode(torch.from_numpy(render.radiance(scene, camera, samples, depth, seed)[..., :3])).clamp(0, 1)
-        for seed in NOISE_SEEDS
-    )
-    return -10 * math.log10(float((first - second).double().square().mean()))
 
 
 def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: int) -> dict[str, float]:

@@ -336,7 +336,7 @@ def decode_if_small(
             with within(DECODED, files):
                 for name in view.sources:
                     view.read(name)
-            for (path, _), levels in files.items():
+            for (path, *_), levels in files.items():
                 if not isinstance(levels, DataError) and levels.dtype != np.float32:
                     note_pixels(path, levels)
     found: dict[str, list[str]] = {}

@@ -22,7 +22,7 @@ from radiogs_core.scene.scene import View
 from ..bounded_reading import as_float32, read_numpy
 from ..cameras.lens import ORDER, Lens, is_reduction
 from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
-from ..image_files import LEVELS_WANTED, read_stored
+from ..image_files import COARSE, LEVELS_WANTED, read_stored
 from ..image_structure import LINEAR, Header
 from ..options import SceneOptions
 from ..reduction import WHOLLY, area_mean
@@ -253,9 +253,10 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
 
 def _image(photo: Photo) -> Tensor:
     """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
-    stored = read_stored(photo.image)
+    wanted = LEVELS_WANTED.get() if photo.lens.pinhole and not photo.ignores else 0
+    stored = read_stored(photo.image, coarse=wanted == COARSE and not photo.has_alpha)  # the file is read for both
     stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
-    if LEVELS_WANTED.get() and photo.lens.pinhole and not photo.ignores and stored.dtype == np.uint8:
+    if wanted and stored.dtype == np.uint8:
         colour = np.repeat(stored[..., :1], 3, 2) if stored.shape[2] < 3 else stored[..., :3]
         return torch.from_numpy(np.ascontiguousarray(colour))
     image = displayed(stored)

@@ -185,6 +185,9 @@ def test_named_splits_are_kept(tmp_path: Path) -> None:
     assert [view.name for view in scene.test] == ["images/07"]
     assert [view.name for view in scene.train] == [f"images/0{k}" for k in range(4)]
     assert "views of test_filenames are scored" in scene.repairs
+    left = "./images/04.png, ./images/05.png, ./images/06.png, ./images/08.png"
+    assert f"4 views are in neither list and are left out: {left}" in scene.repairs
+    assert not any("camera" in said for said in scene.repairs), "photos of views that are left out have one"
 
 
 def test_views_without_photos_are_left_out_and_named(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
+import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -34,7 +35,7 @@ BY_CHANNELS = ([COVERAGE] * 3 + [0 * COVERAGE + 255], [0 * COVERAGE] * 3 + [COVE
 """Masks in four channels: opaque ones whose colours say what is covered, and black ones whose alpha does."""
 
 
-def pose(number: int) -> NDArray[np.float64]:
+def pose(number: float) -> NDArray[np.float64]:
     """Camera to world, OpenCV axes: on a circle of radius 4 around the origin, Z up."""
     angle = 0.7 * number
     forward = -np.array([np.cos(angle), np.sin(angle), 0.2]) / np.sqrt(1.04)
@@ -49,6 +50,8 @@ Size = tuple[int, int]
 
 def capture(folder: Path, layout: str, photo: bytes, name: str = "{}.png", size: Size = (SIDE, SIDE)) -> Path:
     """Photos with the same bytes, and their cameras, which are for ``size`` (width, height)."""
+    if layout == "tensoir":
+        return tensoir(folder, photo)
     (folder / "images").mkdir(parents=True)
     names, (width, height) = [name.format(number) for number in range(VIEWS)], size
     for each in names:
@@ -76,6 +79,20 @@ def capture(folder: Path, layout: str, photo: bytes, name: str = "{}.png", size:
             lines.append(f"{number} {' '.join(map(str, motion))} 1 {each}\n\n")
         (model / "images.txt").write_text("".join(lines))
         (model / "points3D.txt").write_text("")
+    return folder
+
+
+def tensoir(folder: Path, photo: bytes) -> Path:
+    """The photos with a folder each, and their name whatever the bytes are."""
+    for split in ("train", "test"):
+        frames = []
+        for number in range(VIEWS):
+            place = folder / f"{split}_{number}"
+            place.mkdir(parents=True)
+            (place / "rgba.png").write_bytes(photo)
+            matrix = pose(number + (split == "test") / 2) * [1, -1, -1, 1]
+            frames.append({"file_path": f"{place.name}/rgba", "transform_matrix": matrix.tolist()})
+        (folder / f"transforms_{split}.json").write_text(json.dumps({"camera_angle_x": 0.8, "frames": frames}))
     return folder
 
 
@@ -163,11 +180,15 @@ def test_linear_photos_are_encoded_and_their_alpha_is_coverage(tmp_path: Path, l
     assert check_scene(str(folder)).sound
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("kind", ["RGBA", "WebP", "grey and alpha", "palette"])
+@pytest.mark.parametrize("layout", [*LAYOUTS, "tensoir"])
+@pytest.mark.parametrize("kind", ["RGBA", "WebP", "grey and alpha", "palette", "EXR", "16 bits"])
 def test_alpha_of_photos_is_coverage(tmp_path: Path, layout: str, kind: str) -> None:
-    rgba = np.dstack([COLOURS, COVERAGE])
-    if kind == "palette":
+    rgba, wanted = np.dstack([COLOURS, COVERAGE]), COVERAGE
+    if kind == "EXR":
+        photo = exr(dict(zip("RGBA", np.float32(rgba / 255).transpose(2, 0, 1).copy(), strict=True)), tmp_path)
+    elif kind == "16 bits":
+        photo = cv2.imencode(".png", rgba.astype(np.uint16) * 257)[1].tobytes()
+    elif kind == "palette":
         data = BytesIO()
         levels = Image.fromarray((COVERAGE > 200).astype(np.uint8), "P")
         levels.putpalette([9, 9, 9, 200, 100, 50])

@@ -9,8 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from radiogs_bench.cli import main
+from radiogs_datasets import check, soundness
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import read_image, write_png
 from radiogs_datasets.layouts import inspection
@@ -148,3 +150,61 @@ def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) 
     damaged = sorted(place for place, what in found if "is damaged" in what)
     assert damaged == [str(masks / "photo_007.png"), "images/photo_003.png"]
     assert len(found) == 9  # and where photos are read from, which views are scored, and that the model has no point
+
+
+WAVE = np.indices((96, 96)).sum(0)[..., None] % 2 * np.array([20, 20, 20])
+"""Pixels whose mean in each block of a JPEG is that of their opposites."""
+
+
+def in_jpegs(capture: Path) -> None:
+    """Turn a capture's photos into JPEGs, some of which say little, are equal, nearly equal or damaged."""
+    images, masks = capture / "images", capture.parent / "kept_masks"
+    noise, square = np.random.default_rng(0).integers(0, 256, (96, 96, 3)), np.zeros((96, 96, 1))
+    square[16:64, 24:72] = 1
+    few = np.zeros((96, 96, 1))
+    few[::48, ::48] = 1
+    changed = {1: 0 * noise, 2: np.where(square > 0, 90, noise), 3: 100 + WAVE, 4: 120 - WAVE, 9: noise}
+    for number, path in enumerate(sorted(images.glob("*.png")), start=1):
+        levels = np.asarray(changed.get(number, cv2.imread(str(path))[..., ::-1]), np.uint8)
+        Image.fromarray(levels).save(path.with_suffix(".jpg"), quality=100, subsampling=0)
+        path.unlink()
+    write_png(masks / "photo_002.png", square)
+    write_png(masks / "photo_010.png", few)
+    photo = (images / "photo_007.jpg").read_bytes()
+    (images / "photo_008.jpg").write_bytes(photo[:2] + b"\xff\xfe\0\x05abc" + photo[2:])  # a comment
+    damaged = (images / "photo_009.jpg").read_bytes()
+    (images / "photo_009.jpg").write_bytes(damaged[: len(damaged) // 2] + b"\xff\xd9")
+
+
+@pytest.mark.parametrize("types", ["JPEG", "JPEG and PNG"])
+def test_photos_that_are_decoded_coarsely_are_judged_as_whole_ones(
+    capture: Path, large: SceneOptions, monkeypatch: pytest.MonkeyPatch, types: str
+) -> None:
+    monkeypatch.setattr(soundness, "FEWEST_PIXELS", 8)  # a miniature has few blocks
+    in_jpegs(capture)
+    if types != "JPEG":
+        write_png(capture / "images/photo_006.png", read_image(capture / "images/photo_005.jpg"))
+        (capture / "images/photo_006.jpg").unlink()
+    names = {path.read_bytes(): path.stem[-3:] for path in (capture / "images").glob("*.jpg")}
+    whole, decode = set(), cv2.imdecode
+
+    def watching(data: np.ndarray, flags: int) -> np.ndarray:
+        if flags == cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION:
+            whole.add(names[data.tobytes()])
+        return decode(data, flags)
+
+    monkeypatch.setattr(cv2, "imdecode", watching)
+    found = check_scene(str(capture), large).findings
+    doubtful = {"001", "002", "003", "004", "007", "008", "010"}
+    assert whole == (doubtful if types == "JPEG" else {*names.values()} - {"009"})
+    said = {each.place: each.what.split(":")[0] for each in found if each.place.startswith("photo_")}
+    assert said == {
+        "photo_001": "its image is black throughout",
+        "photo_002": "its image is one colour throughout",
+        "photo_008": "its image is that of photo_007",
+        "photo_010": "4 of its pixels show the object",
+        **({} if types == "JPEG" else {"photo_006": "its image is that of photo_005"}),
+    }
+    assert [each.place for each in found if "is damaged" in each.what] == ["images/photo_009.jpg"]
+    monkeypatch.setattr(check, "COARSE", 1)
+    assert check_scene(str(capture), large).findings == found
