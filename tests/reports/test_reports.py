@@ -13,7 +13,7 @@ from PIL import Image
 
 from compiled import pdflatex
 from made_up_run import summary, write_run
-from radiogs_reports.figures.contact_sheet import write_contact_sheet
+from radiogs_reports.figures.contact_sheet import write_bands, write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.suite import suite_table
@@ -131,6 +131,12 @@ def test_the_contact_sheet_shows_the_same_truth_once(tmp_path: Path) -> None:
         arrays = dict(stored)
     np.savez(path, **(arrays | {"truth/normal": -arrays["truth/normal"]}))
     assert height_of_contact_sheet(folder, other) == 2 * alone
+
+
+def test_the_contact_sheet_of_photos_is_one_line_of_reduced_maps(tmp_path: Path) -> None:
+    found = {name: np.full((600, 1300, 3), 0.5) for name in ("truth/image", "render/image", "render/albedo")}
+    with Image.open(write_bands(tmp_path, [("photos", found, "")])) as sheet:
+        assert sheet.size == (28 + 4 * (434 + 6), 48 + 26 + 200 + 6), "truth, image, error, albedo: a third of the side"
 
 
 def test_a_row_without_a_label_in_latex_has_its_text_escaped() -> None:

@@ -23,7 +23,7 @@ from ..summary import (
     counted_scenes,
     is_doubted,
 )
-from ..wording import count_of, number, shared_decimals, signed_number
+from ..wording import count_of, number, shared_decimals
 from .comparisons import upwards
 
 Outcome = Literal["holds", "does not hold", "not resolved"]
@@ -184,7 +184,7 @@ def headline(table: ComparedTable) -> list[str]:
     told = [_entry(columns[each.column], each) for each in first if each.resolved]
     open_ = [each for each in first if not each.resolved]
     paper = [
-        f"{columns[each.column]['label']} {signed_number(each.published, columns[each.column]['decimals'])}"
+        f"{columns[each.column]['label']} {number(each.published, columns[each.column]['decimals'], '+')}"
         for each in open_
         if each.published is not None
     ]
@@ -277,7 +277,7 @@ def _entry(column: ColumnSummary, found: MeasuredDifference) -> str:
         if low is not None and high is not None and low * high > 0:
             remarks.append("excludes zero alone, not after correction for all rows")
     if found.published is not None:
-        remarks.append(f"paper {signed_number(found.published, decimals)}")
+        remarks.append(f"paper {number(found.published, decimals, '+')}")
     if found.resolved and found.verdict is not None:
         remarks.append(f"sign {found.verdict}")
     behind = f" ({', '.join(remarks)})" if remarks else ""
@@ -288,7 +288,7 @@ def measured(column: ColumnSummary, difference: Interval) -> str:
     """A difference with its unit and its interval, if it has one."""
     values = [each for each in (difference["mean"], difference["low"], difference["high"]) if each is not None]
     decimals = shared_decimals(values, column["decimals"])
-    mean, *ends = (signed_number(each, decimals) for each in values)
+    mean, *ends = (number(each, decimals, "+") for each in values)
     parts = [mean, column["unit"], f"[{', '.join(ends)}]" if ends else ""]
     return "".join(f" {part}" for part in parts if part)
 
