@@ -83,14 +83,20 @@ class Pinhole:
         return np.broadcast_to(self.to_world[:3, 3], directions.shape), directions
 
 
-def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
-    """The rig's camera number ``place``; they cover its patch as a low-discrepancy sequence, evenly in solid angle."""
-    along, across = (0.5 + (place + 1) * np.array([PLASTIC_RATIO**-1, PLASTIC_RATIO**-2])) % 1
+def outward(rig: Rig, place: int | NDArray[np.int64]) -> NDArray[np.float64]:
+    """Unit vectors from the target to the cameras of these numbers, [..., 3]; they cover the rig's patch as a
+    low-discrepancy sequence, evenly in solid angle."""
+    along, across = ((0.5 + (place + 1) * PLASTIC_RATIO**power) % 1 for power in (-1, -2))
     azimuth = np.radians(rig.azimuth[0] + along * (rig.azimuth[1] - rig.azimuth[0]))
     low, high = np.sin(np.radians(rig.elevation))
     height = low + across * (high - low)
     flat = np.sqrt(1 - height**2)
-    backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], -1)
+
+
+def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
+    """The rig's camera number ``place``."""
+    backward = outward(rig, place)
     right = np.cross([0.0, 0.0, 1.0], backward)
     right /= np.linalg.norm(right)
     matrix = np.eye(4)
