@@ -175,6 +175,13 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
     assert r"PSNR $\uparrow$ & MAE (degrees) $\downarrow$ & Training (s) $\downarrow$" in text
     assert r"Ours & \textbf{31.23} & \textit{7.50} & 61.2 \\" in text
     assert r"$\lambda_\mathrm{rad}$ = 0 & \textit{30.00} & \textbf{7.00} & \textbf{40.0} \\" in text
+    assert text.split(r"\caption{")[1].index("\n") < 2 * 80, "two lines"
+    assert (
+        text.index(r"\end{tabular}")
+        < text.index(r"\raggedright")
+        < text.index("Scenes: ")
+        < text.index(". PSNR in dB.")
+    )
     assert text.count(r"\cmidrule") == 2, "none over the seconds, which are of no quantity"
     for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
         assert absent not in text
