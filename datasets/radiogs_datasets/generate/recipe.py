@@ -83,23 +83,17 @@ class Pinhole:
         return np.broadcast_to(self.to_world[:3, 3], directions.shape), directions
 
 
-def outward(rig: Rig, place: int | NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit vectors from the target to the cameras of these numbers, [..., 3]; they cover the rig's patch as a
-    low-discrepancy sequence, evenly in solid angle."""
-    along, across = ((0.5 + (place + 1) * PLASTIC_RATIO**power) % 1 for power in (-1, -2))
+def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
+    """The rig's camera number ``place``; they cover its patch as a low-discrepancy sequence, evenly in solid angle."""
+    along, across = (0.5 + (place + 1) * np.array([PLASTIC_RATIO**-1, PLASTIC_RATIO**-2])) % 1
     azimuth = np.radians(rig.azimuth[0] + along * (rig.azimuth[1] - rig.azimuth[0]))
     low, high = np.sin(np.radians(rig.elevation))
     height = low + across * (high - low)
     flat = np.sqrt(1 - height**2)
-    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], -1)
-
-
-def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
-    """The rig's camera number ``place``."""
-    backward = outward(rig, place)
-    right = np.cross([0.0, 0.0, 1.0], backward)
-    right /= np.linalg.norm(right)
+    x, y, z = backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
+    right = np.array([-y, x, 0.0]) / np.linalg.norm([-y, x, 0.0])
+    upwards = [-z * right[1], z * right[0], x * right[1] - y * right[0]]  # backward x right; np.cross is slow for one
     matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(backward, right), backward], -1)
+    matrix[:3, :3] = np.stack([right, upwards, backward], -1)
     matrix[:3, 3] = np.array(rig.target) + rig.radius * backward
     return Pinhole(matrix, rig.field_of_view, size)

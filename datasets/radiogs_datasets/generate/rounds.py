@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from radiogs_core.transport.sampling import sphere_directions, tangent_frame
+
 from .patterns import waves
 from .solids import Relief, Turned
 
@@ -164,8 +166,6 @@ def _turned_cells(solid: Turned, spacing: float) -> Cells:
 
 def _relief_cells(solid: Relief, count: int) -> Cells:
     """A spherical Fibonacci lattice of directions; axes: up the gradient of the radius, across it, outwards."""
-    from radiogs_core.transport.sampling import sphere_directions, tangent_frame  # brings the kernels
-
     direction = sphere_directions(count)
     radius, gradient = radii(solid, direction)
     steep = gradient.norm(dim=-1)

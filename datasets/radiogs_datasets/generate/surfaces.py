@@ -15,11 +15,12 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
+from radiogs_core.transport.sampling import sphere_directions, tangent_frame
 
 from ..bounded_reading import read_json
 from . import rounds, trefoil
 from .catalogue import RECIPES
-from .recipe import outward
+from .recipe import pinhole
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP
@@ -46,10 +47,9 @@ def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
     recipe = RECIPES.get(name) if isinstance(name, str) else None
     if recipe is None:
         return None
-    rig = recipe.rig
-    places = torch.from_numpy(np.array(rig.target) + rig.radius * outward(rig, np.arange(PLACES)))
+    places = torch.from_numpy(np.stack([pinhole(recipe.rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
     stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
-    at_places = bool((torch.cdist(stand, places).amin(-1) < NEAR * rig.radius).all())
+    at_places = bool((torch.cdist(stand, places).amin(-1) < NEAR * recipe.rig.radius).all())
     return partial(surfaces_of, recipe.solids) if at_places else None
 
 
@@ -94,8 +94,6 @@ def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[roun
 
 def _sphere(solid: Sphere, spacing: float) -> rounds.Cells:
     """A spherical Fibonacci lattice."""
-    from radiogs_core.transport.sampling import sphere_directions, tangent_frame  # brings the kernels
-
     count = math.ceil(4 * math.pi * solid.radius**2 / spacing**2)
     normal = sphere_directions(count)
     step = solid.radius * math.sqrt(4 * math.pi / count)
