@@ -14,7 +14,7 @@ from ..analysis.pareto import points
 from ..analysis.samples import COSTS, cost_of
 from ..figures.canvas import Drawn
 from ..summary import Summary, counted_scenes, protocol_title
-from ..tables.caption import origin, provenance, run_note
+from ..tables.caption import origin, run_note
 from ..tables.model import Table
 from ..tables.record import HEADING, record_reports
 from ..tables.suite import suite_table
@@ -86,7 +86,6 @@ def page(
         scenes=[marked(summary, scene) for scene in summary["scenes"]],
         protocol=protocol_title(summary),
         origin=origin(summary),
-        provenance=provenance(summary),
         downloads=downloads(summary),
         tables=[means, cells_table(summary)],
         paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],

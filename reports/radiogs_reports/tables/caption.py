@@ -44,19 +44,6 @@ def unfinished(summary: Summary) -> str:
     return cells + (f" {left} of the run's {len(summary['scenes']) + left} scenes are left out." if left else "")
 
 
-def provenance(summary: Summary) -> str:
-    """When and by which commit the values were made, how, and what of it is not the paper's, in one line."""
-    known = origin(summary)
-    paper = {"preset": summary["preset"] == "paper", "recipe": summary.get("recipe") == "printed",
-             "protocol": not any("published_by" in column for column in summary["columns"]),
-             "scenes": all(scene in summary["published_data"] for scene in summary["scenes"])}  # fmt: skip
-    unlike = [name for name, alike in paper.items() if not alike]
-    commit = f"commit {known['Commit']}" if "Commit" in known else ""
-    told = [known.get("Date", ""), commit, preset_and_recipe(summary), mean_over(summary, named=False)]
-    not_the_papers = f"Not the paper's: {', '.join(unlike)}." if unlike and summary["published"] else ""
-    return f"{'; '.join(filter(None, told))}. {not_the_papers}".rstrip()
-
-
 ORIGIN = ("Date", "Commit", "Version", "Command")
 """The headings of ``origin``, in their order."""
 
