@@ -175,14 +175,8 @@ class Model:
 
         Columns: ``value``, the mean; ``reason``, why there is none; and the value of each view under its name.
         """
-        result = evaluate(
-            self.trained,
-            self.run.scene,
-            protocol_of(protocol),
-            self.run.device,
-            lambda done, total: None,
-            scope=SCORES_ALONE,
-        )
+        scene, rules = self.run.scene, protocol_of(protocol)
+        result = evaluate(self.trained, scene, rules, self.run.device, lambda done, total: None, SCORES_ALONE)
         lines = {
             name: {
                 "value": each["value"],

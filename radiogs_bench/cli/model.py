@@ -95,42 +95,48 @@ def train(
     if unlike:
         say(f"{unlike} settings are not as published: {folder / SETTINGS} says which")
     if not asked.no_score:
-        _score(model, folder, folder / "score.json")
-        written.append("score.json")
+        written += ["score.json", _score(model, folder).name]
     say(f"{folder}: {', '.join(written)}")
     say(f"Look at it:  radiogs-bench {'view' if size else 'render'} {folder}")
 
 
-def _score(model: "Model", folder: Path, path: Path) -> None:
-    """Print the new model's main metrics, and write the record of all."""
+def _score(model: "Model", folder: Path) -> Path:
+    """Print the new model's main metrics, write the record of all and a sheet of its maps; returns the sheet's path."""
     from rich.table import Table
 
+    from radiogs_reports.figures.contact_sheet import write_bands
     from radiogs_reports.wording import ARROWS
 
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_checksum import checksum_now
     from ..runs.unchanged_scene import require_unchanged
+    from ..scoring.evaluate import SCORES_ALONE, evaluate
     from ..scoring.metrics.measures import MEASURES
     from ..scoring.metrics.protocols import protocol
-    from ..scoring.score_record import record_of_model
+    from ..scoring.score_record import record_of, scored
     from ..store.seal import write_sealed
     from ..suites.suite import metrics
     from .showing import say_without_weights
 
-    rules, run = [protocol("default")], model.run
-    say_without_weights(rules)
+    rules, run, path = protocol("default"), model.run, folder / "score.json"
+    say_without_weights([rules])
     with progress_for_stderr() as progress:
         advance = partial(progress.advance, "scoring")
-        record = record_of_model(str(folder), model.method, model.trained, run.scene, run.device, rules, advance)
+        result = evaluate(model.trained, run.scene, rules, run.device, advance, SCORES_ALONE, model.method)
     require_unchanged(run.scene, checksum_now)
-    write_sealed(path, record)
-    table, found = Table("metric", "value", "unit"), record["protocols"]["default"]["metrics"]
-    for each in (one for one in metrics(*MAIN) if one.key in found):  # photos have no true albedo
-        measure, value = MEASURES[each.measure], found[each.key]["value"]
-        shown = f"n/a: {found[each.key]['reason']}" if value is None else f"{value:.{measure.decimals}f}"
-        table.add_row(f"{each.label} {ARROWS[measure.better]}", escape(shown), measure.unit)
+    found = {rules.name: scored(rules, result.metrics, result.albedo_scale)}
+    write_sealed(path, record_of(str(folder), model.method, run.scene, found))
+    table, means = Table("metric", "value", "unit"), []
+    for each in (one for one in metrics(*MAIN) if one.key in result.metrics):  # photos have no true albedo
+        measure, metric = MEASURES[each.measure], result.metrics[each.key]
+        value = f"n/a: {metric['reason']}" if metric["value"] is None else f"{metric['value']:.{measure.decimals}f}"
+        table.add_row(f"{each.label} {ARROWS[measure.better]}", escape(value), measure.unit)
+        means += [] if metric["value"] is None else [f"{each.label} {value} {measure.unit}".rstrip()]
     show(table)
-    say(f"{len(found)} metrics, view by view: {path}")
+    title = f"{run.scene.name}, {result.shown_view}   means of all test views: {', '.join(means)}"
+    sheet = write_bands(folder, [(title, result.arrays, result.shown_light or "")])
+    say(f"{len(result.metrics)} metrics, view by view: {path}", f"open {sheet}: maps of view {result.shown_view}")
+    return sheet
 
 
 def fields_of(name: str, preset: str, changes: Changes, config: Path | None) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -20,8 +20,6 @@ from ..runs.plan import RunPlan
 from ..runs.sweep import CellRef, label, preset_text, recipe_of_rows, state_of
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
-from ..suites.scenes import absent_scenes
-from ..suites.suite import Suite
 from .events import emit
 from .reporter import say, show
 
@@ -29,42 +27,28 @@ UNKNOWN = "unknown"
 """Time or memory of a cell when the store has measured nothing like it."""
 
 
-def plan_without_data(suite: Suite, seeds: int) -> list[str]:
-    """Sentences on a run whose scenes have to be downloaded first; none where they are here."""
-    absent = absent_scenes(suite)
-    if not absent:
-        return []
-    scenes, rows = len(suite.scenes), len(suite.rows)
-    return [
-        f"{suite.name}: {scenes} scenes x {rows} rows x {seeds} seeds: {scenes * rows * seeds} cells",
-        f"not here: {', '.join(absent)}. {suite.download}",
-        f"Fetch them:  radiogs-bench datasets fetch {suite.data_set} --data ROOT",
-        "Time and memory are known once a scene is here: `rehearse` measures them in minutes, on any of its scenes.",
-    ]
-
-
 def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
-    """Print every cell, its state, and forecasts: time, memory and the differences that would be resolved.
+    """Print forecasts (time, memory and the differences that would be resolved), then every cell and its state.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
     cells = plan.own_cells
     expected = forecast(store, [cell for _, cell in cells])
+    missing = [place for (place, _), each in zip(cells, expected, strict=True) if each is not None]
+    recorded, power = recorded_plan(plan, missing) if missing else [], power_sentences(plan, store, wanted)
+    say(f"{len(missing)} of {len(cells)} cells to run")
+    if missing and (not recorded or total(expected)[1] < len(missing)):
+        say(f"time, one after the other: {whole_time(expected)}{how_measured(store, threads)}")
+        if at_a_time > 1:
+            say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
+        say(f"memory of one process: {whole_memory(expected)}")
+    say(*recorded, *(power or ([] if recorded else [NO_SPREAD.format(store.folder)])))
     preset = preset_text(plan.preset, plan.marks)
     table = RichTable("cell", "key", "state", "time", "memory", title=escape(f"{plan.suite.title}, preset {preset}"))
     for (place, _), each in zip(cells, expected, strict=True):
         row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)
     show(table)
-    missing = sum(each is not None for each in expected)
-    say(f"{missing} of {len(cells)} cells to run")
-    if missing:
-        say(f"time, one after the other: {whole_time(expected)}{how_measured(store, threads)}")
-        if at_a_time > 1:
-            say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
-        say(f"memory of one process: {whole_memory(expected)}")
-        say(*recorded_plan(plan, [place for (place, _), each in zip(cells, expected, strict=True) if each]))
-    say(*power_sentences(plan, store, wanted))
 
 
 def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:
@@ -93,15 +77,15 @@ def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:
     return sentences
 
 
+NO_SPREAD = (
+    "The smallest differences that it could show are not known: no summary of this suite with several scenes or seeds"
+    " is in {0}. A run writes it; of a run by another version:  radiogs-bench report {0}"
+)
+
+
 def power_sentences(plan: RunPlan, store: Store, wanted: Mapping[str, float]) -> list[str]:
-    """Sentences on the differences that the run could resolve, by the spread in the store's last summary."""
+    """Sentences on the differences that the run could resolve, by the spread in the store's last summary, if any."""
     found = [each for each in power_of(plan, store, wanted) if each.smallest is not None or each.wanted is not None]
-    if not found:
-        return [
-            "The smallest differences that it could show are not known: no summary of this suite with several scenes"
-            f" or seeds is in {store.folder}. A run writes it; of a run by another version:  radiogs-bench report"
-            f" {store.folder}"
-        ]
     smallest = [f"{each.column['label']} {amount(each, each.smallest)}" for each in found if each.smallest is not None]
     sentences = [
         f"The smallest true differences that would be resolved in four of five such runs: {', '.join(smallest)}."

@@ -1,5 +1,6 @@
 """``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -153,23 +154,25 @@ def _spec(suite: str, asked: Asked, changes: Changes, where: Where, opened: Scen
 
 def _run(spec: "RunSpec", asked: Asked, where: Where, words: Sequence[str]) -> int:
     """Run or continue a suite, or show what would run; returns the exit code."""
-    from ..device import usable_cores, use
     from ..runs.engines.choice import choose
     from ..runs.plan import resolve, suite_asked
     from ..store.folder import Store
+    from ..suites.scenes import absent_scenes
 
-    engine = choose(where.engine, where.workers, where.ray_address, spec.threads)
-    if asked.dry_run and not spec.scenes:
-        from .plan import plan_without_data
-
-        if lines := plan_without_data(suite_asked(spec)[0], spec.seeds):
-            say_lines(lines, asked.as_json)
+    engine, (suite, preset, _) = choose(where.engine, where.workers, where.ray_address, spec.threads), suite_asked(spec)
+    store = Store(asked.out or Path("out") / suite.name)
+    if asked.dry_run:
+        if not asked.as_json:
+            say(planned_size(suite, spec, preset, store.folder))
+        if not spec.scenes and (absent := absent_scenes(suite)):
+            say_lines(plan_without_data(suite, absent), asked.as_json)
             return 0
+    from ..device import usable_cores, use  # brings the kernels
+
     use(spec.device, spec.threads, planned=asked.dry_run)
     with working(f"reading the scenes of {spec.suite}"):
         plan = resolve(spec)
     say_lines(plan.remarks, asked.as_json)
-    store = Store(asked.out or Path("out") / plan.suite.name)
     if not asked.dry_run:
         return _carried_out(plan, store, engine, asked.as_json, words)
     from .plan import emit_plan, show_plan
@@ -179,6 +182,23 @@ def _run(spec: "RunSpec", asked: Asked, where: Where, words: Sequence[str]) -> i
     else:
         show_plan(plan, store, *engine.cells_and_threads(usable_cores()), asked.difference)
     return 0
+
+
+def planned_size(suite: "Suite", spec: "RunSpec", preset: str, out: Path) -> str:
+    """The cells of a run and the folder of its results in a sentence, known before scenes are read."""
+    counts = {"scene": len(spec.scenes or suite.scenes), "row": len(suite.rows), "seed": spec.seeds}
+    cells, state = math.prod(counts.values()), "continued" if (out / "sweep.json").exists() else "new"
+    size = " x ".join(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())
+    return f"{suite.name}: {size}: {cells} cells of preset {preset}, into {out} ({state}). A dry run trains nothing."
+
+
+def plan_without_data(suite: "Suite", absent: Sequence[str]) -> list[str]:
+    """Sentences on a run whose scenes have to be downloaded first."""
+    return [
+        f"not here: {', '.join(absent)}. {suite.download}",
+        f"Fetch them:  radiogs-bench datasets fetch {suite.data_set} --data ROOT",
+        "Time and memory are known once a scene is here: `rehearse` measures them in minutes, on any of its scenes.",
+    ]
 
 
 def _carried_out(plan: "RunPlan", store: "Store", engine: "Engine", as_json: bool, words: Sequence[str]) -> int:

@@ -137,13 +137,17 @@ def _leave_out_ground(compared: Compared) -> None:
 
 def _of_model(folder: Path, protocols: "Sequence[Protocol]", device: "torch.device") -> dict[str, Any]:
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.score_record import record_of_model
+    from ..scoring.evaluate import SCORES_ALONE, evaluate
+    from ..scoring.score_record import record_of, scored
 
-    method = read_about(folder)["method"]
+    method, found = read_about(folder)["method"], {}
     run, model = read_trained(folder, device)
     with progress_for_stderr() as progress:
-        advance = partial(progress.advance, "scoring")
-        return record_of_model(str(folder), method, model, run.scene, run.device, protocols, advance)
+        for rules in protocols:
+            advance = partial(progress.advance, "scoring")
+            result = evaluate(model, run.scene, rules, run.device, advance, SCORES_ALONE, method)
+            found[rules.name] = scored(rules, result.metrics, result.albedo_scale)
+    return record_of(str(folder), method, run.scene, found)
 
 
 def _are_pairs(folder: Path, compared: Compared) -> bool:

@@ -93,9 +93,7 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
     rules = protocol(cell.protocol)
 
     def score(model: Trained) -> dict[str, float]:
-        found = evaluate(
-            model, few, rules, bench.device, lambda done, total: None, scope=SCORES_ALONE, method=cell.method
-        )
+        found = evaluate(model, few, rules, bench.device, lambda done, total: None, SCORES_ALONE, cell.method)
         return known_values(found.metrics)
 
     train_and_score(bench, cell, scene, along_the_way=score)

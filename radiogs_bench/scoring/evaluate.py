@@ -53,12 +53,14 @@ class Scope:
     """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
     """Number of views whose maps are kept as 8-bit codes (``ReportArrays``); None: as many as fit a limit."""
+    surfels: bool = True
+    """Whether the model's surfels are kept for the reports, with the paths of light between them."""
     reference: bool = False
     """Whether relit views are also compared with those of the method's reference mode (``RelitByReference``)."""
 
 
 TIMED = Scope()
-SCORES_ALONE = Scope(timed=False)
+SCORES_ALONE = Scope(timed=False, surfels=False)
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,7 @@ def evaluate(
     evaluator.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
     withhold_light(evaluator.scores, scene)
     report, roughness = evaluator.report, evaluator.roughness
+    seen_from = initial_viewpoint(scene, report.shown.camera)
     return Evaluation(
         metrics=evaluator.scores.metrics(),
         timings=evaluator.costs.metrics(),
@@ -110,7 +113,7 @@ def evaluate(
         shown_view=report.shown.name,
         shown_light=report.shown_light,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays=report.arrays | surfel_arrays(trained, initial_viewpoint(scene, report.shown.camera), scene.lights),
+        arrays=report.arrays | (surfel_arrays(trained, seen_from, scene.lights) if scope.surfels else {}),
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
         recovered={"roughness": math.fsum(roughness) / len(roughness)} if roughness else {},

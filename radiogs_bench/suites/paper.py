@@ -11,9 +11,9 @@ ABLATIONS = Suite(
     reference="ours",
     rows=(
         Row("ours", "Ours", "Ours", {}),
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
-        Row("detach-pbr", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", "Detach L_G^PBR", {"detach": "pbr"}),
-        Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", {"detach": "surfel"}),
+        Row("no-rad", "", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("detach-pbr", "", "Detach L_G^PBR", {"detach": "pbr"}),
+        Row("detach-surfel", "", "Detach L_G", {"detach": "surfel"}),
         Row("nvs-init", "NVS init.", "NVS init.", {"initialise": "nvs"}),
     ),
     columns=metrics(
@@ -36,7 +36,7 @@ VIEWS = Suite(
         for share in (100, 50, 25)
         for key, latex, text, variant in (
             ("ours", "Ours", "Ours", {}),
-            ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+            ("no-rad", "", "λ_rad = 0", {"radiometric_weight": 0.0}),
         )
     ),
     columns=metrics("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr"),
@@ -49,11 +49,11 @@ INIT = Suite(
     reference="ours",
     rows=(
         Row(
-            "nvs-init-no-rad", r"NVS init., $\lambda_{rad}=0$", "NVS init., λ_rad = 0",
+            "nvs-init-no-rad", "", "NVS init., λ_rad = 0",
             {"radiometric_weight": 0.0, "initialise": "nvs"},
         ),
         Row("nvs-init", "NVS init.", "NVS init.", {"initialise": "nvs"}),
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("no-rad", "", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
     ),
     columns=metrics("nvs/psnr", "albedo/psnr", "relight/psnr", "indirect/psnr"),
@@ -68,9 +68,9 @@ INDIRECT = Suite(
         IRGS,
         R3DG,
         SVG_IR,
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("no-rad", "", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
-        Row("recommended-no-rad", r"$\lambda_{rad}=0$ (recommended)", "λ_rad = 0 (recommended)",
+        Row("recommended-no-rad", "", "λ_rad = 0 (recommended)",
             {"radiometric_weight": 0.0}, recipe="recommended"),
         RECOMMENDED,
     ),

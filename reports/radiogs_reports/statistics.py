@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import Literal, NamedTuple
 
-from scipy.special import stdtr, stdtrit
-
 CONFIDENCE = 0.95
 
 Level = Literal["kinds", "scenes", "seeds"]
@@ -62,6 +60,8 @@ class Estimate:
 
 def estimate(units: Sequence[float]) -> Estimate | None:
     """Mean and Student t interval of independent values, which are called seeds; None for an empty sequence."""
+    from scipy.special import stdtr, stdtrit  # takes a third of a second, which a plan of a run need not wait for
+
     count = len(units)
     if count == 0:
         return None

@@ -1,7 +1,7 @@
 """Values, headings and counts in plain text."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from .statistics import Level
 from .summary import LIMIT, ColumnSummary, RecordedRun, Summary, counted_scenes
@@ -34,10 +34,16 @@ def label_with_unit(column: ColumnSummary) -> str:
     return f"{column['label']}, {column['unit']}" if column["unit"] else column["label"]
 
 
-def number(value: float, decimals: int) -> str:
+ROUNDING = 1e-9
+"""Below it a value is zero but for rounding in floating point."""
+
+
+def number(value: float, decimals: int, sign: str = "-") -> str:
     """A value with its decimals; with two significant digits where those decimals would all be 0."""
-    text = f"{value:.{decimals}f}"
-    return f"{value:.2g}" if float(text) == 0 and value != 0 else text
+    text = f"{value:{sign}.{decimals}f}"
+    if float(text):
+        return text
+    return f"{value:{sign}.2g}" if abs(value) > ROUNDING else f"{0:.{decimals}f}"
 
 
 def signed(value: float, decimals: int) -> str:
@@ -46,21 +52,20 @@ def signed(value: float, decimals: int) -> str:
     return text if float(text) else text[1:]
 
 
-def signed_number(value: float, decimals: int) -> str:
-    """A difference with its sign; with two significant digits where its decimals would all be 0."""
-    text = f"{value:+.{decimals}f}"
-    return text if float(text) else f"{value:+.2g}" if value else text[1:]
-
-
 def shared_decimals(values: Sequence[float], decimals: int) -> int:
     """The decimals of values that stand together: two more at most where one of them would be printed as zero."""
-    smallest = min((abs(each) for each in values if each), default=1.0)
+    smallest = min((abs(each) for each in values if abs(each) > ROUNDING), default=1.0)
     return next((each for each in (decimals, decimals + 1) if float(f"{smallest:.{each}f}")), decimals + 2)
 
 
-def plus_minus(text: str, half_width: float | None, decimals: int) -> str:
-    """A printed mean followed by the half-width of its interval, if it has one."""
-    return text if half_width is None else f"{text} ± {half_width:.{decimals}f}"
+def plus_minus(
+    mean: float, half_width: float | None, decimals: int, text_of: Callable[[float, int], str] = signed
+) -> str:
+    """A mean and the half-width of its interval, if it has one, which more decimals keep from being printed as zero."""
+    if half_width is None:
+        return text_of(mean, decimals)
+    decimals = shared_decimals([half_width], decimals)
+    return f"{text_of(mean, decimals)} ± {number(half_width, decimals)}"
 
 
 def count_of(count: int, noun: str) -> str:

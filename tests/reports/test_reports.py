@@ -13,7 +13,7 @@ from PIL import Image
 
 from compiled import pdflatex
 from made_up_run import summary, write_run
-from radiogs_reports.figures.contact_sheet import write_contact_sheet
+from radiogs_reports.figures.contact_sheet import write_bands, write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.tables.suite import suite_table
@@ -133,6 +133,12 @@ def test_the_contact_sheet_shows_the_same_truth_once(tmp_path: Path) -> None:
     assert height_of_contact_sheet(folder, other) == 2 * alone
 
 
+def test_the_contact_sheet_of_photos_is_one_line_of_reduced_maps(tmp_path: Path) -> None:
+    found = {name: np.full((600, 1300, 3), 0.5) for name in ("truth/image", "render/image", "render/albedo")}
+    with Image.open(write_bands(tmp_path, [("photos", found, "")])) as sheet:
+        assert sheet.size == (28 + 4 * (434 + 6), 48 + 26 + 200 + 6), "truth, image, error, albedo: a third of the side"
+
+
 def test_a_row_without_a_label_in_latex_has_its_text_escaped() -> None:
     made = summary()
     made["rows"][0]["latex"], made["rows"][0]["text"] = "", "50 % of λ"
@@ -169,6 +175,13 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
     assert r"PSNR $\uparrow$ & MAE (degrees) $\downarrow$ & Training (s) $\downarrow$" in text
     assert r"Ours & \textbf{31.23} & \textit{7.50} & 61.2 \\" in text
     assert r"$\lambda_\mathrm{rad}$ = 0 & \textit{30.00} & \textbf{7.00} & \textbf{40.0} \\" in text
+    assert text.split(r"\caption{")[1].index("\n") < 2 * 80, "two lines"
+    assert (
+        text.index(r"\end{tabular}")
+        < text.index(r"\raggedright")
+        < text.index("Scenes: ")
+        < text.index(". PSNR in dB.")
+    )
     assert text.count(r"\cmidrule") == 2, "none over the seconds, which are of no quantity"
     for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
         assert absent not in text

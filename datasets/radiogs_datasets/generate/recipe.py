@@ -90,10 +90,10 @@ def pinhole(rig: Rig, place: int, size: int) -> Pinhole:
     low, high = np.sin(np.radians(rig.elevation))
     height = low + across * (high - low)
     flat = np.sqrt(1 - height**2)
-    backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
-    right = np.cross([0.0, 0.0, 1.0], backward)
-    right /= np.linalg.norm(right)
+    x, y, z = backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
+    right = np.array([-y, x, 0.0]) / np.linalg.norm([-y, x, 0.0])
+    upwards = [-z * right[1], z * right[0], x * right[1] - y * right[0]]  # backward x right; np.cross is slow for one
     matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(backward, right), backward], -1)
+    matrix[:3, :3] = np.stack([right, upwards, backward], -1)
     matrix[:3, 3] = np.array(rig.target) + rig.radius * backward
     return Pinhole(matrix, rig.field_of_view, size)

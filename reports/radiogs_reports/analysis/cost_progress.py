@@ -6,6 +6,8 @@ Values during training are means over a few test views: compare them with each o
 from collections.abc import Mapping
 from itertools import pairwise
 
+import numpy as np
+
 from ..statistics import Estimate, Origin, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
 from ..wording import mean_over
@@ -120,11 +122,7 @@ def value_at(points: list[ScoredPoint], seconds: float) -> float | None:
     """The value after a number of seconds, linear between scored points; None before the first."""
     if seconds < points[0].seconds:
         return None
-    for before, after in pairwise(points):
-        if seconds < after.seconds:
-            share = (seconds - before.seconds) / (after.seconds - before.seconds)
-            return before.value + share * (after.value - before.value)
-    return points[-1].value
+    return float(np.interp(seconds, [each.seconds for each in points], [each.value for each in points]))
 
 
 def seconds_to(points: list[ScoredPoint], target: float, column: ColumnSummary) -> float | None:

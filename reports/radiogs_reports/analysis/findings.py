@@ -23,7 +23,7 @@ from ..summary import (
     counted_scenes,
     is_doubted,
 )
-from ..wording import count_of, number, shared_decimals, signed_number
+from ..wording import count_of, number, shared_decimals
 from .comparisons import upwards
 
 Outcome = Literal["holds", "does not hold", "not resolved"]
@@ -174,25 +174,37 @@ def sentences_of(table: ComparedTable) -> list[Sentence]:
 
 
 def headline(table: ComparedTable) -> list[str]:
-    """The main findings of a table: a sentence on the first row that is compared, then the counts over all rows."""
+    """The main findings of a table in plain words: how the first row that is compared differs from the reference row,
+    and in what it could not be told from it; then the counts over all rows."""
     counted = [each for each in differences_of(table) if not each.doubted]
+    counts = [each.text for each in _counts(counted)]
     first = [each for each in counted if each.row == counted[0].row and each.difference["units"] > 1]
     if not first or table.reference is None:
-        return [each.text for each in _counts(counted)]
+        return counts
     labels = {each["key"]: each["text"] for each in table.rows}
     columns = {each["key"]: each for each in table.columns}
-    told = [_entry(columns[each.column], each) for each in first if each.resolved]
-    open_ = [each for each in first if not each.resolved]
-    paper = [
-        f"{columns[each.column]['label']} {signed_number(each.published, columns[each.column]['decimals'])}"
-        for each in open_
-        if each.published is not None
-    ]
-    rest = f"{'nothing else' if told else 'nothing'} that this run could show" if open_ else ""
-    whole = "; ".join([*told, *([rest] if rest else [])])
-    theirs = f" (paper: {', '.join(paper)})" if paper else ""
-    sentence = f"{labels[counted[0].row]} beside {labels[table.reference]}: {whole}{theirs}."
-    return [sentence, *(each.text for each in _counts(counted))]
+    row, reference = labels[first[0].row], labels[table.reference]
+    told: dict[str | None, list[str]] = {"worse": [], "better": [], None: []}
+    for each in first:
+        told[each.difference["verdict"] if each.resolved else None].append(_in_words(columns[each.column], each))
+    alike = ", ".join(told.pop(None))
+    said = " and ".join(f"{verdict} than {reference} by {', '.join(sizes)}" for verdict, sizes in told.items() if sizes)
+    known = [f"{row} is {said}."] if said else []
+    pair = "them" if said else f"{row} and {reference}"
+    return [" ".join([*known, *([f"This run could not tell {pair} apart in {alike}."] if alike else [])]), *counts]
+
+
+def _in_words(column: ColumnSummary, found: MeasuredDifference) -> str:
+    """A resolved difference by its size, ``0.31 dB of NVS PSNR (0.20 to 0.42; paper 2.04)``, another by its metric."""
+    (mean, low, high), published = (found.difference[name] for name in ("mean", "low", "high")), found.published
+    if not found.resolved or mean is None or low is None or high is None:
+        paper = "" if published is None else f" (paper {number(published, column['decimals'], '+')})"
+        return f"{column['label']}{paper}"
+    sizes = [abs(mean), *sorted((abs(low), abs(high)))]
+    size, *ends = (number(each, shared_decimals(sizes, column["decimals"])) for each in sizes)
+    other = " the other way" if found.verdict == "does not hold" else ""
+    paper = "" if published is None else f"; paper {number(abs(published), column['decimals'])}{other}"
+    return f"{' '.join([size, column['unit']]).rstrip()} of {column['label']} ({' to '.join(ends)}{paper})"
 
 
 def _counts(counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
@@ -210,7 +222,7 @@ def _counts(counted: Sequence[MeasuredDifference]) -> Iterator[Sentence]:
     )
     yield Sentence(
         f"{resolved} of {count_of(len(counted), 'difference')} {'is' if resolved == 1 else 'are'} resolved"
-        f"{signs if verdicts else ''}."
+        f" (larger than chance explains){signs if verdicts else ''}."
     )
 
 
@@ -277,7 +289,7 @@ def _entry(column: ColumnSummary, found: MeasuredDifference) -> str:
         if low is not None and high is not None and low * high > 0:
             remarks.append("excludes zero alone, not after correction for all rows")
     if found.published is not None:
-        remarks.append(f"paper {signed_number(found.published, decimals)}")
+        remarks.append(f"paper {number(found.published, decimals, '+')}")
     if found.resolved and found.verdict is not None:
         remarks.append(f"sign {found.verdict}")
     behind = f" ({', '.join(remarks)})" if remarks else ""
@@ -288,7 +300,7 @@ def measured(column: ColumnSummary, difference: Interval) -> str:
     """A difference with its unit and its interval, if it has one."""
     values = [each for each in (difference["mean"], difference["low"], difference["high"]) if each is not None]
     decimals = shared_decimals(values, column["decimals"])
-    mean, *ends = (signed_number(each, decimals) for each in values)
+    mean, *ends = (number(each, decimals, "+") for each in values)
     parts = [mean, column["unit"], f"[{', '.join(ends)}]" if ends else ""]
     return "".join(f" {part}" for part in parts if part)
 

@@ -6,8 +6,6 @@ from functools import cache
 from statistics import median
 from typing import NamedTuple
 
-from scipy.special import nctdtr, stdtrit
-
 from ..statistics import Estimate, Level
 from ..summary import ColumnSummary, Summary
 from .comparisons import ERROR_RATE, Comparison
@@ -46,6 +44,8 @@ def shift(units: int, comparisons: int) -> float:
     The test is two-sided at the error rate over the number of comparisons. Found by bisection over the distribution
     function of the non-central t distribution; the chance of the wrong sign is left out.
     """
+    from scipy.special import nctdtr, stdtrit
+
     freedom = units - 1
     critical = float(stdtrit(freedom, 1 - ERROR_RATE / comparisons / 2))
     low, high = 0.0, 2.0

@@ -1,9 +1,10 @@
 """Findings of an analysis: sentences, tables of derived values, and records. ``write`` and ``page`` show them."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from ..statistics import Estimate
-from ..wording import plus_minus, signed
+from ..wording import number, plus_minus, signed
 
 UNKNOWN = "the results do not hold it"
 
@@ -49,21 +50,21 @@ def name_item(text: str) -> Item:
 
 def number_item(value: float | None, decimals: int = 0) -> Item:
     """A number without a sign and without an interval, or n/a."""
-    return Item("n/a") if value is None else Item(f"{value:.{decimals}f}", value)
+    return Item("n/a") if value is None else Item(number(value, decimals), value)
 
 
 def plain_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
     """Mean without a sign and half-width of the interval, or n/a."""
-    if estimate is None:
-        return Item("n/a", None, reason)
-    return Item(plus_minus(f"{estimate.mean:.{decimals}f}", estimate.half_width, decimals), estimate.mean)
+    return estimate_item(estimate, decimals, reason, number)
 
 
-def estimate_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
-    """Signed mean and half-width of the interval, or n/a."""
+def estimate_item(
+    estimate: Estimate | None, decimals: int, reason: str = UNKNOWN, text_of: Callable[[float, int], str] = signed
+) -> Item:
+    """Mean, with its sign, and half-width of the interval, or n/a."""
     if estimate is None:
         return Item("n/a", None, reason)
-    return Item(plus_minus(signed(estimate.mean, decimals), estimate.half_width, decimals), estimate.mean)
+    return Item(plus_minus(estimate.mean, estimate.half_width, decimals, text_of), estimate.mean)
 
 
 def factor_item(estimate: Estimate | None, reason: str = UNKNOWN) -> Item:
@@ -79,7 +80,7 @@ def share_item(estimate: Estimate | None, reason: str) -> Item:
     if estimate is None:
         return Item("n/a", None, reason)
     percent = None if estimate.half_width is None else 100 * estimate.half_width
-    return Item(f"{plus_minus(f'{100 * estimate.mean:.1f}', percent, 1)} %", estimate.mean)
+    return Item(f"{plus_minus(100 * estimate.mean, percent, 1, number)} %", estimate.mean)
 
 
 def estimate_fields(**estimates: Estimate | None) -> Record:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..analysis.comparisons import Direction, ordered
 from ..analysis.findings import Sentence
 from ..summary import CellSummary, Interval, RecordedCell, Verdict, half_width
-from ..wording import ARROWS, signed
+from ..wording import ARROWS, number, shared_decimals, signed
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,15 @@ class Difference:
 
 
 def difference_of(interval: Interval | None, decimals: int, verdict: Verdict | None) -> Difference | None:
-    """A difference with the decimals of its column; None without one."""
+    """A difference with the decimals of its column, or those that half its interval needs; None without one."""
     if interval is None:
         return None
     width, low, high = half_width(interval), interval["low"], interval["high"]
+    decimals = decimals if width is None else shared_decimals([width], decimals)
     return Difference(
         interval,
         signed(interval["mean"], decimals),
-        "" if width is None else f"{width:.{decimals}f}",
+        "" if width is None else number(width, decimals),
         "" if low is None else signed(low, decimals),
         "" if high is None else signed(high, decimals),
         verdict,

@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from itertools import groupby
 
-from ..summary import Summary, protocol_title
+from ..summary import Summary, counted_scenes, protocol_title
 from ..tables.caption import preset_and_recipe, unfinished
 from ..tables.model import Column, PrintedCell, Table, stored_ranks
 from ..tables.suite import suite_table
-from ..wording import mean_over
-from .latex import ARROWS, as_formula, escape, tabular
+from ..wording import marked, mean_over
+from .latex import ARROWS, LEFT, as_formula, escape, tabular
 
 MISSING = "--"
 
 HIGHLIGHTS = (
-    "Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a better mean"
-    " (paired $t$ tests, Holm)."
+    "PSNR in dB. Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a"
+    " better mean (paired $t$ tests, Holm)."
 )
 
 
@@ -33,7 +33,9 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
         rf"{' & '.join([as_formula(row.text), *values])} \\" for row, *values in zip(table.rows, *printed, strict=True)
     ]
     marks = {mark for row in table.rows for place in chosen for mark in row.cells[place].marks}
-    below = [HIGHLIGHTS, *(escape(line) for line in table.footnotes if line[:1] in marks)]
+    scenes = ", ".join(marked(summary, each) for each in counted_scenes(summary))
+    below = [f"Scenes: {escape(scenes)}. {HIGHLIGHTS}"]
+    below += (escape(line) for line in table.footnotes if line[:1] in marks)
     return "\n".join(
         [
             r"\begin{table}[t]",
@@ -41,6 +43,7 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
             rf"\caption{{{_caption(summary)}}}",
             rf"\label{{tab:{table.name}-paper}}",
             *tabular(f"l{'c' * len(columns)}", _headings(columns), lines),
+            LEFT,
             *(rf"\par\smallskip\footnotesize {line}" for line in below),
             r"\end{table}",
             "",
@@ -92,8 +95,8 @@ def _parts(column: Column) -> tuple[str, str]:
 
 
 def _caption(summary: Summary) -> str:
-    setup = f"Mean over {mean_over(summary)}; {preset_and_recipe(summary)}"
+    setup = f"Mean over {mean_over(summary, named=False)}; {preset_and_recipe(summary)}"
     return (
-        f"{escape(summary['title'])}. {escape(setup)}; metrics by protocol {escape(protocol_title(summary))}."
+        f"{escape(summary['title'])}. {escape(setup)}; protocol {escape(protocol_title(summary))}."
         f"{escape(unfinished(summary))}"
     )

@@ -131,7 +131,7 @@ def text_below(label: str, sentences: Sequence[str]) -> list[str]:
     if not sentences:
         return []
     return [
-        r"{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
+        r"\par{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
         rf"To Table~\ref{{{label}}}:",
         *(rf"\par {each}" for each in sentences),
         r"\par}",

@@ -90,7 +90,7 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
     assert "scenes that are not here: ficus\n" in capsys.readouterr().err
     assert main(["run", "tensoir", "--preset", "smoke", "--dry-run", "--seeds", "2"]) == 0
     said = capsys.readouterr().out
-    assert f": {2 * cells} cells\n" in said
+    assert f": {2 * cells} cells of preset smoke, into out/tensoir (new)" in said.splitlines()[0]
     assert "not here: ficus." in said
     assert "datasets fetch tensoir --data ROOT" in said
 
@@ -418,8 +418,8 @@ def test_repairs_of_a_scene_are_printed_before_anything_runs(
     assert main([*asked, "--scenes", "convex", "--reduce", "2"]) == 0
     repairs = load_scene("convex", options=SceneOptions(reduce=2)).repairs
     assert repairs
-    lines = capsys.readouterr().out.splitlines()[: len(repairs)]
-    told = [json.loads(line)["text"] for line in lines] if how else lines
+    lines = capsys.readouterr().out.splitlines()
+    told = [json.loads(line)["text"] for line in lines[: len(repairs)]] if how else lines[1 : len(repairs) + 1]
     assert told == [f"convex: {repair}" for repair in repairs]
 
 
@@ -445,13 +445,15 @@ def test_a_difference_in_no_column_or_of_no_size_is_refused(run: Callable[..., i
 def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--dry-run") == 0
     said = capsys.readouterr().out
-    assert "10 of 10 cells to run" in said
-    assert "time, one after the other: unknown" in said
+    first, second, third, *_ = said.splitlines()
+    size = "ablations: 1 scene x 5 rows x 2 seeds: 10 cells of preset smoke"
+    assert first == f"{size}, into {tmp_path} (new). A dry run trains nothing."
+    assert (second, third[:34]) == ("10 of 10 cells to run", "time, one after the other: unknown")
     assert list(tmp_path.iterdir()) == []
     run()
     capsys.readouterr()
     assert run("--dry-run") == 0
-    assert "0 of 10 cells to run" in capsys.readouterr().out
+    assert f"{size}, into {tmp_path} (continued). A dry run trains nothing.\n0 of 10 cells" in capsys.readouterr().out
 
 
 @pytest.mark.slow

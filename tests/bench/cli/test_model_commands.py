@@ -5,6 +5,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -59,6 +60,8 @@ def test_training_again_by_the_settings_that_were_written_repeats_nothing(
     text = settings.read_text()
     assert f"{text.count('# published: ')} settings are not as published: {settings} says which" in said
     assert len(said.splitlines()) < 25
+    assert f"open {folder / 'contact_sheet.png'}: maps of view test_004" in said
+    assert cv2.imread(str(folder / "contact_sheet.png")).shape[1] > 9 * 192, "truth, error, maps, one relit"
     table = tomllib.loads(text)
     assert leaf_names(Variant()) == [*flat(table["variant"])]
     file.write_text(text.replace("radiometric_weight = 0.2", "radiometric_weight = 0.3"))

@@ -21,7 +21,7 @@ from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.cost import knob_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
-from radiogs_reports.wording import signed
+from radiogs_reports.wording import plus_minus, signed
 from radiogs_reports.write.analyses import findings_latex
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
@@ -175,9 +175,12 @@ def test_every_scene_has_its_own_targets_and_the_reference_reaches_them() -> Non
     assert [each[6].value for each in found] == [5, 5, 4, 4]  # 26 - 0.6 + 3 dB are 80 % of the way
 
 
-def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
+def test_a_value_that_rounds_to_zero_has_no_sign_and_half_an_interval_does_not_round_to_zero() -> None:
     shown = [signed(value, 2) for value in (-0.004, 0.004, 0.0, -0.006, 0.006)]
     assert shown == ["0.00", "0.00", "0.00", "-0.01", "+0.01"]
+    assert plus_minus(0.001, 0.00043, 3) == "+0.0010 ± 0.0004"
+    assert plus_minus(0.001, 0.0000043, 3) == "+0.00100 ± 4.3e-06"
+    assert plus_minus(0.5, 1e-16, 2) == "+0.50 ± 0.00", "rounding in floating point"
 
 
 def test_the_pareto_front_of_the_tables_holds_the_rows_that_are_better_than_cheaper_ones() -> None:

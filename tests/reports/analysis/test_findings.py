@@ -70,8 +70,8 @@ BY_ROW = [
 def test_the_sentences_say_what_is_resolved_and_what_the_run_could_have_shown() -> None:
     counts, how_to_read, paper, *rows = sentences(three_rows())
     assert counts == (
-        "2 of 4 differences are resolved; the paper's sign holds in 1, does not hold in 1, and is not resolved in 2 of"
-        " the 4 differences that the paper reports."
+        "2 of 4 differences are resolved (larger than chance explains); the paper's sign holds in 1, does not hold in"
+        " 1, and is not resolved in 2 of the 4 differences that the paper reports."
     )
     assert "95 % intervals" in how_to_read
     assert paper == "Paper: its difference, on TensoIR, four scenes (here on my_scene)."
@@ -160,7 +160,7 @@ def test_conventions_of_published_values_are_named_once_and_columns_without_any_
     assert "(paper -2.04, sign holds)" in row
     assert row.endswith("Normal MAE -0.50 degrees [-1.00, 0.00].")
     made["published"] = {}
-    assert sentences(made)[0] == "2 of 2 differences are resolved."
+    assert sentences(made)[0] == "2 of 2 differences are resolved (larger than chance explains)."
     assert all(each.published is None and each.verdict is None for each in findings(made))
 
 
@@ -172,7 +172,7 @@ def test_a_difference_that_a_footnote_concerns_is_left_out_as_the_table_leaves_o
     assert (doubted.resolved, doubted.verdict, doubted.doubted) == (False, None, True)
     assert (other.resolved, other.doubted) == (True, False)
     counts, *_, last = sentences(made)
-    assert counts == "1 of 1 difference is resolved."
+    assert counts == "1 of 1 difference is resolved (larger than chance explains)."
     assert last == "Left out, because a footnote of this run concerns them: 1 difference of NVS PSNR."
 
 
@@ -195,14 +195,16 @@ def test_a_table_of_the_paper_has_findings_with_its_own_decimals_and_without_set
     samples = stored["cells"]["detach"]["relight/samples"]
     samples["difference"] = stored["cells"]["detach"]["nvs/lpips"]["difference"]
     counts, _, paper, resolved, open_ = (each.plain for each in sentences_of(compared_paper(stored, summary())))
-    assert counts.startswith("1 of 2 differences is resolved; the paper's sign holds in 1, does not hold in 0, and is")
+    assert counts.startswith(
+        "1 of 2 differences is resolved (larger than chance explains); the paper's sign holds in 1,"
+    )
     assert "TensoIR_Ind" in paper
     assert resolved == "Detach L_G^PBR, resolved: NVS PSNR -1.500 dB [-2.000, -1.000] (paper -0.606, sign holds)."
     assert "NVS LPIPS 0.0000 [-0.5000, +0.5000] (could show 0.2000, paper +0.0009)" in open_
     assert "Relight N" not in open_
     table = paper_table(stored_table(), summary())
     assert resolved in paper_markdown(table)
-    assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$ beside" in caption_of(paper_latex(table))
+    assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$ is worse than" in caption_of(paper_latex(table))
     assert r"Detach $L_\mathrm{G}^\mathrm{PBR}$, resolved: NVS PSNR $-$1.500 dB" in paper_latex(table)
 
 
@@ -253,13 +255,16 @@ def test_latex_has_the_headline_in_its_caption_and_all_sentences_below_the_table
 
 def test_the_headline_names_what_the_first_row_resolves_and_the_papers_values_of_the_rest() -> None:
     first, counts = headline(compared_run(three_rows()))
-    assert first.startswith("lambda_rad = 0 beside Ours: NVS PSNR -1.23 dB [-1.73, -0.73] (paper -2.04, sign holds)")
+    assert first == (
+        "lambda_rad = 0 is worse than Ours by 1.23 dB of NVS PSNR (0.73 to 1.73; paper 2.04) and better than Ours by"
+        " 0.50 degrees of Normal MAE (0.00 to 1.00; paper 0.50 the other way)."
+    )
     assert counts == sentences(three_rows())[0]
 
 
 def test_a_difference_unresolved_by_the_correction_alone_is_named_so_and_the_headline_has_the_papers() -> None:
     made = three_rows()
     difference(made, "no-rad", "nvs/psnr")["verdict"] = None
-    assert headline(compared_run(made))[0].endswith("nothing else that this run could show (paper: NVS PSNR -2.04).")
+    assert headline(compared_run(made))[0].endswith("This run could not tell them apart in NVS PSNR (paper -2.04).")
     (told,) = (each for each in sentences(made) if "excludes zero alone, not after correction for all rows" in each)
     assert told.startswith("lambda_rad = 0, not resolved: NVS PSNR -1.23 dB")

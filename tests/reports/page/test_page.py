@@ -313,7 +313,7 @@ def test_the_page_names_the_date_commit_and_command_of_its_run(tmp_path: Path) -
                                       for date in dates]}  # fmt: skip
     text = written_page(made, tmp_path).read_text(encoding="utf-8")
     assert f"2026-11-20 to 2026-11-{19 + len(made['runs'])}" in text
-    assert "abcdef0123, abcdef0123 with changes" in text
+    assert "; commit abcdef0123, abcdef0123 with changes; preset tiny; 1 scene, 2 seeds. Not the paper" in text
     assert f"radiogs-bench run {made['suite']} --scenes" in text
     links = re.findall(r'<a href="([^"#]+)" download>', text)
     assert links == ["ablations.csv", "ablations.md", "ablations.tex", "report.tex", "summary.json"]

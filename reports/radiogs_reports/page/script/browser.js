@@ -1,6 +1,6 @@
 // The scene, seed, view, map and light of the page's pictures, and two of them under a slider, with the error beside them.
 const browser = (() => {
-  const { data, texts, fill, say } = shared;
+  const { data, texts, fill, say, printed } = shared;
   const found = (name) => document.getElementById(name);
   if (!found("images")) return null; // no cell keeps pictures, or none is finished
   const [sceneSelect, seedSelect, viewSelect, mapSelect, lightSelect] = ["browse-scene", "browse-seed", "browse-view", "browse-map", "browse-light"].map(found);
@@ -32,7 +32,7 @@ const browser = (() => {
   function value(run, place = view(), name = map()) { // the metric of this map and view, as text
     const column = data.columns.find((each) => each.key === data.maps[name].metric);
     const number = column && run.by_view?.[column.key]?.[place];
-    return typeof number === "number" ? `${column.label} ${number.toFixed(column.decimals)}${column.unit ? ` ${column.unit}` : ""}` : "";
+    return typeof number === "number" ? `${column.label} ${printed(number, column.decimals)}${column.unit ? ` ${column.unit}` : ""}` : "";
   }
 
   function offer() { // what there is of the chosen scene and seed; choices stay where they are still there

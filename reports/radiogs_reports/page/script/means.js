@@ -1,6 +1,6 @@
 // The suite's table and that of cells follow the selection: means over the ticked cells, without what needs all of them.
 (() => {
-  const { data, meanOf } = shared;
+  const { data, meanOf, printed } = shared;
   const table = document.querySelector('table[data-name="means"]');
   const cells = document.querySelector('table[data-name="cells"]');
   const runs = new Map(data.runs.map((run) => [run.key, run]));
@@ -25,11 +25,6 @@
     cell.className = "number";
     cell.replaceChildren(value === null ? "n/a" : printed(value, column.decimals));
     if (value !== null) cell.dataset.value = column.direction === "zero" ? Math.abs(value) : value;
-  }
-
-  function printed(value, decimals) { // two significant digits where the decimals would all be 0
-    const text = value.toFixed(decimals);
-    return Number(text) === 0 && value !== 0 ? value.toPrecision(2) : text;
   }
 
   const valueOf = (run, column) => (column.key === "seconds" ? run.cost.seconds : run.metrics[column.key]);

@@ -1,6 +1,6 @@
 // Quality against cost: rows as large marks with intervals and the front, cells as small marks; hover or arrow keys.
 (() => {
-  const { data, texts, element, fill, say, colour, colourOf, hollow, legend, meanOf } = shared;
+  const { data, texts, element, fill, say, colour, colourOf, hollow, legend, meanOf, printed } = shared;
   const [box, said, qualitySelect, costSelect] = ["", "-said", "-quality", "-cost"].map((end) => document.getElementById(`scatter${end}`));
   if (!box) return; // nothing was trained
   const HOVER = 28; // pixels from a mark within which it is hovered
@@ -34,10 +34,10 @@
   function describe(mark, column, cost) {
     const unit = column.unit ? ` ${column.unit}` : "";
     const name = mark.large ? `${texts[mark.row]}, mean` : `${texts[mark.row]}, ${mark.run.scene}, seed ${mark.run.seed}`;
-    const interval = mark.large && mark.half_width !== null ? ` ± ${mark.half_width.toFixed(column.decimals)}` : "";
+    const interval = mark.large && mark.half_width !== null ? ` ± ${printed(mark.half_width, column.decimals)}` : "";
     const amount = cost === "seconds" ? `${digits(mark.cost)} s` : `${digits(mark.cost)} ${cost}`;
     const front = mark.large && mark.on_front ? "; on the front" : "";
-    return `${name}: ${column.label} ${mark.quality.toFixed(column.decimals)}${interval}${unit} for ${amount}${front}`;
+    return `${name}: ${column.label} ${printed(mark.quality, column.decimals)}${interval}${unit} for ${amount}${front}`;
   }
 
   function seriesOf(large) {

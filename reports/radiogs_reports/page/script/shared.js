@@ -80,10 +80,14 @@ const shared = (() => {
     const overScenes = (held) => mean(grouped(held, (run) => run.scene).map((own) => mean(own.map(value))));
     return mean(grouped(known, (run) => data.kinds[run.scene] ?? "").map(overScenes));
   }
+  function printed(value, decimals) { // two significant digits where the decimals would all be 0
+    const text = value.toFixed(decimals);
+    return Number(text) === 0 && value !== 0 ? String(Number(value.toPrecision(2))) : text;
+  }
   const numbers = (values) => values.filter((each) => typeof each === "number");
 
   return {
-    data, texts, element, fill, formula, say, colour, colourOf, hollow, nameOf, legend, drawnAnew, arrows, axis, titled, mean, meanOf, numbers,
+    data, texts, element, fill, formula, say, colour, colourOf, hollow, nameOf, legend, drawnAnew, arrows, axis, titled, mean, meanOf, numbers, printed,
     selection: () => selection,
     select(chosen) {
       selection = chosen ?? ALL;

@@ -2,7 +2,7 @@
 (() => {
   const box = document.getElementById("views-plot");
   if (!box) return; // no metric has values by view
-  const { data, texts, fill, say, colourOf, hollow, legend, mean, numbers } = shared;
+  const { data, texts, fill, say, colourOf, hollow, legend, mean, numbers, printed } = shared;
   const [metricSelect, sceneSelect, orderSelect] = ["views-metric", "views-scene", "views-order"].map((name) => document.getElementById(name));
   const said = document.getElementById("views-said");
   let plot = null;
@@ -31,7 +31,7 @@
     const best = column.direction === "up" ? -1 : 1;
     const found = drawn.rows.map((row, line) => [texts[row.key], drawn.values[line][place]]).filter(([, value]) => value !== null);
     found.sort((one, other) => best * (one[1] - other[1]));
-    return `${drawn.names[place]}: ${found.map(([name, value]) => `${name} ${value.toFixed(column.decimals)}`).join(", ")}`;
+    return `${drawn.names[place]}: ${found.map(([name, value]) => `${name} ${printed(value, column.decimals)}`).join(", ")}`;
   }
 
   function draw() {
