@@ -2,7 +2,7 @@
 
 import logging
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -96,7 +96,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
     """
     little = with_long_side(replace(scene, train=scene.train[:VIEWS]), PIXELS)
     done: list[tuple[str, Any]] = []
-    made: dict[str, Mapping[str, Any]] = {}
+    made: dict[str, dict[str, Any]] = {}
     for method, variant in work:
         if (method.name, variant) in done:
             continue
@@ -107,13 +107,12 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
             logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 
 
-def _warm_up(method: Method, run: Run, made: dict[str, Mapping[str, Any]]) -> None:
+def _warm_up(method: Method, run: Run, made: dict[str, dict[str, Any]]) -> None:
     """``made``: products by all that decides them."""
-    product: Mapping[str, Any] = {}
+    product, key = dict[str, Any](), method.name
     with calling(method.name, "stages()"):
         specs = method.stages(run.variant, run.budget)
     needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
-    key = method.name
     for spec in specs[:needed]:
         begin, start = spec, f"{key}, start of {spec.name} {spec.start and spec.start.reads}"
         if spec.start is not None:
