@@ -17,13 +17,7 @@ from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 from radiogs_core.transport import interreflection
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.interreflection import (
-    SEEN,
-    bounced_incident,
-    light_paths,
-    mean_over_cosine,
-    strongest_hits,
-)
+from radiogs_core.transport.interreflection import SEEN, bounced_incident, light_paths, mean_over_cosine, strongest_hits
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import relighting_directions, sphere_directions
 from radiogs_core.transport.shading import lobe_albedo
