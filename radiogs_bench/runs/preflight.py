@@ -91,8 +91,8 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
     """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
 
     So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
-    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them. What
-    variants share is made once. A method that fails here will fail its cells, which say so.
+    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them.
+    Variants that share a product have it made once. A method that fails here will fail its cells, which say so.
     """
     little = with_long_side(replace(scene, train=scene.train[:VIEWS]), PIXELS)
     done: list[tuple[str, Any]] = []

@@ -372,12 +372,15 @@ def test_pictures_in_a_document_have_their_own_pixels(reports: Path) -> None:
 
 def test_losses_have_the_sum_of_all_beside_radiometric_consistency() -> None:
     made = two_rows()
+    made["runs"][0]["trail"]["invert"][0]["losses"]["consistency"] = 0.0  # it has not set in yet
     losses, _ = convergence_figures(made)
     titles = [axes.get_title() for axes in losses.figure.axes if axes.get_visible()]
     assert titles == [
         "all losses (weighted), stage 1", "all losses (weighted), stage 2", r"$L_\mathrm{rad}$ (weighted), stage 2",
     ]  # fmt: skip
-    assert list(losses.figure.axes[1].lines[0].get_ydata()) == [1.5, 0.75, 0.375, 0.1875]
+    assert list(losses.figure.axes[1].lines[0].get_ydata()) == [1.0, 0.75, 0.375, 0.1875]
+    assert list(losses.figure.axes[2].lines[0].get_xdata()) == [2, 4, 8], "a logarithmic axis shows no zero"
+    assert {axes.get_yscale() for axes in losses.figure.axes[:3]} == {"log"}
 
 
 def test_names_of_files_suit_every_system_and_latex() -> None:

@@ -193,6 +193,8 @@ REFUSED: Mapping[str, tuple[Change, str]] = {
     "a stretched pose": (posed(lambda pose: pose[:3, 0].__imul__(2), ONE), "is not a rigid motion"),
     "NaN in a pose": (posed(placed(NAN, 0, 0), ONE), "finite numbers"),
     "a camera at 1e30": (posed(placed(1e30, 0, 0), ONE), "out of proportion: train_001"),
+    "one camera of four at 1e30": (
+        lambda f: (first("train", 2)(f), posed(placed(1e30, 0, 0), ONE)(f)), "out of proportion: train_001"),
     "far from the origin": (posed(lambda pose: pose[:3, 3].__iadd__(1e5)), "world units from the origin"),
 }  # fmt: skip
 """Changes of the whole scene's files, and what the error says is wrong."""

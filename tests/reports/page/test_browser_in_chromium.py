@@ -159,17 +159,20 @@ def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: W
     assert [place for place, each in enumerate(pressed) if each == "true"] == [1]
 
 
-def test_the_strip_has_the_truth_and_every_row_with_picture_error_and_relit_picture(opened: Watched) -> None:
-    choose(opened, browse_view="2", browse_map="image", browse_light="night")
+@pytest.mark.parametrize("light", ["night", "sky"])
+def test_the_strip_has_the_truth_and_every_row_with_picture_error_and_relit_picture(
+    opened: Watched, light: str
+) -> None:
+    choose(opened, browse_view="2", browse_map="image", browse_light=light)
     pixels(opened, "error-image")
     shown = opened.page.eval_on_selector_all(
         "#strip canvas",
         f"all => all.map(each => {{ each.id = 'one'; const seen = ({PIXELS})('one'); each.id = ''; return seen; }})",
     )
     stored = [arrays(0), arrays(1)]
-    expected = [stored[0]["views/2/truth/image"], None, stored[0]["views/2/truth/relit/night"]]
+    expected = [stored[0]["views/2/truth/image"], None, stored[0][f"views/2/truth/relit/{light}"]]
     for each in stored:
-        expected += [each["views/2/render/image"], error_codes(each), each["views/2/render/relit/night"]]
+        expected += [each["views/2/render/image"], error_codes(each), each[f"views/2/render/relit/{light}"]]
     assert len(shown) == len(expected)
     for found, wanted in zip(shown, expected, strict=True):
         assert (found is None) == (wanted is None)
@@ -186,6 +189,7 @@ def error_codes(stored: dict[str, np.ndarray]) -> np.ndarray:
 def test_the_plot_of_views_follows_the_chosen_scene(opened: Watched) -> None:
     choose(opened, browse_scene="other")
     assert opened.page.locator("#views-scene").input_value() == "other"
+    assert opened.page.locator("#views-legend li").all_text_contents() == ["Ours"], "it is drawn anew"
     choose(opened, views_scene="my_scene", browse_map="albedo")
     assert opened.page.locator("#views-scene").input_value() == "other", "the choice for the page comes last"
 

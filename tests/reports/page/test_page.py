@@ -20,7 +20,7 @@ from radiogs_reports.maps import decoded, error, levels
 from radiogs_reports.page import assemble, sheets
 from radiogs_reports.page.assemble import LARGEST, page
 from radiogs_reports.page.assets import json_for_script
-from radiogs_reports.page.pictures import Album, album, reduced_by
+from radiogs_reports.page.pictures import Album, album, chosen, reduced_by
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import PLAIN, Summary
 
@@ -178,17 +178,19 @@ def test_pictures_are_inside_the_page_and_on_request_files_beside_it(tmp_path: P
 
 
 def test_pictures_that_do_not_fit_give_up_exactness_then_views_then_size_then_cells(tmp_path: Path) -> None:
-    """Errors and normals are exact in any case."""
+    """Errors and normals are exact in any case; the cell of the later seed goes first."""
     runs, folder = summary()["runs"], write_run(tmp_path, summary(), size=64)
+    runs[0]["seed"] = 1
     exact = album(runs, folder, LARGEST)
     lossy = album(runs, folder, size(exact) - 1)
     assert (exact.exact, lossy.exact, lossy.reduced, lossy.factor) == (True, False, False, 1)
-    kept = [(name, side) for name, side in (("image", "error"), ("normal", "mine"), ("image", "mine"))
+    sides = [("image", "error"), *((name, side) for name in ("normal", "image") for side in ("mine", "truth"))]
+    kept = [(name, side) for name, side in sides
             if np.array_equal(*(picture(each, "abc", name, side, 2) for each in (exact, lossy)))]  # fmt: skip
-    assert kept == [("image", "error"), ("normal", "mine")]
+    assert kept == sides[:3]
     fewer = album(runs, folder, size(lossy) * 3 // 4)
     assert fewer.reduced
-    assert 1 in fewer.cells["abc"]["image"]["mine"][0]["views"], "the view that the result shows"
+    assert fewer.cells["abc"]["image"]["mine"][0]["views"] == [1, 2], "with the view that the result shows"
     assert fewer.factor == 1
     one = album(runs, folder, size(lossy) * 2 // 5)
     assert one.cells["abc"]["image"]["mine"][0]["views"] == [1]
@@ -197,7 +199,7 @@ def test_pictures_that_do_not_fit_give_up_exactness_then_views_then_size_then_ce
     assert smaller.cells.keys() == one.cells.keys()
     assert picture(smaller, "abc", "image", "mine", 1).shape == (32, 32, 3)
     few = album(runs, folder, size(smaller) * 2 // 3)
-    assert few.cells.keys() == {"abc"}
+    assert few.cells.keys() == {"def"}
     shown = page(summary(), few)
     for said in (
         "1 of 2 finished cells have pictures here",
@@ -208,16 +210,28 @@ def test_pictures_that_do_not_fit_give_up_exactness_then_views_then_size_then_ce
     assert not album(runs, folder, 1).cells
 
 
-def test_figures_leave_less_of_a_page_to_pictures_but_a_third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fewer_views_are_spread_evenly() -> None:
+    run = summary()["runs"][0] | {"views": list("abcdefgh"), "view": "d"}
+    assert chosen(run, 2) == {3, 7}
+    assert chosen(run, 4) == {1, 3, 5, 7}
+
+
+def test_figures_and_surfels_leave_less_of_a_page_to_pictures_but_a_third(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made, folder, drawn, budgets = summary(), write_run(tmp_path, summary()), tmp_path / "drawn.png", list[int]()
     drawn.write_bytes(bytes(30_000))
     monkeypatch.setattr(assemble, "album", lambda runs, out, budget: budgets.append(budget) or Album())
     assemble.write_page(made, folder)
     assemble.write_page(made, folder, [Drawn(drawn, drawn, "a chart", images=False)])
     assert 40_000 < budgets[0] - budgets[1] < 42_000, "three bytes are four characters"
+    with monkeypatch.context() as patched:
+        patched.setattr(assemble, "packed_surfels", lambda runs, out: {"abc": {"data": "A" * 30_000}})
+        assemble.write_page(made, folder)
+    assert budgets[0] - budgets[2] > 30_000
     monkeypatch.setattr(assemble, "LARGEST", assemble.LARGEST - budgets[0] + 30)
     assemble.write_page(made, folder)
-    assert budgets[2] == assemble.LARGEST // 3
+    assert budgets[3] == assemble.LARGEST // 3
 
 
 def test_a_sheet_has_one_size_of_picture_and_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,12 +11,13 @@ from torch.nn.functional import normalize
 from hard_cases.constructions import joined
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP
+from radiogs_core.kernels.trace.hits import HitLists
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 from radiogs_core.transport import interreflection
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.interreflection import SEEN, bounced_incident, light_paths, mean_over_cosine
+from radiogs_core.transport.interreflection import SEEN, bounced_incident, light_paths, mean_over_cosine, strongest_hits
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import relighting_directions, sphere_directions
 from radiogs_core.transport.shading import lobe_albedo
@@ -232,23 +233,47 @@ def test_all_surfels_of_a_transparent_cloud_stay_dark() -> None:
 
 
 def test_a_wall_hides_the_directions_that_end_on_it_and_is_met_where_it_faces_the_surfel() -> None:
-    """A surfel that looks up between two walls that look to -X: before one, and behind the other, mirrored one."""
+    """Equal surfels look up between two walls that look to -X: before one, and behind the other, mirrored one.
+
+    The whole is turned, so that the horizon is not that of the world's directions. Each surfel draws others of them.
+    """
+    turn = torch.linalg.qr(torch.tensor([[0.3, 0.9, 0.1], [-0.5, 0.2, 0.8], [0.8, -0.1, 0.6]]))[0]
     y, z = torch.meshgrid(torch.arange(-0.3, 0.95, 0.1), torch.arange(0.1, 0.75, 0.1), indexing="ij")
     wall = torch.stack([torch.full_like(y, 0.5), y, z], -1).view(-1, 3)
-    centre = torch.cat([torch.zeros(1, 3), wall, wall * torch.tensor([-1.0, -1.0, 1.0])])
+    index = torch.arange(32)
+    centre = torch.cat([torch.zeros(32, 3), wall, wall * torch.tensor([-1.0, -1.0, 1.0])])
     normal = torch.tensor([-1.0, 0.0, 0.0]).repeat(len(centre), 1)
-    normal[0] = torch.tensor([0.0, 0.0, 1.0])
-    seen, met = light_paths(SurfelTracer(surfels_facing(centre, normal)), torch.tensor([0]))
-    along = sphere_directions(SEEN).float()
+    normal[index] = torch.tensor([0.0, 0.0, 1.0])
+    surfels = surfels_facing(centre @ turn, normal @ turn)
+    seen, met = light_paths(SurfelTracer(surfels), index)
+    along = sphere_directions(SEEN).float() @ turn.T
     # y and z at which a direction crosses the plane of the wall, or of the mirrored one, where y is turned.
     end = 0.5 * torch.stack([along[:, 1] / along[:, 0], along[:, 2] / along[:, 0].abs()], -1)
     low, high = torch.tensor([-0.3, 0.1]), torch.tensor([0.9, 0.7])
     inside, outside = ((end > low) & (end < high)).all(1), ((end < low - 0.3) | (end > high + 0.3)).any(1)
     assert int(inside.sum()) > 60
-    assert not seen[0, inside].any()
-    assert (seen[0, outside] == (along[outside, 2] > -0.126)).all()  # 288 of 512 lie above
-    on_wall = met[0][met[0] >= 0]
-    assert 1 <= int(on_wall.min()) <= int(on_wall.max()) <= len(wall)
+    assert not seen[:, inside].any()
+    highest = along[:, 2] >= along[:, 2].sort(descending=True).values[287]
+    assert (seen[:, outside] == highest[outside]).all()
+    assert met.shape == (32, 32)
+    on_wall = met[met >= 0]
+    assert 32 <= int(on_wall.min()) <= int(on_wall.max()) < 32 + len(wall)
     flow = along[:, 2].clamp(min=0) * ~seen[0] * (along[:, 0] > 0)
-    assert len(on_wall) / 32 == pytest.approx(float(flow.sum() / along[:, 2].clamp(min=0).sum()), abs=1 / 32)
-    assert centre[on_wall, 1:].mean(0).tolist() == pytest.approx((flow @ end / flow.sum()).tolist(), abs=0.1)
+    assert len(on_wall) / 32**2 == pytest.approx(float(flow.sum() / along[:, 2].clamp(min=0).sum()), abs=0.01)
+    assert centre[on_wall, 1:].mean(0).tolist() == pytest.approx((flow @ end / flow.sum()).tolist(), abs=0.03)
+    surfels.opacity_logit -= 6  # a veil, through which most of the light comes
+    seen, met = light_paths(SurfelTracer(surfels), index)
+    assert seen[:, highest].all()
+    assert (met == -1).all()
+
+
+def test_the_hit_with_the_largest_weight_is_what_a_ray_meets() -> None:
+    """Weights of 0.2 and 0.79 in the first ray and of 0.5 and 0.45 in the third; the second one has no hit."""
+    alpha = torch.tensor([0.2, 0.99, 0.5, 0.9])
+    lists = HitLists(
+        torch.tensor([0, 1, 2], dtype=torch.int32), torch.tensor([0, 2, 2, 4], dtype=torch.int32),
+        torch.tensor([7, 8, 9, 10], dtype=torch.int32), torch.zeros(4), alpha,
+    )  # fmt: skip
+    left, surfel = strongest_hits(lists)
+    assert left.tolist() == pytest.approx([0.008, 1, 0.05])
+    assert surfel.tolist() == [8, -1, 9]
