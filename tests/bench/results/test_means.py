@@ -63,6 +63,13 @@ def plain(text: str) -> str:
     return " ".join(text.split())
 
 
+def says(words: str, text: str) -> bool:
+    """Whether a form has these words; a paper's table names the scenes in its note, not in its caption."""
+    names = words[words.index("(") + 1 : words.index(")")]
+    apart = words.replace(f" ({names})", "") in plain(text) and f"Scenes: {names}." in plain(text)
+    return words in plain(text) or apart
+
+
 def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(folder), "--no-pictures"]) == 0
     told = capsys.readouterr()
@@ -80,7 +87,7 @@ def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: 
     for name, text in forms.items():
         assert MEAN in text, name
         assert "27.67" not in text, name
-        assert f"Mean over {WORDS}" in plain(text), name
+        assert says(f"Mean over {WORDS}", text), name
     with (folder / "ablations.csv").open() as file:
         lines = [line for line in csv.DictReader(file) if line["column"] == "nvs/psnr"]
     assert {(float(line["mean"]), line["mean_over"]) for line in lines} == {(26.0, WORDS)}
@@ -142,7 +149,7 @@ def test_every_form_marks_scenes_and_leaves_out_of_means_what_the_brdf_cannot_re
     assert main(["report", str(tmp_path), "--style", "paper", "--no-pictures"]) == 0
     names = ("report.html", "ablations.md", "ablations.csv", "ablations_table.tex", "paper.tex")
     for text in (told, *((tmp_path / name).read_text() for name in names)):
-        assert MARKED in plain(text)
+        assert says(MARKED, text)
         assert "31.0" in text
         assert MEAN not in text
     made = summary_of(tmp_path)
