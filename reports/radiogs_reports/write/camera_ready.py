@@ -13,8 +13,8 @@ from .latex import ARROWS, LEFT, as_formula, escape, tabular
 MISSING = "--"
 
 HIGHLIGHTS = (
-    "PSNR in dB. Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a"
-    " better mean (paired $t$ tests, Holm)."
+    "Bold: the best mean; italic: another row is resolved to be better than this one, or than one with a better mean"
+    " (paired $t$ tests, Holm)."
 )
 
 
@@ -34,7 +34,7 @@ def camera_ready(summary: Summary, keys: Sequence[str] = ()) -> str:
     ]
     marks = {mark for row in table.rows for place in chosen for mark in row.cells[place].marks}
     scenes = ", ".join(marked(summary, each) for each in counted_scenes(summary))
-    below = [f"Scenes: {escape(scenes)}. {HIGHLIGHTS}"]
+    below = [f"Scenes: {escape(scenes)}. {'PSNR in dB. ' * any(each.unit == 'dB' for each in columns)}{HIGHLIGHTS}"]
     below += (escape(line) for line in table.footnotes if line[:1] in marks)
     return "\n".join(
         [
