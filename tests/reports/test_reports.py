@@ -185,6 +185,7 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
     assert text.count(r"\cmidrule") == 2, "none over the seconds, which are of no quantity"
     for absent in ("1.234", "cellcolor", "radiogs-bench", "n/a", "LPIPS"):
         assert absent not in text
+    assert "PSNR in dB" not in camera_ready(made, ["normal/mae"])
     both = camera_ready(made, ["nvs/lpips", "nvs/psnr"])
     assert r"\multicolumn{2}{c}{NVS} \\" in both
     assert r"Ours & -- & \textbf{31.23} \\" in both
