@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import torch
 
-from radiogs.effects.images import image_share
 from radiogs.effects.plans import Step
 from radiogs.effects.probe import Findings, Occasion, probe
 from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
@@ -60,7 +59,7 @@ def seen(
     """
     blind = tuple(ProbeView(camera, None) for camera in cameras())
     rays = ProbeRays(SAMPLES, torch.Generator().manual_seed(seed), variant, offset=0.1)
-    viewpoints = Viewpoints(blind, image_share(cameras(), surfels), straight)
+    viewpoints = Viewpoints(blind, straight)
     made = trace_scene(surfels, light, viewpoints, rays, bounces=True)
     drawn = torch.Generator().manual_seed(99)
     views = tuple(

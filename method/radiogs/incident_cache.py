@@ -23,8 +23,8 @@ class IncidentCache:
 
     A step traces the light on the surfels that it draws, and caches it; every ``refresh_interval`` steps the light on
     all surfels is traced again. ``Variant.incident`` and ``plan`` may limit both. Under a plan that keeps light
-    (``EffectPlan.kept``), the V and L_ind of surfels without rays come from ``kept``, along directions that are drawn
-    anew with each tracing of all surfels: with directions that stayed, the noise of their sums would stay, and
+    (``EffectPlan.kept``), V and L_ind come from ``kept``, along directions that are drawn anew where all surfels would
+    be traced again: with directions that stayed, the noise of their sums would stay, and
     materials would be fitted to it.
     """
 
@@ -89,23 +89,20 @@ class IncidentCache:
 
     def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
         """The light on the surfels ``index`` along a set of directions: traced now and cached, or from the cache if
-        light is traced once."""
-        if not self.traced_again:
-            return self.of_set(index, self.set_of(iteration))
-        if iteration % self.interval == 0 and iteration != self.traced_at:
+        light is traced once or kept."""
+        if self.traced_again and iteration % self.interval == 0 and iteration != self.traced_at:
             self.renew(model, iteration)
         number = self.set_of(iteration)
-        if not self.plan.kept:
-            return self.traced(index, model, number)
-        light, chosen = self.of_set(index, number), self.plan.traced_among(index)
-        return light.replaced(chosen, self.traced(index[chosen], model, number)) if len(chosen) else light
+        if self.plan.kept or not self.traced_again:
+            return self.of_set(index, number)
+        return self.traced(index, model, number)
 
     def adopt(self, plan: EffectPlan, model: Model, iteration: int) -> None:
-        """Follow another plan from now on; surfels that it leaves without rays are traced a last time."""
+        """Follow another plan from now on; for one that keeps light, all surfels are traced a last time."""
         self.plan, self.kept = plan, None
         if plan.kept:
             self.tracer.follow(model.surfels)
-            self.kept = KeptLight.traced(self.tracer, plan.without_rays(model.surfels.centre))
+            self.kept = KeptLight.traced(self.tracer)
         self.renew(model, iteration)
 
     def renew(self, model: Model, iteration: int) -> None:
@@ -119,11 +116,7 @@ class IncidentCache:
         direction, weight = self.all_sets(model)
         if self.kept is None:
             return incident_along(self.tracer, direction, weight, self.plan)
-        light = Incident(direction, weight, *self.kept.along(direction))
-        some = self.plan.traced_among(self.kept.every)
-        if not len(some):
-            return light
-        return light.replaced(some, incident_along(self.tracer, direction[some], weight[some], index=some))
+        return Incident(direction, weight, *self.kept.along(direction))
 
     def all_sets(
         self, model: Model, index: Int[Tensor, " chosen"] | None = None
@@ -153,6 +146,6 @@ class IncidentCache:
         """The light on the surfels ``index``, traced along new directions and stored in the cache as set ``number``."""
         self.tracer.follow(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.gradient):
-            fresh = self.tracer.incident(index, *self.directions(model, index), self.plan.at_once)
+            fresh = self.tracer.incident(index, *self.directions(model, index), self.plan)
         self.store(index, number, fresh)
         return fresh

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
@@ -26,21 +26,18 @@ class KeptLight:
     Unit Vectors"). A ray is traced through the middle of each cell.
     """
 
-    row: Int[Tensor, " surfels"]
-    """Row of each surfel in the tensors below; those of surfels that keep no light mean nothing."""
-    frame: Float[Tensor, "kept 3 3"]
+    frame: Float[Tensor, "surfels 3 3"]
     """Rotation matrices of the surfels at that time, with columns t_u, t_v, n."""
-    visibility: Float[Tensor, "kept cells"]
-    radiance: Float[Tensor, "kept cells 3"]
+    visibility: Float[Tensor, "surfels cells"]
+    radiance: Float[Tensor, "surfels cells 3"]
 
     @classmethod
-    def traced(cls, tracer: SurfelTracer, mask: Bool[Tensor, " surfels"]) -> "KeptLight":
-        """The light on the surfels of ``mask``, traced now."""
-        index = torch.nonzero(mask)[:, 0]
-        frame = tracer.surfels.frame.detach()[index]
+    def traced(cls, tracer: SurfelTracer) -> "KeptLight":
+        """The light on the surfels of ``tracer``, traced now."""
+        frame = tracer.surfels.frame.detach()
         direction = normalize(middles(frame), dim=-1) @ frame.transpose(1, 2)
-        light = incident_along(tracer, direction, torch.ones_like(direction[..., 0]), index=index)
-        return cls((mask.cumsum(0) - 1).clamp(min=0), frame, light.visibility, light.radiance)
+        light = incident_along(tracer, direction, torch.ones_like(direction[..., 0]))
+        return cls(frame, light.visibility, light.radiance)
 
     def through(self, some: Int[Tensor, " some"]) -> Incident:
         """The light through the middles of some cells, which share the hemisphere by their solid angles."""
@@ -50,20 +47,15 @@ class KeptLight:
         direction = normalize(middle, dim=-1) @ self.frame.transpose(1, 2)
         return Incident(direction, weight, self.visibility[:, some], self.radiance[:, some])
 
-    @property
-    def every(self) -> Int[Tensor, " surfels"]:
-        """Indices of all surfels."""
-        return torch.arange(len(self.row), device=self.row.device)
-
     @torch.no_grad()
     def along(
         self, direction: Float[Tensor, "surfels samples 3"]
     ) -> tuple[Float[Tensor, "surfels samples"], Float[Tensor, "surfels samples 3"]]:
-        """V and L_ind of all surfels along unit directions; those of surfels that keep no light mean nothing."""
+        """V and L_ind of all surfels along unit directions."""
         visibility, radiance = torch.empty_like(direction[..., 0]), torch.empty_like(direction)
-        for some in self.every.split(max(1, DIRECTIONS_AT_ONCE // direction.shape[1])):
-            row = self.row[some]
-            place = row[:, None] * CELLS**2 + cells(direction[some] @ self.frame[row])
+        every = torch.arange(len(self.frame), device=self.frame.device)
+        for some in every.split(max(1, DIRECTIONS_AT_ONCE // direction.shape[1])):
+            place = some[:, None] * CELLS**2 + cells(direction[some] @ self.frame[some])
             visibility[some] = self.visibility.flatten()[place]
             radiance[some] = self.radiance.flatten(0, 1)[place]
         return visibility, radiance

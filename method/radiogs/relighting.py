@@ -166,9 +166,7 @@ def split_sum_incident(
     """
     every = torch.arange(len(features), device=direction.device)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
-    chosen = plan.traced_among(every)
-    together = max(1, RAYS_AT_ONCE // direction.shape[1])
-    for index in chosen.split(together) if len(chosen) else ():
+    for index in every.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if plan.traces else ():
         hits = tracer.trace(index, direction[index], features)
         seen, radiance = hit_radiance(hits, direction[index].flatten(0, 1), prefiltered)
         if plan.visibility:

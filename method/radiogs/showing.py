@@ -5,7 +5,6 @@ Training never imports this module, so that a new map does not invalidate traine
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import torch
@@ -27,7 +26,6 @@ from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .constants import as_text
-from .effects.images import image_share
 from .effects.new_light import probe_relighting
 from .model import Model
 from .rays import RaySettings
@@ -71,13 +69,13 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         return {
             **({"given": {"parts": parts, **residual}} if parts else {}),
             "surfels": len(self.model.surfels),
-            "effects": {"plan": plan.plain(), "evidence": evidence},
+            "effects": {"plan": plan.state(), "evidence": evidence},
             "metrics": {
                 f"plan/{name}": max((each[name] for each in measured), default=0.0) for name in ("bound", "worst")
             },
             "labels": self.labels,
             "remarks": [
-                *([f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else []),
+                *([f"not simulated: {', '.join(plan.off)}"] if plan.off else []),
                 *(f"all effects are simulated, {each['why']}" for each in evidence[-1:] if each["measured"] is None),
                 *(f"{name}: {value}" for name, value in self.labels.items() if name in ("recipe", "length")),
             ],
@@ -99,7 +97,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         variant = self.run.variant
         remarks: tuple[str, ...] = ()
         if variant.effects == "auto":
-            _, findings = probe_relighting(self.model, light, albedo_scale, self.run, self.training_share)
+            _, findings = probe_relighting(self.model, light, albedo_scale, self.run)
             plan = findings.plan
             remarks = tuple(f"{each.effect}: {each.verdict} ({each.why})" for each in findings.evidence)
         else:
@@ -119,11 +117,6 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
         """The model with changed roughness or brightness; see ``radiogs_core.capabilities.Variable``."""
         own = self.renderer()
         return VaryingRadioGS(self.model, own.incident, cameras, self.run.variant)
-
-    @cached_property
-    def training_share(self) -> Float[Tensor, " surfels"]:
-        """Each surfel's share of the training images (``image_share``); it does not depend on the light."""
-        return image_share((view.camera for view in self.run.scene.train), self.model.surfels)
 
 
 class Renderer:

@@ -15,12 +15,12 @@ from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
+from radiogs_core.transport.blending_weights import blending_weights
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.prefiltered_light import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, towards
 
-from .effects.images import image_share
 from .model import Model
 from .nuisance import Answer, Blending, Jacobian, NuisanceOfSurfels, light_blocks, to_light, turned
 from .settings import Variant
@@ -72,7 +72,9 @@ class VaryingRadioGS:
             self.light = model.environment.detach()
             self.outgoing = torch.stack([towards(camera, self.surfels) for camera in self.cameras], 1)
             self.projected = [self.surfels.seen_by(camera, radiance=False) for camera in self.cameras]
-        self.weight = torch.stack([image_share([camera], self.surfels) for camera in self.cameras])
+        seen = torch.stack([blending_weights(camera, self.surfels) for camera in self.cameras])
+        total = seen.sum(1, keepdim=True)
+        self.weight = seen / torch.where(total > 0, total, 1.0)
         self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
         self.mean_roughness = (self.share * self.roughness).sum()
         self.unit, self.rest = self._shaded(self.roughness, self.light)

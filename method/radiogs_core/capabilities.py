@@ -113,7 +113,7 @@ class EffectRecord:
     effect: str
     """Name of the effect, such as ``indirect``; ``plan`` for the plan as a whole."""
     verdict: str
-    """"on", "local" (simulated where it matters) or "off"."""
+    """"on" or "off"."""
     why: str
     """The reason, in words."""
     iteration: int

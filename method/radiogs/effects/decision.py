@@ -25,8 +25,8 @@ tolerance; between the two its state does not change."""
 GRADIENT_TOLERANCE = 0.5
 """Largest tolerated relative change of the gradient of anything that is learnt."""
 
-Verdict = Literal["on", "local", "off"]
-"""Whether an effect is simulated; "local": only where it matters."""
+Verdict = Literal["on", "off"]
+"""Whether an effect is simulated."""
 
 
 @dataclass(frozen=True)

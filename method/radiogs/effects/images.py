@@ -1,4 +1,4 @@
-"""Images of a probe, compared tile by tile in the pixels that show a surface, and each surfel's share in images."""
+"""Images of a probe, compared tile by tile in the pixels that show a surface."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,9 +10,6 @@ from torch import Tensor
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.projection import Projection
 from radiogs_core.kernels.rasterize.rasterize import blend
-from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.blending_weights import blending_weights
 from radiogs_core.transport.splatting import SOLID_ALPHA
 
 from .probe_scene import ProbeView
@@ -160,17 +157,3 @@ def tile_errors(
 def mean_error(image: ReferenceImage, pixels: CoveredPixels) -> float:
     """Mean squared error against the known targets, display sRGB."""
     return float(image.residual[pixels.known[:, 0]].square().mean())
-
-
-def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the images of all ``cameras``: its normalised sum of blending weights over all pixels.
-
-    Shares sum to one; all are zero if no camera sees a surfel. The blending weights of a pixel sum to at most one, so
-    its change is at most the blend of its surfels' changes, and its squared change at most the blend of their squared
-    changes (Jensen).
-    """
-    weight = torch.zeros_like(surfels.opacity_logit, requires_grad=False)
-    for camera in cameras:
-        weight += blending_weights(camera, surfels)
-    total = weight.sum()
-    return weight / torch.where(total > 0, total, 1.0)

@@ -24,7 +24,7 @@ from ..rays import RaySettings
 from ..settings import Budget, Variant
 from .bounds import bootstrap_t
 from .decision import TOLERANCE_DB, Evidence, Measured, Tolerance, decide
-from .images import CoveredPixels, ReferenceImage, image_share, mean_error, rendered_views
+from .images import CoveredPixels, ReferenceImage, mean_error, rendered_views
 from .plans import Step
 from .probe import LEVEL, Findings, Occasion, probe
 from .probe_scene import PROBE_VIEWS, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
@@ -171,18 +171,12 @@ def plan_for_light(
     return findings.extended(sampling, light_sampling=sampling.verdict == "on")
 
 
-def training_viewpoints(
-    run: Run[Variant, Budget], surfels: Surfels, share: Float[Tensor, " surfels"] | None = None
-) -> Viewpoints:
-    """The training views of a probe: PROBE_VIEWS of them, evenly spread over the list, with their images on black.
-
-    ``share``: ``image_share`` of the surfels in the training images, if it was computed before.
-    """
+def training_viewpoints(run: Run[Variant, Budget], device: torch.device) -> Viewpoints:
+    """The training views of a probe: PROBE_VIEWS of them, evenly spread over the list, with their images on black."""
     scene = run.scene
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
-    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
-    share = image_share((view.camera for view in scene.train), surfels) if share is None else share
-    return Viewpoints(views, share, run.variant.straight)
+    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, device))
+    return Viewpoints(views, run.variant.straight)
 
 
 def probe_relighting(
@@ -190,15 +184,14 @@ def probe_relighting(
     light: EnvironmentMap,
     albedo_scale: Float[Tensor, "3"],
     run: Run[Variant, Budget],
-    share: Float[Tensor, " surfels"] | None = None,
     offset: float | None = None,
 ) -> tuple[ProbeScene, Findings]:
     """Probes a model under ``light``: the scene of the probe, and the plan for relighting with its evidence.
 
-    ``share``: see ``training_viewpoints``. ``offset``: see ``scene_under``.
+    ``offset``: see ``scene_under``.
     """
     surfels, device = model.surfels, model.surfels.centre.device
-    viewpoints = training_viewpoints(run, surfels, share)
+    viewpoints = training_viewpoints(run, device)
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
     light, rays = EnvironmentMap(light.radiance.to(device)), RaySettings.of(run.variant)
     scene = scene_under(surfels, albedo, light, viewpoints, run.seed, rays, offset)

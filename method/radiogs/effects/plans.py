@@ -1,4 +1,4 @@
-"""Plans that leave an effect out, completely or where it does not matter, and the work that they save.
+"""Plans that leave an effect out, and the work that they save.
 
 Work is counted, not timed: decisions must not depend on a machine's load.
 """
@@ -6,23 +6,10 @@ Work is counted, not timed: decisions must not depend on a machine's load.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import torch
-from torch import Tensor
-
-from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.tracer import EVERYTHING
 
 from ..settings import Budget, Variant
-from .probe_scene import PlanRadiance
-
-RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
-"""Partial plans for rays: each leaves out the rays of the surfels that together change the images by at most this
-multiple of the tolerated error. ``partial_ray_plans`` overestimates the change, so multiples above one are tried."""
-
-ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
-"""Partial plans for specular lobes: each has lobes only on surfels with a roughness below this value."""
 
 
 def plan_without(effect: str) -> EffectPlan:
@@ -35,45 +22,12 @@ def plan_without(effect: str) -> EffectPlan:
     return EffectPlan().without(effect)
 
 
-def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
-    """Plans that leave part of an effect out, in ascending order; empty for an effect that has no parts."""
-    if effect == "specular":
-        return [EffectPlan(specular_at=surfels.roughness < edge) for edge in ROUGHNESS_EDGES]
-    if effect == "view-dependence":
-        return [EffectPlan(sh_degree=degree) for degree in reversed(range(1, HIGHEST_DEGREE))]
-    return []
-
-
-def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPlan]:
-    """For each of RAY_SHARES, the plan without the rays of the surfels that matter least to the images.
-
-    ``tolerated``: mean squared error, display sRGB. A surfel changes the squared error of the images by at most its
-    share of them times the square of its largest change towards any view (``image_share``; Jensen). Many surfels of a
-    trained model lie unseen below its surface, where most of the sky is occluded.
-    """
-    without = radiance.shaded(plan_without("visibility")).detach()
-    change = srgb_encode(without) - srgb_encode(radiance.shaded(EffectPlan()).detach())
-    error = radiance.scene.share * change.square().mean(-1).amax(1)
-    ordered, index = error.sort()
-    together = ordered.cumsum(0)
-    plans = []
-    for share in RAY_SHARES:
-        traced = torch.ones_like(error, dtype=torch.bool)
-        traced[index[together <= share * tolerated]] = False
-        plans.append(EffectPlan(traced=traced))
-    return plans
-
-
 def combined(plans: Iterable[EffectPlan]) -> EffectPlan:
-    """The plan that leaves out what any of the plans leaves out, each of which leaves out another effect."""
+    """The plan that leaves out what any of the plans leaves out."""
     changed = {
-        name: value
-        for plan in plans
-        for name, value in plan.state().items()
-        if isinstance(value, Tensor) or value != getattr(EVERYTHING, name)
+        name: value for plan in plans for name, value in plan.state().items() if value != getattr(EVERYTHING, name)
     }
-    plan = replace(EVERYTHING, **changed)
-    return plan if plan.traces else replace(plan, traced=None)
+    return replace(EVERYTHING, **changed)
 
 
 MICROSECONDS = {
@@ -124,24 +78,18 @@ class Step:
     def work(self, plan: EffectPlan) -> dict[str, float]:
         """Amounts of work of a step under a plan, by the kinds of MICROSECONDS."""
         samples = max(1, self.samples // plan.samples)
-        traced = 0.0
-        if plan.traces:
-            traced = 1.0 if plan.traced is None else float(plan.traced.double().mean())
-        shiny = 0.0
-        if plan.specular:
-            shiny = 1.0 if plan.specular_at is None else float(plan.specular_at.double().mean())
         chosen = min(self.chosen, self.surfels)
         anew = self.sets * self.surfels / (self.interval * plan.refresh)
         shaded = self.sets * self.surfels * samples
-        rays = traced * samples * (chosen + anew)
+        rays = plan.traces * samples * (chosen + anew)
         # Without indirect light a ray still finds occluders, but reads no harmonics.
         read = rays * HITS if plan.indirect else 0.0
         return {
             "rays": rays,
-            "directions": samples * (traced * chosen + anew),
+            "directions": samples * (plan.traces * chosen + anew),
             "compared": samples * chosen,
             "shaded_samples": shaded,
-            "lobes": shiny * shaded,
+            "lobes": plan.specular * shaded,
             "coefficients": (self.surfels + 2 * chosen + read) * (plan.sh_degree + 1) ** 2,
             "surfels": self.surfels,
             "pixels": self.pixels,

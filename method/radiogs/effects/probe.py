@@ -15,9 +15,9 @@ from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from radiogs_core.transport.tracer import EVERYTHING
 
 from .bounds import bootstrap_t, sidak
-from .decision import LEAST_SHARE, OFF_BELOW, TOLERANCE_DB, Evidence, Measured, Tolerance, Verdict, decide
-from .images import CoveredPixels, ReferenceImage, TileErrors, mean_error, rendered_views, tile_errors
-from .plans import Step, combined, partial_plans, partial_ray_plans, plan_without
+from .decision import TOLERANCE_DB, Evidence, Measured, Tolerance, Verdict, decide
+from .images import CoveredPixels, ReferenceImage, mean_error, rendered_views, tile_errors
+from .plans import Step, combined, plan_without
 from .probe_scene import PlanRadiance, ProbeScene
 
 LEVEL = 0.01
@@ -80,12 +80,13 @@ def probe(
 
     ``decibel``: tolerated loss, dB of PSNR. ``mse``: the method's own error, display sRGB, if the views have no
     targets; None: it is measured. All bounds of ``effects`` and PROBES hold together with an error of LEVEL: each
-    effect is tried completely and in part, in an order that ends at the first refusal. Raises NumericalFailure if a
-    surfel in a view has a radiance that is not finite.
+    effect is tried alone and together with others, in an order that ends when a combination passes. Raises
+    NumericalFailure if a surfel in a view has a radiance that is not finite.
     """
     level = sidak(LEVEL, 2 * len(effects) * PROBES)
     assessment = Assessment(scene, step, occasion, level, decibel, mse)
-    decisions = {effect: decided_about(effect, assessment) for effect in effects}
+    plans = {effect: plan_without(effect) for effect in effects}
+    decisions = {effect: assessment.decided(plan, assessment.measure(effect, plan)) for effect, plan in plans.items()}
     chosen = {effect: each for effect, each in decisions.items() if each.verdict != "on"}
     whole, left_out = accepted_plan(assessment, chosen)
     for effect in chosen.keys() - set(left_out):
@@ -98,41 +99,15 @@ def probe(
     return Findings(whole.plan, records, assessment.tolerance)
 
 
-def decided_about(effect: str, assessment: "Assessment") -> Decision:
-    """The plan without the effect, if it passes; else the boldest partial plan before the first refusal."""
-    if effect == "visibility":
-        careful = partial_ray_plans(assessment.radiance, OFF_BELOW * assessment.tolerance.error)
-    else:
-        careful = partial_plans(effect, assessment.scene.surfels)
-    bold = plan_without(effect)
-    *parts, whole = assessment.measure(effect, [*careful, bold])
-    decision = assessment.decided(bold, whole)
-    if decision.verdict == "off" or whole.share < LEAST_SHARE:
-        return decision
-    passed = []
-    for plan, measured in zip(careful, parts, strict=True):
-        # A plan that is refused for its small saving, not for its images, may be followed by one that saves enough.
-        if measured.share >= LEAST_SHARE:
-            if assessment.by_images(plan, measured)[0] == "on":
-                break
-            passed.append((plan, measured))
-    for plan, measured in reversed(passed):
-        found = assessment.decided(plan, measured)
-        if found.verdict == "off":
-            return replace(found, verdict="local")
-    return decision
-
-
 def accepted_plan(assessment: "Assessment", chosen: Mapping[str, Decision]) -> tuple[Decision, list[str]]:
     """The decision about the accepted plan, and the effects that it leaves out.
 
     It combines all chosen plans, if the combination passes; if not, the plan that saves least is dropped, and so on.
-    Effects interact: without indirect light, rays that some surfels keep for it only darken them.
     """
     left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect].plan))
     while len(left) > 1:
         plan = combined(chosen[effect].plan for effect in left)
-        found = assessment.decided(plan, assessment.measure("plan", [plan])[0])
+        found = assessment.decided(plan, assessment.measure("plan", plan))
         if found.verdict == "off":
             return found, left
         left.pop()
@@ -204,54 +179,41 @@ class Assessment:
         """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where only g_full is zero.
 
         An effect that hardly changes images may carry the only gradient. Roughness counts only if the plan has specular
-        lobes on all surfels: without a lobe it is not learnt on purpose.
+        lobes: without them it is not learnt on purpose.
         """
-        shiny = plan.specular and plan.specular_at is None
         pairs = zip(self.radiance.leaves, self.gradients(plan), self.full_gradients, strict=True)
-        return max(_relative(value - full, full) for name, value, full in pairs if shiny or name != "roughness")
+        return max(_relative(value - full, full) for name, value, full in pairs if plan.specular or name != "roughness")
 
-    def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
-        """Loss of each plan, which leaves ``effect`` out, compared with all effects on."""
-        compared = [(index, kind) for index, plan in enumerate(plans) for kind in self._changed(plan)]
-        sent = [
-            self.radiance.own(plans[index].sh_degree) if kind == "own" else self.radiance.shaded(plans[index]).detach()
-            for index, kind in compared
-        ]
-        images = self.pixels.take(rendered_views(self.radiance.projections, sent))
-        free = light_factor_is_free(effect, self.scene)
+    def measure(self, effect: str, plan: EffectPlan) -> Measured:
+        """Loss of a plan, which leaves ``effect`` out, compared with all effects on."""
+        sent = self._changed(plan)
+        images = self.pixels.take(rendered_views(self.radiance.projections, sent.values()))
+        free, tolerance = light_factor_is_free(effect, self.scene), self.tolerance
         errors = [
-            tile_errors(image, self.full[kind], self.pixels, free)
-            for (_, kind), image in zip(compared, images, strict=True)
+            tile_errors(image, self.full[name], self.pixels, free) for name, image in zip(sent, images, strict=True)
         ]
         weighted = torch.cat([each.weighted for each in errors])
-        ends = weighted.double().mean(1).cpu(), *bootstrap_t(weighted, self.level, self.generator)
-        of_plan = [[row for row, (which, _) in enumerate(compared) if which == index] for index in range(len(plans))]
-        return [
-            self._measured(plan, [errors[row] for row in rows], [each.view(-1, 2)[rows] for each in ends])
-            for plan, rows in zip(plans, of_plan, strict=True)
-        ]
-
-    def _changed(self, plan: EffectPlan) -> list[str]:
-        """The images that a plan changes, by their names in ``full``."""
-        own, shaded = plan.sh_degree < HIGHEST_DEGREE, replace(plan, sh_degree=HIGHEST_DEGREE).off
-        return [*(["own"] if own else []), *(["shaded"] if shaded else [])]
-
-    def _measured(
-        self, plan: EffectPlan, errors: Sequence[TileErrors], ends: Sequence[Float[Tensor, "images 2"]]
-    ) -> Measured:
-        """``ends``: estimate, lower and upper bound of the mean difference and of the mean rise, display sRGB."""
-        tolerance, (mean, below, above) = self.tolerance, ends
+        below, above = bootstrap_t(weighted, self.level, self.generator)
         worst_tile = max(float(each.difference.max()) for each in errors)
         tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
         return Measured(
-            contribution=tolerance.loss(float(mean.max())),
+            contribution=tolerance.loss(float(weighted.double().mean(1).max())),
             lowest=tolerance.loss(float(below.max())),
             bound=tolerance.loss(float(above.max())),
-            worst=tolerance.worst_case(float(above[:, 0].max())),
+            worst=tolerance.worst_case(float(above[::2].max())),  # of the differences; the others are rises
             tail=tail,
             share=self.step.saving(plan),
             rays=round(self.step.work(EVERYTHING)["rays"] - self.step.work(plan)["rays"]),
         )
+
+    def _changed(self, plan: EffectPlan) -> dict[str, Float[Tensor, "surfels views 3"]]:
+        """Linear radiance under a plan for the images that the plan changes, by their names in ``full``."""
+        sent = {}
+        if plan.sh_degree < HIGHEST_DEGREE:
+            sent["own"] = self.radiance.own(plan.sh_degree)
+        if replace(plan, sh_degree=HIGHEST_DEGREE).off:
+            sent["shaded"] = self.radiance.shaded(plan).detach()
+        return sent
 
 
 def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.kernels.rasterize.projection import Projection
@@ -52,12 +52,10 @@ class ProbeView:
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """The views of a probe, and each surfel's share of the training images."""
+    """The views of a probe."""
 
     views: tuple[ProbeView, ...]
     """The views whose images a probe compares."""
-    share: Float[Tensor, " surfels"]
-    """Share of each surfel in all training images (``image_share``)."""
     straight: bool
     """Whether straight radiance is encoded for display (``kernels.image.display.displayed``), as in training."""
 
@@ -121,28 +119,25 @@ def trace_scene(
     viewpoints: Viewpoints,
     rays: ProbeRays,
     bounces: bool = False,
-    among: Int[Tensor, " chosen"] | None = None,
 ) -> ProbeScene:
     """Traces rays from every surfel along the directions of ``rays``, and returns the scene with this light.
 
     ``environment``: linear radiance of the light. ``bounces``: whether to also trace ``ProbeScene.first``, for which
-    each surfel sends the distant light that it scatters. ``among``: indices of the surfels to trace (None: all); the
-    others are dark. Raises NumericalFailure if a ray hits a surfel with values that are not finite.
+    each surfel sends the distant light that it scatters. Raises NumericalFailure if a ray hits a surfel with values
+    that are not finite.
     """
     surfels, environment = Surfels.of(surfels.plain()), environment.detach()
     normal = surfels.frame[..., 2]
     direction, weight = rays.directions(normal, EnvironmentMap(environment))
     tracer, every = rays.tracer(surfels), torch.arange(len(surfels), device=normal.device)
-    index, dark = every if among is None else among, torch.zeros_like(direction)
-    seen = incident_along(tracer, direction[index], weight[index], index=index)
-    lit = Incident(direction, weight, torch.zeros_like(weight), dark).replaced(index, seen)
+    lit = incident_along(tracer, direction, weight)
     untraced = tracer.untraced(every, direction, weight)
     scene = ProbeScene(
         **vars(viewpoints), surfels=surfels, environment=environment, incident=lit, untraced=untraced
     )  # fmt: skip
     if not bounces:
         return scene
-    by_light = replace(lit, radiance=dark)
+    by_light = replace(lit, radiance=torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, by_light, surfels.frame[:, None, :, 2], environment)[:, 0]
     tracer.follow(glowing(surfels, parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]))
     return replace(scene, first=incident_along(tracer, direction, weight).radiance)
@@ -178,19 +173,14 @@ class PlanRadiance:
 
     def shaded(self, plan: EffectPlan) -> Float[Tensor, "surfels views 3"]:
         """L_PBR under a plan, linear RGB; a plan without bounces needs ``ProbeScene.first``."""
-        traced = plan.traced if plan.traces else False
-        shiny = plan.specular_at if plan.specular else False
         parts, free = self._parts
-        by_bounces = parts if plan.bounces else self._first
-        occluded, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
-        diffuse, specular = (
-            _where(occluded, parts[:, :, direct], free[:, :, direct])
-            + _where(lit, by_bounces[:, :, indirect], free[:, :, indirect])
-            for direct, indirect in ((DIFFUSE_DIRECT, DIFFUSE_INDIRECT), (SPECULAR_DIRECT, SPECULAR_INDIRECT))
-        )
-        roughness = self._materials.roughness
-        albedo = lambert_albedo(self.albedo, roughness, plan.specular_among(self.albedo))
-        return albedo[:, None] * diffuse + _where(shiny, specular, 0.0)
+        scattered = parts if plan.bounces else self._first
+        by_sky, by_surfels = (parts if plan.visibility else free), (scattered if plan.indirect else free)
+        albedo = lambert_albedo(self.albedo, self._materials.roughness, plan.specular_among(self.albedo))
+        diffuse = albedo[:, None] * (by_sky[:, :, DIFFUSE_DIRECT] + by_surfels[:, :, DIFFUSE_INDIRECT])
+        if not plan.specular:
+            return diffuse
+        return diffuse + by_sky[:, :, SPECULAR_DIRECT] + by_surfels[:, :, SPECULAR_INDIRECT]
 
     def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
         """L_G, the surfels' own radiance, linear RGB, with harmonics up to ``degree``."""
@@ -213,12 +203,3 @@ class PlanRadiance:
     @property
     def _materials(self) -> Surfels:
         return Surfels.of(self.scene.surfels.parameters() | {"roughness_logit": self.roughness_logit})
-
-
-def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
-    """``one`` for the chosen surfels, ``other`` for the rest. ``chosen``: None: all; False: none."""
-    if chosen is None:
-        return one
-    if isinstance(chosen, bool):
-        return other if isinstance(other, Tensor) else torch.zeros_like(one)
-    return torch.where(chosen[:, None, None], one, other)

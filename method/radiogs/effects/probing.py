@@ -120,7 +120,9 @@ def probe_scene(run: Run[Variant, Budget]) -> tuple[ProbeScene, Decay]:
     samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
     surfels, decay = solve_radiosity(surfels, light, samples, run.seed)
     rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), RaySettings.of(run.variant), OFFSET)
-    return trace_scene(surfels, light.radiance, training_viewpoints(run, surfels), rays, bounces=True), decay
+    return trace_scene(
+        surfels, light.radiance, training_viewpoints(run, surfels.centre.device), rays, bounces=True
+    ), decay
 
 
 def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
@@ -128,7 +130,7 @@ def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
     surfels = model.surfels
     generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
     rays = ProbeRays(run.budget.incident_samples, generator, RaySettings.of(run.variant))
-    return trace_scene(surfels, model.environment, training_viewpoints(run, surfels), rays, bounces=True)
+    return trace_scene(surfels, model.environment, training_viewpoints(run, surfels.centre.device), rays, bounces=True)
 
 
 def training_findings(scene: ProbeScene, run: Run[Variant, Budget], effects: tuple[str, ...] = EFFECTS) -> Findings:
@@ -172,7 +174,7 @@ def report(scene: ProbeScene, findings: Findings, effects: tuple[str, ...], boun
         tolerance=findings.tolerance.decibel,
         mse=findings.tolerance.mse,
         records=tuple(EffectRecord(**each.plain()) for each in findings.evidence),
-        plan=findings.plan.plain(),
+        plan=findings.plan.state(),
         bounces=bounces,
         reference=(full if photograph is None else photograph).cpu(),
         pictured=photograph is not None,

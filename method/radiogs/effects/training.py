@@ -1,12 +1,10 @@
-"""Probes of stage 2: whether they pay, and from which surfels rays are traced (``invert.Planning``)."""
+"""Probes of stage 2: whether they pay, and whether rays are traced (``invert.Planning``)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure
@@ -23,7 +21,6 @@ from ..model import Model
 from ..rays import RaySettings
 from ..settings import Budget, Variant
 from .decision import TOLERANCE_DB, Evidence
-from .images import image_share
 from .plans import Step, why_not_probed
 from .probe import PROBES, Occasion, probe
 from .probe_scene import PROBE_VIEWS, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
@@ -38,7 +35,7 @@ BEFORE = EffectPlan(visibility=False, indirect=False, kept=True)
 class Planner:
     """The plan of a training that is decided by PROBES probes, evenly spread over its steps, if they pay.
 
-    ``made``: what ``start.make_start`` returned. Surfels that lose their rays keep the light of their last tracing
+    ``made``: what ``start.make_start`` returned. Without rays, surfels keep the light of their last tracing
     (``EffectPlan.kept``). The seed of each probe follows from the training's seed and the iteration: probes are
     independent, and a resumed training makes the same decisions.
     """
@@ -50,7 +47,6 @@ class Planner:
         self.samples = max(2, min(DIRECTIONS, budget.incident_samples // 2))
         view = run.scene.train[0].camera
         self.step = Step.of(variant, budget, len(made["surfels"]["centre"]), view.width * view.height)
-        self.share: Float[Tensor, " surfels"] | None = None
         self.plan, self.evidence = BEFORE, tuple[Evidence, ...]()
         self.at = frozenset(budget.inverse_iterations * index // PROBES for index in range(PROBES))
         if (why := why_not_probed(variant, budget, self.step, PROBES)) is not None:
@@ -68,8 +64,7 @@ class Planner:
             self.initialised = {}  # which would keep the outcome of stage 1 in memory
         with part("probe"):
             before = self.observe(model, stage.views, stage.iteration, stage.cache)
-        rays = [plan.without_rays(model.surfels.centre) for plan in (before, self.plan)]
-        if first or not torch.equal(*rays):
+        if first or before.traces != self.plan.traces:
             stage.cache.adopt(self.plan, stage.model, stage.iteration)
 
     def observe(self, model: Model, views: Sequence[TrainingView], iteration: int, cache: IncidentCache) -> EffectPlan:
@@ -86,42 +81,33 @@ class Planner:
             why = f"the probe failed: {failure.what}"
             self.evidence += (Evidence("plan", "on", why, iteration, occasion.seed, TOLERANCE_DB, None),)
         else:
-            self.plan = replace(findings.plan, kept=not findings.plan.traces_all)
+            self.plan = replace(findings.plan, kept=not findings.plan.traces)
             self.evidence += findings.evidence
         return before
 
     def scene(self, model: Model, views: Sequence[TrainingView], seed: int, cache: IncidentCache) -> ProbeScene:
         """The scene of a probe with this seed.
 
-        Surfels that keep their light are not traced by the probe: their kept light is compared with light that
-        training's rays trace now. The model has been fitted to the kept light, which includes occluders close to a
-        surfel.
+        If light is kept, it is compared with light that training's rays trace now, along the same directions. The
+        model has been fitted to the kept light, which includes occluders close to a surfel.
         """
         surfels = model.surfels
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
-        if self.share is None:
-            # Computed once: surfels hardly move any more.
-            self.share = image_share([view.camera for view in views], surfels)
-        viewpoints = Viewpoints(drawn_views(views, seed), self.share, self.straight)
-        keeping = torch.zeros_like(surfels.opacity_logit, dtype=torch.bool)
-        if cache.kept is not None:
-            keeping = self.plan.without_rays(surfels.centre)
-        others, index = (torch.nonzero(mask)[:, 0] for mask in (~keeping, keeping))
-        scene = trace_scene(
-            surfels, model.environment, viewpoints, ProbeRays(self.samples, generator, self.rays), among=others
-        )
-        # Directions below the horizon are occluded by the surface itself, also where rays start beyond it.
-        clear = scene.incident.visibility * scene.untraced.visibility
-        scene = replace(scene, incident=replace(scene.incident, visibility=clear))
+        viewpoints = Viewpoints(drawn_views(views, seed), self.straight)
         if cache.kept is None:
-            return scene
+            rays = ProbeRays(self.samples, generator, self.rays)
+            scene = trace_scene(surfels, model.environment, viewpoints, rays)
+            # Directions below the horizon are occluded by the surface itself, also where rays start beyond it.
+            clear = scene.incident.visibility * scene.untraced.visibility
+            return replace(scene, incident=replace(scene.incident, visibility=clear))
         some = torch.randperm(CELLS**2, generator=generator, device=generator.device)[: self.samples]
         kept = cache.kept.through(some)
         cache.tracer.follow(surfels)
-        now = incident_along(cache.tracer, kept.direction, kept.weight, index=index)
-        return replace(
-            scene, incident=scene.incident.replaced(index, now), untraced=scene.untraced.replaced(index, kept)
-        )
+        now = incident_along(cache.tracer, kept.direction, kept.weight)
+        return ProbeScene(
+            **vars(viewpoints), surfels=Surfels.of(surfels.plain()), environment=model.environment.detach(),
+            incident=now, untraced=kept,
+        )  # fmt: skip
 
     @property
     def records(self) -> tuple[Mapping[str, Any], ...]:
@@ -130,13 +116,12 @@ class Planner:
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which ``restore`` continues bit for bit."""
-        return {"plan": self.plan.state(), "evidence": list(self.records), "share": self.share}
+        return {"plan": self.plan.state(), "evidence": list(self.records)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.plan = EffectPlan(**state["plan"])
         self.evidence = tuple(Evidence.of(each) for each in state["evidence"])
-        self.share = state["share"]
 
 
 def drawn_views(views: Sequence[TrainingView], seed: int) -> tuple[ProbeView, ...]:

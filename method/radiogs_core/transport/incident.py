@@ -1,6 +1,6 @@
 """Incident light at surfels from a set of directions, traced through the surfels themselves."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float, Int
@@ -23,12 +23,6 @@ class Incident:
     def of(self, index: Int[Tensor, " chosen"]) -> "Incident":
         """The entries of the surfels at ``index``."""
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
-
-    def replaced(self, index: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
-        """A copy with the entries at ``index`` taken from ``fresh``, to which gradients flow."""
-        return Incident(
-            *(getattr(self, each.name).index_copy(0, index, getattr(fresh, each.name)) for each in fields(self))
-        )
 
 
 def unoccluded(direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]) -> Incident:

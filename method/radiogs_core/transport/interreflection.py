@@ -31,24 +31,18 @@ MOST_LEFT = 0.95
 
 
 class FixedRays:
-    """Rays of some surfels in fixed directions, whose hits are kept up to a number of bytes.
+    """Rays of all surfels in fixed directions, whose hits are kept up to a number of bytes.
 
     Args:
         tracer: Traces the rays.
-        index: The surfels from which rays start.
         direction: Unit directions of all surfels.
         kept_bytes: Most bytes of hits that are kept.
     """
 
-    def __init__(
-        self,
-        tracer: SurfelTracer,
-        index: Int[Tensor, " chosen"],
-        direction: Float[Tensor, "surfels samples 3"],
-        kept_bytes: int,
-    ) -> None:
+    def __init__(self, tracer: SurfelTracer, direction: Float[Tensor, "surfels samples 3"], kept_bytes: int) -> None:
         self.tracer, self.direction = tracer, direction
-        self.chunks = index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ()
+        every = torch.arange(len(direction), device=direction.device)
+        self.chunks = every.split(max(1, RAYS_AT_ONCE // direction.shape[1]))
         self.left = kept_bytes
         self.kept: dict[int, HitLists] = {}
 
@@ -79,15 +73,15 @@ def bounced_incident(
     """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
 
     ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
-    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced; surfels
-    without rays have the substitutes (``SurfelTracer.untraced``) and still send light.
+    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced; the
+    others have the substitutes (``SurfelTracer.untraced``).
     """
     surfels = tracer.surfels
     normal, roughness = surfels.frame[..., 2].detach(), surfels.roughness.detach()
     reflectance = bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
     every, dark = torch.arange(len(albedo), device=albedo.device), torch.zeros_like(albedo)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
-    rays = FixedRays(tracer, plan.traced_among(every), direction, KEPT_BYTES)
+    rays = FixedRays(tracer, direction, KEPT_BYTES)
     if plan.visibility:
         for some, visibility, _ in rays.arriving(dark):
             incident.visibility[some] = visibility

@@ -1,11 +1,11 @@
 """The effect plan: which light-transport effects are simulated, and which substitutes replace the others."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..errors import UsageError
@@ -50,13 +50,8 @@ class EffectPlan:
     """Divisor of the number of directions of each surfel."""
     refresh: int = 1
     """Factor of the interval at which all surfels are traced again."""
-    traced: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
-    """Surfels whose V and L_ind are traced if either effect is on; the others have both substitutes. None: all."""
-    specular_at: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
-    """Surfels that have a specular lobe if ``specular`` is on. None: all."""
     kept: bool = False
-    """Whether surfels that are not traced keep the light that was traced when the plan was made, instead of the
-    substitutes. If only L_ind is off, occluders keep the radiance that they had then."""
+    """Whether surfels keep the light that was traced when the plan was made, instead of the substitutes."""
 
     @property
     def traces(self) -> bool:
@@ -65,22 +60,22 @@ class EffectPlan:
 
     @property
     def traces_all(self) -> bool:
-        """Whether every surfel has V and L_ind from rays."""
-        return self.visibility and self.indirect and self.traced is None
+        """Whether both V and L_ind come from rays."""
+        return self.visibility and self.indirect
 
     @property
     def at_once(self) -> "EffectPlan":
-        """The plan for the first trace if its light is kept: it traces V and L_ind of all surfels."""
-        return replace(self, visibility=True, indirect=True, traced=None) if self.kept else self
+        """The plan that traces V and L_ind of a model whose light was kept in training."""
+        return replace(self, visibility=True, indirect=True) if self.kept else self
 
     @property
     def off(self) -> tuple[str, ...]:
-        """Names of the effects that are off or simulated only in part."""
+        """Names of the effects that are off."""
         left = {
-            "visibility": self.visibility and self.traced is None,
-            "indirect": self.indirect and (self.traced is None or not self.visibility),
+            "visibility": self.visibility,
+            "indirect": self.indirect,
             "bounces": self.bounces,
-            "specular": self.specular and self.specular_at is None,
+            "specular": self.specular,
             "light-sampling": self.light_sampling,
             "view-dependence": self.sh_degree == HIGHEST_DEGREE,
             "samples": self.samples == 1,
@@ -102,37 +97,13 @@ class EffectPlan:
         }
         return replace(self, **changes[effect])
 
-    def traced_among(self, index: Int[Tensor, " chosen"]) -> Int[Tensor, " positions"]:
-        """The positions in ``index`` of the surfels from which rays are traced."""
-        if not self.traces:
-            return index[:0]
-        if self.traced is None:
-            return torch.arange(len(index), device=index.device)
-        return torch.nonzero(self.traced[index])[:, 0]
-
-    def without_rays(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"]:
-        """Whether no ray is traced from each surfel. ``like``: a tensor with as many rows, same device."""
-        if self.traces and self.traced is not None:
-            return ~self.traced
-        return torch.full((len(like),), not self.traces, device=like.device)
-
     def specular_among(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"] | None:
         """Whether each surfel has a specular lobe; None: all. ``like``: a tensor with as many rows, same device."""
-        if self.specular:
-            return self.specular_at
-        return torch.zeros(len(like), dtype=torch.bool, device=like.device)
+        return None if self.specular else torch.zeros(len(like), dtype=torch.bool, device=like.device)
 
     def state(self) -> dict[str, Any]:
-        """The fields as plain values and tensors, for checkpoints."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
-
-    def plain(self) -> dict[str, Any]:
-        """The fields as plain values, for results; a mask becomes the share of surfels that it selects."""
-        shares = {
-            name: None if mask is None else float(mask.float().mean())
-            for name, mask in (("traced", self.traced), ("specular_at", self.specular_at))
-        }
-        return self.state() | shares
+        """The fields as plain values, for checkpoints and results."""
+        return dict(vars(self))
 
 
 def plan_of(effects: Effects) -> EffectPlan:

@@ -6,6 +6,8 @@ surfel's own hemisphere lies below the surface. Rays are blocked there by the ne
 replaces them.
 """
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
@@ -170,20 +172,15 @@ class SurfelTracer:
     ) -> Incident:
         """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels.
 
-        Effects and surfels that ``plan`` leaves out get the substitutes of ``untraced``.
+        Effects that ``plan`` leaves out get the substitutes of ``untraced``.
         """
-        if plan.traces_all and len(index):
-            return Incident(direction, weight, *self._through_surfels(index, direction))
-        free, traced = self.untraced(index, direction, weight), plan.traced_among(index)
-        if not len(traced):
-            return free
-        visibility, radiance = self._through_surfels(index[traced], direction[traced])
-        return Incident(
-            direction,
-            weight,
-            free.visibility.index_copy(0, traced, visibility) if plan.visibility else free.visibility,
-            free.radiance.index_copy(0, traced, radiance) if plan.indirect else free.radiance,
-        )
+        if not plan.traces or not len(index):
+            return self.untraced(index, direction, weight)
+        light = Incident(direction, weight, *self._through_surfels(index, direction))
+        if plan.traces_all:
+            return light
+        free = self.untraced(index, direction, weight)
+        return replace(light, radiance=free.radiance) if plan.visibility else replace(light, visibility=free.visibility)
 
     def _through_surfels(
         self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]

@@ -137,16 +137,13 @@ HIGHEST_DEGREE = 3
 
 
 def left_out(plan: Mapping[str, Any]) -> str:
-    """The effects that a plan leaves out, such as ``no rays, lobes on 34 % of the surfels``.
+    """The effects that a plan leaves out, such as ``no rays, no lobes``.
 
-    ``plan`` is as results store it: a mask is the share of surfels that it turns on. A field that it does not have
-    leaves nothing out.
+    ``plan`` is as results store it. A field that it does not have leaves nothing out.
     """
     parts = _rays(plan)
     if not plan.get("specular", True):
         parts.append("no lobes")
-    elif (share := plan.get("specular_at")) is not None:
-        parts.append(f"lobes on {100 * share:.0f} % of the surfels")
     if not plan.get("bounces", True):
         parts.append("one bounce")
     if not plan.get("light_sampling", True):
@@ -161,10 +158,10 @@ def left_out(plan: Mapping[str, Any]) -> str:
 
 
 def _rays(plan: Mapping[str, Any]) -> list[str]:
-    visibility, indirect, traced = plan.get("visibility", True), plan.get("indirect", True), plan.get("traced")
+    visibility, indirect = plan.get("visibility", True), plan.get("indirect", True)
     if not visibility and not indirect:
         return ["no rays"]
-    parts = [] if traced is None else [f"rays from {100 * traced:.0f} % of the surfels"]
+    parts = []
     if not visibility:
         parts.append("no visibility")
     if not indirect:

@@ -110,13 +110,10 @@ def test_patterned_walls_around_an_object_need_more_than_one_bounce(name: str, s
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_smooth_patches_keep_their_lobes_and_matte_ones_do_not(seed: int) -> None:
-    scene, found, _ = found_on("patchwork", seed)
-    roughness, kept = scene.surfels.roughness, found.plan.specular_at
-    assert records(found)["specular"].verdict == "local"
+def test_smooth_patches_among_matte_ones_keep_the_lobes(seed: int) -> None:
+    _, found, _ = found_on("patchwork", seed)
+    assert records(found)["specular"].verdict == "on"
     assert found.plan.specular
-    assert bool(kept[roughness < 0.5].all())
-    assert not kept[roughness > 0.65].any()
 
 
 @pytest.mark.slow
@@ -127,7 +124,6 @@ def test_balls_with_visible_highlights_keep_their_lobes(name: str, smoothest: fl
     ball = (scene.surfels.roughness - smoothest).abs() < 0.01
     assert bool(ball.any())
     assert found.plan.specular
-    assert found.plan.specular_at is None or bool(found.plan.specular_at[ball].all())
 
 
 def even() -> torch.Tensor:
@@ -206,8 +202,6 @@ def test_relighting_by_a_sun_of_half_a_degree_keeps_its_shadow(seed: int) -> Non
     lit = (incident.visibility * towards_it).sum(1) / towards_it.sum(1).clamp(min=1)
     shadowed = towards_it.any(1) & (lit < 0.1)
     assert int(shadowed.sum()) > 20
-    kept = torch.ones_like(shadowed) if plan.traced is None else plan.traced
-    assert float(kept[shadowed].double().mean()) > 0.95
     assert not relighting_findings(run("convex", seed), None, light)[1].plan.traces
 
 

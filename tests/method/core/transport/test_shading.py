@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from radiogs.consistency import RadiometricConsistency
-from radiogs.effects.images import image_share
 from radiogs.effects.probe_scene import PlanRadiance, ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.rays import RaySettings
@@ -144,7 +143,6 @@ def test_radiance_that_a_matt_surface_sends_in_a_furnace_is_consistent() -> None
         EffectPlan(),
         EffectPlan().without("specular"),
         EffectPlan().without("specular").without("indirect"),
-        EffectPlan(specular_at=torch.arange(10_000) % 2 == 0),
     ],
 )
 def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
@@ -152,11 +150,8 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
         surfels_over([Sphere((0.0, 0.0, s), 0.4, Material((0.6, 0.5, 0.4), 0.7)) for s in (-0.5, 0.5)], 0.2),
         sky(),
     )
-    if plan.specular_at is not None:
-        plan = dataclasses.replace(plan, specular_at=plan.specular_at[: len(surfels)])
-    share = image_share([CAMERA], surfels)
     rays = ProbeRays(16, torch.Generator().manual_seed(0), RaySettings())
-    made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), share, straight=True), rays)
+    made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), straight=True), rays)
     judged = PlanRadiance(made).shaded(plan).detach()
     incident = (
         made.incident if plan.indirect else dataclasses.replace(made.incident, radiance=0 * made.incident.radiance)

@@ -80,27 +80,20 @@ def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -
     assert all(torch.equal(value, named[name]) for name, value in full.optimiser.tensors.items())
 
 
-def test_tracing_some_surfels_gives_the_same_light_as_tracing_all(initialised: dict[str, Any]) -> None:
-    stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
-    surfels = stage.model.surfels
-    some = torch.arange(len(surfels)) % 3 == 0
-    whole = gather_incident(SurfelTracer(surfels), surfels, 8, None)
-    with recording() as instruments:
-        part = gather_incident(SurfelTracer(surfels), surfels, 8, None, plan=EffectPlan(traced=some))
-    assert instruments.work["rays"] == 8 * int(some.sum())
-    assert torch.equal(part.visibility[some], whole.visibility[some])
-    assert torch.equal(part.radiance[some], whole.radiance[some])
-    free = SurfelTracer(surfels).untraced(torch.nonzero(~some)[:, 0], whole.direction[~some], whole.weight[~some])
-    assert torch.equal(part.visibility[~some], free.visibility)
-    assert not part.radiance[~some].any()
+@pytest.mark.parametrize("off", ["visibility", "indirect"])
+def test_without_one_of_both_the_other_comes_from_the_same_rays(initialised: dict[str, Any], off: str) -> None:
+    surfels = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model.surfels
+    tracer = SurfelTracer(surfels)
+    whole = gather_incident(tracer, surfels, 8, None)
+    free = tracer.untraced(torch.arange(len(surfels)), whole.direction, whole.weight)
+    part = gather_incident(tracer, surfels, 8, None, plan=EffectPlan().without(off))
+    assert torch.equal(part.visibility, (free if off == "visibility" else whole).visibility)
+    assert torch.equal(part.radiance, (free if off == "indirect" else whole).radiance)
+    assert not torch.equal(free.visibility, whole.visibility)
+    assert whole.radiance.any()
 
 
 NO_RAYS = EffectPlan(visibility=False, indirect=False, kept=True)
-
-
-def local_rays(initialised: dict[str, Any]) -> EffectPlan:
-    some = torch.arange(len(initialised["optimiser"]["tensors"]["centre"])) % 3 == 0
-    return EffectPlan(traced=some, kept=True)
 
 
 def copy_of(incident: Incident) -> Incident:
@@ -115,24 +108,19 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
     return stage
 
 
-def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
-    """Work of twelve steps, one of them with a refresh, and the cached light before and after them."""
-    before = copy_of(stage.cache.incident)
-    with recording() as instruments:
-        for _ in range(12):
-            stage.step()
-    return dict(instruments.work), before, stage.cache.incident
+def stepped(stage: InverseRendering) -> Incident:
+    """The cached light after twelve steps, one of them with a refresh."""
+    for _ in range(12):
+        stage.step()
+    return stage.cache.incident
 
 
 def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
     plain = MaterialLearning(start=MaterialStart(light="constant"))  # the search for the light traces rays of its own
     stage = inverse_rendering(Run(SCENE, Variant(materials=plain), BUDGET, 0, CPU), initialised)
-    for plan in (NO_RAYS, local_rays(initialised)):
-        with recording() as instruments:
-            stage.cache.adopt(plan, stage.model, 0)
-        without = plan.without_rays(stage.cache.incident.weight)
-        each = stage.cache.incident.weight.shape[1]
-        assert instruments.work["rays"] == int(without.sum()) * CELLS**2 + int((~without).sum()) * each
+    with recording() as instruments:
+        stage.cache.adopt(NO_RAYS, stage.model, 0)
+    assert instruments.work["rays"] == len(stage.cache.incident.weight) * CELLS**2
 
 
 def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
@@ -147,7 +135,7 @@ def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
     apart = (drawn * middle[cells(drawn)]).sum(-1).clamp(max=1).acos().rad2deg()
     assert float(apart.max()) < 10
     # Cells share the hemisphere by their solid angles: so many of the random directions fall into each.
-    light = KeptLight(torch.arange(1), torch.eye(3)[None], torch.ones(1, CELLS**2), torch.ones(1, CELLS**2, 3))
+    light = KeptLight(torch.eye(3)[None], torch.ones(1, CELLS**2), torch.ones(1, CELLS**2, 3))
     share = light.through(torch.arange(CELLS**2)).weight[0] / (2 * torch.pi)
     assert float(share.sum()) == pytest.approx(1)
     counted = torch.bincount(cells(drawn), minlength=CELLS**2) / len(drawn)
@@ -155,12 +143,11 @@ def test_directions_fall_into_the_cell_whose_middle_they_go_through() -> None:
     torch.testing.assert_close(rows[0], rows[1], rtol=0.1, atol=0)
 
 
-def is_kept(now: Incident, kept: KeptLight, index: torch.Tensor) -> bool:
-    """Whether surfels at ``index`` have, along each direction, V and L_ind of the cell that it falls into."""
-    row = kept.row[index]
-    cell = cells(now.direction @ kept.frame[row])
-    same = torch.equal(now.visibility, kept.visibility[row[:, None], cell])
-    return same and torch.equal(now.radiance, kept.radiance[row[:, None], cell])
+def is_kept(now: Incident, kept: KeptLight) -> bool:
+    """Whether each surfel has, along each direction, V and L_ind of the cell that the direction falls into."""
+    row, cell = torch.arange(len(now.weight))[:, None], cells(now.direction @ kept.frame)
+    same = torch.equal(now.visibility, kept.visibility[row, cell])
+    return same and torch.equal(now.radiance, kept.radiance[row, cell])
 
 
 def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_refresh_draws_anew(
@@ -168,8 +155,8 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_re
 ) -> None:
     """Directions that stayed would keep the noise of their sums, and materials would be fitted to it."""
     stage = decided(initialised, NO_RAYS)
-    before, every = copy_of(stage.cache.incident), torch.arange(len(stage.cache.incident.weight))
-    assert is_kept(before, stage.cache.kept, every)
+    before = copy_of(stage.cache.incident)
+    assert is_kept(before, stage.cache.kept)
     with recording() as instruments:
         for _ in range(BUDGET.refresh_interval):
             stage.step()
@@ -177,16 +164,18 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_re
         stage.step()
     assert not instruments.work["rays"]
     assert bool((before.direction != stage.cache.incident.direction).any(-1).all())
-    assert is_kept(stage.cache.incident, stage.cache.kept, every)
+    assert is_kept(stage.cache.incident, stage.cache.kept)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("local", [False, True])
-def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(initialised: dict[str, Any], local: bool) -> None:
+@pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan()])
+def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
+    initialised: dict[str, Any], plan: EffectPlan
+) -> None:
     """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too."""
     ended = []
     for anew in (False, True):
-        stage = decided(initialised, local_rays(initialised) if local else NO_RAYS)
+        stage = decided(initialised, plan)
         assert not stage.model.log_environment.requires_grad
         for _ in range(12):
             if anew:
@@ -199,41 +188,22 @@ def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(initialised: 
 
 @pytest.mark.slow
 def test_kept_light_is_looked_up_in_parts(initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = stepped(decided(initialised, NO_RAYS))[2]
+    whole = stepped(decided(initialised, NO_RAYS))
     monkeypatch.setattr(kept_light, "DIRECTIONS_AT_ONCE", 1)
-    parts = stepped(decided(initialised, NO_RAYS))[2]
+    parts = stepped(decided(initialised, NO_RAYS))
     assert all(torch.equal(value, getattr(parts, name)) for name, value in vars(whole).items())
 
 
-@pytest.mark.slow
-def test_surfels_without_rays_keep_their_light_while_others_are_traced(initialised: dict[str, Any]) -> None:
-    plan = local_rays(initialised)
-    whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
-    stage = decided(initialised, plan)
-    counted, before, after = stepped(stage)
-    assert 0 < counted["rays"] < 0.5 * whole["rays"]
-    without = torch.nonzero(~plan.traced)[:, 0]
-    assert len(stage.cache.kept.frame) == len(without)
-    assert is_kept(after.of(without), stage.cache.kept, without)
-    assert bool((before.direction != after.direction).any(-1).any(-1).all())
-
-
-def test_kept_and_traced_light_are_assigned_to_the_right_surfels(initialised: dict[str, Any]) -> None:
-    plan = local_rays(initialised)
-    stage = decided(initialised, plan)
+def test_a_probe_that_leaves_out_rays_is_restored_with_the_light_that_it_kept(initialised: dict[str, Any]) -> None:
+    stage, again = decided(initialised, NO_RAYS), decided(initialised, EffectPlan())
     index = torch.tensor([5, 3, 9, 1])
-    before = stage.cache.of_set(index, 1)
     light = stage.cache.light_on(index, stage.model, 1)
-    assert light.visibility.requires_grad or light.radiance.requires_grad
-    for row, surfel in enumerate(index.tolist()):
-        for name in vars(light):
-            assert torch.equal(getattr(light, name)[row], getattr(stage.cache.of_set(index, 1), name)[row])
-        assert torch.equal(light.direction[row], before.direction[row]) != bool(plan.traced[surfel])
-        if not plan.traced[surfel]:
-            assert is_kept(light.of(torch.tensor([row])), stage.cache.kept, torch.tensor([surfel]))
-    again = decided(initialised, NO_RAYS)
+    assert all(torch.equal(value, getattr(stage.cache.of_set(index, 1), name)) for name, value in vars(light).items())
+    assert not light.visibility.requires_grad
+    assert again.cache.light_on(index, again.model, 1).radiance.requires_grad
     again.restore(stage.state())
-    assert torch.equal(again.cache.plan.traced, plan.traced)
+    assert again.cache.plan == NO_RAYS
+    assert is_kept(again.cache.incident, again.cache.kept)
 
 
 @pytest.mark.slow
@@ -243,7 +213,7 @@ def test_a_plan_with_other_rays_renews_the_cached_light(
 ) -> None:
     """The second probe comes after half of the steps."""
     stage = inverse_rendering(Run(SCENE, Variant(effects="auto"), PROBED, 0, CPU), initialised)
-    plans = iter([NO_RAYS, local_rays(initialised) if other else NO_RAYS])
+    plans = iter([NO_RAYS, EffectPlan() if other else NO_RAYS])
 
     def observe(*arguments: Any) -> EffectPlan:
         before, stage.planning.plan = stage.planning.plan, next(plans)
@@ -265,9 +235,8 @@ def test_a_model_with_kept_light_is_rendered_with_rays_of_all_surfels(initialise
     def image(plan: EffectPlan) -> torch.Tensor:
         return Renderer(dataclasses.replace(model, plan=plan), 8, Variant()).render(camera)["image"]
 
-    for plan in (NO_RAYS, local_rays(initialised)):
-        assert torch.equal(image(plan), image(EffectPlan()))
-        assert not torch.equal(image(dataclasses.replace(plan, kept=False)), image(EffectPlan()))
+    assert torch.equal(image(NO_RAYS), image(EffectPlan()))
+    assert not torch.equal(image(dataclasses.replace(NO_RAYS, kept=False)), image(EffectPlan()))
 
 
 @pytest.mark.slow
