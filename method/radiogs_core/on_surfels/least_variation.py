@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from ..kernels.adam import Adam
 from ..learning.losses import unevenness
 from ..scene.colour import LINEAR_KNEE
 from ..scene.light import texel_solid_angles
@@ -17,27 +18,30 @@ from .start_values import LightStart
 ROUNDING = 1e-4
 """Constant under the root of the l1 distance of log-albedo: below its root the distance is quadratic."""
 
+ADAM_EPSILON = 1e-8
+
 SMALLEST_SHARE = 1e-4
 """Share of the mean irradiance that is added to it inside the logarithm."""
 
 
 class Pairs(NamedTuple):
-    """Pairs of points, with weights."""
+    """Pairs of points with weights: of each point with as many others."""
 
-    first: Int[Tensor, " pairs"]
-    """Index of the first point of each pair."""
-    second: Int[Tensor, " pairs"]
-    """Index of the second point of each pair."""
+    second: Int[Tensor, "points others"]
+    """Indices of the points with which each point is compared."""
     weight: Float[Tensor, " pairs"]
-    """Weights; they sum to 1."""
+    """Weights of the pairs, point by point; they sum to 1."""
 
-    def differences(self, log_albedo: Float[Tensor, "points columns"]) -> Float[Tensor, "pairs columns"]:
-        """Absolute differences of log-albedo, smoothed at zero.
+    def others(self, log_albedo: Float[Tensor, "points columns"]) -> Float[Tensor, "points others columns"]:
+        """Log-albedo of the second points.
 
         ``index_select``, whose gradient takes a fraction of the time of that of an index in brackets.
         """
-        first, second = log_albedo.index_select(0, self.first), log_albedo.index_select(0, self.second)
-        return ((first - second).square() + ROUNDING).sqrt()
+        return log_albedo.index_select(0, self.second.flatten()).view(*self.second.shape, log_albedo.shape[1])
+
+    def differences(self, log_albedo: Float[Tensor, "points columns"]) -> Float[Tensor, "pairs columns"]:
+        """Absolute differences of log-albedo, smoothed at zero."""
+        return ((log_albedo[:, None] - self.others(log_albedo)).square() + ROUNDING).sqrt().flatten(0, 1)
 
 
 class Variation:
@@ -50,15 +54,15 @@ class Variation:
     def __init__(self, points: SeenPoints, learning: LightStart) -> None:
         self.learning = learning
         self.radiance = points.radiance.clamp(min=LINEAR_KNEE)
-        self.near = self._weighted(*_near(points, learning.neighbours))
-        self.far = self._weighted(*_far(points, learning.far))
+        self.near = self._weighted(_near(points, learning.neighbours))
+        self.far = self._weighted(_far(points, learning.far))
 
-    def _weighted(self, first: Tensor, second: Tensor) -> Pairs:
+    def _weighted(self, second: Int[Tensor, "points others"]) -> Pairs:
         logarithm = self.radiance.log()
         chroma = logarithm - logarithm.mean(-1, keepdim=True)
-        apart = (chroma[first] - chroma[second]).square().sum(-1)
+        apart = (chroma[:, None] - chroma[second]).square().sum(-1).flatten()
         weight = torch.exp(-apart / (2 * self.learning.same_paint**2))
-        return Pairs(first, second, weight / weight.sum().clamp(min=torch.finfo(weight.dtype).tiny))
+        return Pairs(second, weight / weight.sum().clamp(min=torch.finfo(weight.dtype).tiny))
 
     def of(self, log_albedo: Float[Tensor, "points columns"]) -> Float[Tensor, " columns"]:
         """The variation of each column: of each channel of the albedo, or of each of several albedos."""
@@ -73,23 +77,22 @@ class Variation:
 
     def brightest(self, log_albedo: Float[Tensor, "points 3"]) -> Float[Tensor, ""]:
         """Log-albedo of the brightest paint (``LightStart.brightest``)."""
-        around = log_albedo.index_select(0, self.near.second).view(len(log_albedo), -1, 3).median(1).values
+        around = self.near.others(log_albedo).median(1).values
         return around.amax(-1).quantile(self.learning.brightest)
 
 
-def _near(points: SeenPoints, count: int) -> tuple[Int[Tensor, " pairs"], Int[Tensor, " pairs"]]:
-    """Indices of each point and of its nearest neighbours."""
+def _near(points: SeenPoints, count: int) -> Int[Tensor, "points others"]:
+    """Indices of the nearest neighbours of each point."""
     positions = points.centre.cpu().numpy()
     near = cKDTree(positions).query(positions, k=min(count + 1, len(positions)))[1]
-    second = torch.from_numpy(near.reshape(len(positions), -1)[:, 1:]).to(points.centre.device)
-    return torch.arange(len(positions), device=second.device).repeat_interleave(second.shape[1]), second.flatten()
+    return torch.from_numpy(near.reshape(len(positions), -1)[:, 1:]).to(points.centre.device)
 
 
-def _far(points: SeenPoints, each: int) -> tuple[Int[Tensor, " pairs"], Int[Tensor, " pairs"]]:
-    """Indices of each point and of random points, drawn with a fixed seed."""
-    count, device = len(points.centre), points.centre.device
-    drawn = torch.randint(count, (count * each,), generator=torch.Generator().manual_seed(0))
-    return torch.arange(count, device=device).repeat_interleave(each), drawn.to(device)
+def _far(points: SeenPoints, each: int) -> Int[Tensor, "points others"]:
+    """Indices of random points for each point, drawn with a fixed seed."""
+    count = len(points.centre)
+    drawn = torch.randint(count, (count, each), generator=torch.Generator().manual_seed(0))
+    return drawn.to(points.centre.device)
 
 
 class Fit(NamedTuple):
@@ -116,11 +119,10 @@ def least_variation_light(
         level = float(radiance.mean()) / learning.mean_albedo
         begin = Light(radiance.new_full((transport.rows, 2 * transport.rows, 3), level), radiance.new_zeros(0, 3))
     log_sky, log_suns = begin.sky.log().requires_grad_(), begin.suns.log().requires_grad_()
-    adam = torch.optim.Adam([log_sky, log_suns], lr=learning.rate)
+    adam, learnt = Adam(ADAM_EPSILON), {"sky": log_sky, "suns": log_suns}
     white_log = math.log(learning.white)
     area = texel_solid_angles(transport.rows, 2 * transport.rows).to(log_sky)[..., None]
     for step in range(steps):
-        adam.param_groups[0]["lr"] = learning.rate * (1 - step / steps)
         log_albedo = variation.log_albedo(transport.white(Light(log_sky.exp(), log_suns.exp())))
         varied = variation.of(log_albedo).mean()
         loss = varied + learning.smoothness * unevenness(log_sky)
@@ -128,7 +130,6 @@ def least_variation_light(
         total = ((log_sky.exp() * area).sum((0, 1)) + log_suns.exp().sum(0)).log()
         loss = loss + learning.colour * (total - total.mean()).square().mean()
         loss = loss + learning.white_paint * (variation.brightest(log_albedo) - white_log).square()
-        adam.zero_grad()
         loss.backward()
-        adam.step()
+        adam.step(learnt, dict.fromkeys(learnt, learning.rate * (1 - step / steps)))
     return Fit(Light(log_sky.detach().exp(), log_suns.detach().exp()), float(varied.detach()))
