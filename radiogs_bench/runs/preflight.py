@@ -2,14 +2,14 @@
 
 import logging
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import torch
 
-from radiogs_core.contract import Method, Run
+from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -108,7 +108,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
 
 
 def _warm_up(method: Method, run: Run, made: dict[str, dict[str, Any]]) -> None:
-    """``made``: products by all that decides them."""
+    """Make the products that the stages of a run begin from, once each. ``made``: products by all that decides them."""
     product, key = dict[str, Any](), method.name
     with calling(method.name, "stages()"):
         specs = method.stages(run.variant, run.budget)
@@ -122,12 +122,17 @@ def _warm_up(method: Method, run: Run, made: dict[str, dict[str, Any]]) -> None:
             begin, product = replace(spec, begin=spec.start.begin), made[start]
         key = f"{key}, {spec.name} {spec.reads}"
         if key not in made:
-            stage = begun(method.name, begin, run, dict(product))
-            try:
-                with calling(method.name, f"the first step of stage '{spec.name}'"):
-                    if spec.compiles:
-                        stage.step()
-                    made[key] = dict(stage.product())
-            finally:
-                close_stage(method.name, stage)
+            made[key] = _after_a_step(method.name, begin, run, product)
         product = made[key]
+
+
+def _after_a_step(method: str, spec: StageSpec, run: Run, product: Mapping[str, Any]) -> dict[str, Any]:
+    """The product of a stage that begins from ``product``, after a step if the stage compiles kernels."""
+    stage = begun(method, spec, run, dict(product))
+    try:
+        with calling(method, f"the first step of stage '{spec.name}'"):
+            if spec.compiles:
+                stage.step()
+            return dict(stage.product())
+    finally:
+        close_stage(method, stage)

@@ -63,9 +63,11 @@ def one(scene: str, row: str, seed: int) -> Any:
     made["work"] = {"initialise": {}, "invert": {"rays": rays} if rays else {}, "evaluate": {"rays": 12345}}
     chosen = {"everything": "all", "auto": "auto", "no-rays": ["specular"]}[row]
     made["made_from"] = {"experiment": "audit", "variant": {"effects": chosen}}
-    plan = {"everything": WHOLE, "auto": WHOLE | (NO_RAYS if seed else {"indirect": False}), "no-rays": WHOLE | NO_RAYS}[
-        row
-    ]
+    plan = {
+        "everything": WHOLE,
+        "auto": WHOLE | (NO_RAYS if seed else {"indirect": False}),
+        "no-rays": WHOLE | NO_RAYS,
+    }[row]
     auto = row == "auto"
     made["effects"] = {
         "plan": plan, "bound": BOUNDS[scene][seed] if auto else 0.0, "tolerance": 0.1 if auto else None,
