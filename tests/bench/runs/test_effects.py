@@ -76,7 +76,7 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
     assert read_about(out)["variant"]["effects"] == "auto"
     facts = read_trained(out, torch.device("cpu"))[1].facts()["effects"]
     assert [(record["effect"], record["verdict"]) for record in facts["evidence"]] == [("plan", "on")]
-    assert facts["plan"].keys() == EffectPlan().plain().keys()
+    assert facts["plan"].keys() == EffectPlan().state().keys()
 
     picture = tmp_path / "where.png"
     assert main(["probe", str(out), "--json", "--picture", str(picture)]) == 0
