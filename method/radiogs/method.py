@@ -4,8 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from jaxtyping import Float
+from torch import Tensor
+
 from radiogs_core.capabilities import PARTS, Probe, require_truth
-from radiogs_core.contract import Run, SharedStart, Stage, StageSpec, Trained, values_but
+from radiogs_core.contract import Prepared, Run, SharedStart, Stage, StageSpec, Trained, values_but
+from radiogs_core.on_surfels.trained import Shown
+from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 
 from .constants import recipe_table
@@ -16,6 +21,7 @@ from .invert import InverseRendering
 from .model import Model
 from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import short_run, sizes
+from .relighting import relit_by_lamps
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
@@ -112,6 +118,13 @@ class RadioGS:
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
         return probe_run(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
+
+    def relit_by_lamps(
+        self, trained: Trained, lamps: Sequence[Lamp], light: EnvironmentMap | None, albedo_scale: Float[Tensor, "3"]
+    ) -> Prepared:
+        """A trained model under lamps; see ``radiogs_core.capabilities.RelitByLamps``."""
+        assert isinstance(trained, TrainedRadioGS)
+        return Shown(relit_by_lamps(trained.model, lamps, light, albedo_scale, trained.run))
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering. Raises DataError for malformed tensors."""

@@ -1,6 +1,6 @@
 """Relighting (paper, section on relighting): by rays with one of several kinds of L_ind, or by surfels alone."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
@@ -9,17 +9,19 @@ from torch import Tensor
 from radiogs_core.contract import Maps, Run
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.interreflection import bounced_incident
+from radiogs_core.transport.lamp_light import LitByLamps, lit_by_lamps
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.path_tracing import PathTracer
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
-from radiogs_core.transport.sampling import relighting_directions
+from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
 from .model import Model
@@ -74,6 +76,36 @@ def relight(
                 tracer, features, PrefilteredLight(light.radiance, variant.masking), direction, weight, plan
             )
     return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
+
+
+@torch.no_grad()
+def relit_by_lamps(
+    model: Model,
+    lamps: Sequence[Lamp],
+    light: EnvironmentMap | None,
+    albedo_scale: Float[Tensor, "3"],
+    run: Run[Variant, Budget],
+) -> LitByLamps:
+    """The model under lamps and a map (None: no map), with all effects and the bounces of the run's budget.
+
+    ``albedo_scale``: see ``relight``. Raises DataError for a map that is not finite, UsageError as ``lamp_light`` does.
+    """
+    surfels, budget, rays = model.surfels, run.budget, RaySettings.of(run.variant)
+    device, normal = surfels.centre.device, surfels.frame[..., 2]
+    generator = torch.Generator(device).manual_seed(run.seed)
+    if light is None:
+        light = EnvironmentMap(torch.zeros(2, 4, 3, device=device))
+        directions = hemisphere_directions(normal, budget.relight_hemisphere_samples, generator, rays.floor)
+    else:
+        light = EnvironmentMap(light.radiance.to(device))
+        directions = relighting_directions(
+            normal, LightSampler(light), budget.relight_hemisphere_samples, budget.relight_light_samples, generator,
+            rays.floor,
+        )  # fmt: skip
+    albedo = surfels.albedo.detach() * albedo_scale.to(device)
+    return lit_by_lamps(
+        rays.tracer(surfels), albedo, lamps, light, directions, budget.relight_bounces, run.variant.straight
+    )
 
 
 @torch.no_grad()
