@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,17 +12,25 @@ from cyclopts import Parameter
 
 from radiogs_core.errors import UsageError
 
-from .lights import AS_IT_LIES, Placing, placed
+from .lights import AS_IT_LIES, NO_LAMPS, Lamps, Placing, placed, placed_lamps
 from .options import AS_TRAINED, EffectsChoice, MaybeCount, Opening, no_effects
 from .reporter import say
 from .values import from_text
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from radiogs_core.contract import Prepared, Trained
+    from radiogs_core.scene.lamps import Lamp
     from radiogs_core.scene.light import EnvironmentMap
     from radiogs_core.scene.scene import Scene
 
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
+
+BY_LAMPS = "lamps"
+"""Folder of renders under lamps."""
 
 FRAMES = 36
 """Pictures of a relit turntable."""
@@ -59,7 +67,8 @@ def relight(
     folder: Path,
     /,
     *,
-    envmap: Path,
+    envmap: Path | None = None,
+    lamps: Lamps = NO_LAMPS,
     placing: Placing = AS_IT_LIES,
     asked: Annotated[Relighting, Parameter(name="*")] = Relighting(),
     opening: Opening = AS_TRAINED,
@@ -67,6 +76,8 @@ def relight(
     """Render the views of a trained model under another light.
 
     Example:  radiogs-bench relight out/corner --envmap sunset
+
+    Lamps:  radiogs-bench relight out/corner --point 0,0,3,40 --sun 45,30
 
     :param folder: Open the model that `train` left in this folder.
     :param envmap: Relight by this light of the scene, or by this .hdr or .exr file: latitude-longitude, or a cube map
@@ -80,17 +91,21 @@ def relight(
     from ..export.views import beyond_levels, count_levels, write_turntable, write_views
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.rendering import prepared
     from ..store.folder import Store
 
-    device, lit = opening.use(), lit_folder(envmap) + placing.marks
+    device, lit, given = opening.use(), lit_folder(envmap, lamps.names) + placing.marks, lamps.found()
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
+    if given:
+        require_lamps_alone(name, asked)
+        mode = BY_LAMPS
     with Store(folder).keeping_tracebacks():
         run, model = read_trained(folder, device, changes)
-        light = _placed(placing, run.scene, envmap)
-        with working(f"preparing {envmap.name}"):
-            relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
+        light = None if envmap is None else _placed(placing, run.scene, envmap)
+        shone, lies = placed_lamps(placing, run.scene, given)
+        say(*lies)
+        with working(f"preparing {lit}"):
+            relit = _relit(name, model, light, shone, torch.tensor(asked.albedo_scale, dtype=torch.float32))
         if isinstance(relit, Remarking):
             say(*relit.remarks)
         place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
@@ -102,6 +117,49 @@ def relight(
         if asked.turntable is not None:
             frames = (*asked.turntable, FRAMES)[0]
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")
+
+
+def require_lamps_alone(name: str, asked: Relighting) -> None:
+    """Raise UsageError for a method that takes no lamps, and for options that lamps do not go with."""
+    from radiogs_core.capabilities import RelitByLamps
+
+    from ..installed_methods import offered_methods
+    from ..methods import method
+
+    if not isinstance(method(name), RelitByLamps):
+        able = [each for each in sorted(offered_methods()) if isinstance(method(each), RelitByLamps)]
+        raise UsageError(f"{name} takes no lamps", f"Methods that do: {', '.join(able)}.", "Use a map: --envmap.")
+    for option, unlike in (("--mode", asked.mode is not None), ("--effects", asked.effects != "all")):
+        if unlike:
+            raise UsageError(
+                f"{option} does not go with lamps",
+                "Lamps are traced in one way: a ray from each surfel to each lamp, then bounces, with all effects.",
+                f"Leave {option} out.",
+            )
+
+
+def _relit(
+    name: str,
+    model: "Trained",
+    light: "EnvironmentMap | None",
+    lamps: "Sequence[Lamp]",
+    albedo_scale: "Float[Tensor, '3']",
+) -> "Prepared":
+    """The model under a map, lamps or both."""
+    from radiogs_core.capabilities import RelitByLamps
+    from radiogs_core.contract import Prepared
+
+    from ..method_calls import calling, require
+    from ..methods import method
+    from ..scoring.rendering import prepared
+
+    used = method(name)
+    if not lamps or not isinstance(used, RelitByLamps):
+        return prepared(name, model, light, albedo_scale)
+    with calling(name, "relit_by_lamps()"):
+        ready = used.relit_by_lamps(model, lamps, light, albedo_scale)
+    require(name, ready, Prepared, "relit_by_lamps()")
+    return ready
 
 
 def _placed(placing: Placing, scene: "Scene", envmap: Path) -> "EnvironmentMap":
@@ -156,12 +214,26 @@ def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tupl
     return chosen, {modes.field: chosen}
 
 
-def lit_folder(envmap: Path) -> str:
-    """Name of the folder for renders under a map: the map's, with its ending where an x.exr lies beside an x.hdr."""
-    from radiogs_datasets.bounded_reading import require_storable
+def lit_folder(envmap: Path | None, lamps: Sequence[str]) -> str:
+    """Name of the folder for renders under a map, lamps or both: their names, joined by +. Raises UsageError.
 
-    if envmap.stem.strip(".") == "":
-        raise UsageError(f"{envmap} has no name to store renders under", "", "Rename the file.")
-    require_storable(envmap.name, "the light")
-    two = envmap.suffix.lower() == ".exr" and envmap.with_suffix(".hdr").exists()
-    return f"{envmap.stem}_exr" if two else envmap.stem
+    A map's name keeps its ending where an x.exr lies beside an x.hdr. ``lamps``: see ``Lamps.names``.
+    """
+    from radiogs_datasets.bounded_reading import LONGEST_NAME, require_storable
+
+    names = list(lamps)
+    if envmap is not None:
+        if envmap.stem.strip(".") == "":
+            raise UsageError(f"{envmap} has no name to store renders under", "", "Rename the file.")
+        require_storable(envmap.name, "the light")
+        two = envmap.suffix.lower() == ".exr" and envmap.with_suffix(".hdr").exists()
+        names.insert(0, f"{envmap.stem}_exr" if two else envmap.stem)
+    if not names:
+        raise UsageError("no light is given", "", "Give --envmap, --light, --point, --spot or --sun, or several.")
+    if len(joined := "+".join(names)) > LONGEST_NAME:
+        raise UsageError(
+            f"the lamps have {len(joined)} letters",
+            "Renders are stored under them.",
+            "Write lamps into a --light FILE.",
+        )
+    return joined
