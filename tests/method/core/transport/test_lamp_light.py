@@ -116,7 +116,7 @@ def test_a_sun_is_the_disc_of_a_sun_in_a_map_with_all_bounces() -> None:
     sky = EnvironmentMap(torch.full_like(texels, 0.1))
     x, y, z = direction.tolist()
     sun = Sun(azimuth=math.degrees(math.atan2(y, x)), elevation=math.degrees(math.asin(z)), irradiance=2.0)
-    scene = [FLOOR, WALL]
+    scene = [FLOOR, WALL, BLOCKER]
     in_map, lamp = lit(scene, [replace(sun, irradiance=0.0)], EnvironmentMap(texels), 3), lit(scene, [sun], sky, 3)
     maps = [each.render(CAMERA) for each in (in_map, lamp)]
     for name in ("direct", "indirect"):
