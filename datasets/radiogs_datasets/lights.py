@@ -81,7 +81,7 @@ def read_lamps(path: Path) -> tuple[Lamp, ...]:
     return lamps
 
 
-LAMPS_MANUAL = "The tables of lamps are described in docs/commands.md, docs/examples/lamps.toml has one of each."
+LAMPS_MANUAL = "The tables of lamps are described in docs/datasets.md; docs/examples/lamps.toml has one of each."
 
 Face = tuple[tuple[int, int], tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
 """A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those in which

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.capabilities import PARTS, Probe, require_truth
-from radiogs_core.contract import Prepared, Run, SharedStart, Stage, StageSpec, Trained, values_but
+from radiogs_core.contract import STANDARD_MAPS, Prepared, Run, SharedStart, Stage, StageSpec, Trained, values_but
 from radiogs_core.on_surfels.trained import Shown
 from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
@@ -21,7 +21,7 @@ from .invert import InverseRendering
 from .model import Model
 from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import short_run, sizes
-from .relighting import relit_by_lamps
+from .relighting import extent_of, relit_by_lamps
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
@@ -124,7 +124,8 @@ class RadioGS:
     ) -> Prepared:
         """A trained model under lamps; see ``radiogs_core.capabilities.RelitByLamps``."""
         assert isinstance(trained, TrainedRadioGS)
-        return Shown(relit_by_lamps(trained.model, lamps, light, albedo_scale, trained.run))
+        lit = relit_by_lamps(trained.model, lamps, light, albedo_scale, trained.run)
+        return Shown(lit, STANDARD_MAPS, (extent_of(lit.surfels),))
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering. Raises DataError for malformed tensors."""

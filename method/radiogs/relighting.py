@@ -108,6 +108,14 @@ def relit_by_lamps(
     )
 
 
+def extent_of(surfels: Surfels) -> str:
+    """A sentence on where surfels lie in the world, for who places lamps among them; 2 % along each axis may stray."""
+    centre = surfels.centre.detach().double().cpu().sort(0).values
+    low, high = (centre[round(share * (len(centre) - 1))].tolist() for share in (0.01, 0.99))
+    axes = (f"{name} {a:.3g} to {b:.3g}" for name, a, b in zip("xyz", low, high, strict=True))
+    return f"the model lies in {', '.join(axes)} of the scene's world"
+
+
 @torch.no_grad()
 def path_traced(
     surfels: Surfels,

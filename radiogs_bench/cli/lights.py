@@ -118,7 +118,7 @@ class Lamps:
     """The options of a command that takes lamps."""
 
     light: Path | None = None
-    """Light by the lamps of this .toml or .json file (docs/commands.md; docs/examples/lamps.toml has one of each)."""
+    """Light by the lamps of this .toml or .json file (docs/datasets.md, "Lamps")."""
     point: Annotated[tuple[Any, ...], *lamp_option("point")] = ()
     """Light by a lamp at this position of the scene's world, with this radiant intensity in W/sr, or R,G,B (default:
     pi). A world unit is a metre. This option may be repeated, as --spot and --sun may, with or without --envmap."""

@@ -18,11 +18,6 @@ from .reporter import say
 from .values import from_text
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-    from torch import Tensor
-
-    from radiogs_core.contract import Prepared, Trained
-    from radiogs_core.scene.lamps import Lamp
     from radiogs_core.scene.light import EnvironmentMap
     from radiogs_core.scene.scene import Scene
 
@@ -91,24 +86,24 @@ def relight(
     from ..export.views import beyond_levels, count_levels, write_turntable, write_views
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.rendering import lit_by_lamps, prepared
     from ..store.folder import Store
 
     device, lit, given = opening.use(), lit_folder(envmap, lamps.names) + placing.marks, lamps.found()
+    if given:
+        require_lamps_alone(asked)
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
-    if given:
-        require_lamps_alone(name, asked)
-        mode = BY_LAMPS
     with Store(folder).keeping_tracebacks():
         run, model = read_trained(folder, device, changes)
-        light = None if envmap is None else _placed(placing, run.scene, envmap)
+        light, scale = _placed(placing, run.scene, envmap), torch.tensor(asked.albedo_scale, dtype=torch.float32)
         shone, lies = placed_lamps(placing, run.scene, given)
         say(*lies)
         with working(f"preparing {lit}"):
-            relit = _relit(name, model, light, shone, torch.tensor(asked.albedo_scale, dtype=torch.float32))
+            relit = lit_by_lamps(name, model, shone, light, scale) if shone else prepared(name, model, light, scale)
         if isinstance(relit, Remarking):
             say(*relit.remarks)
-        place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
+        place, levels = own_folder(folder / "relight" / (BY_LAMPS if given else mode), folder), Counter[str]()
         say(write_views(
             name, relit, run, asked.views, place,
             lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", partial(count_levels, levels),
@@ -119,16 +114,8 @@ def relight(
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")
 
 
-def require_lamps_alone(name: str, asked: Relighting) -> None:
-    """Raise UsageError for a method that takes no lamps, and for options that lamps do not go with."""
-    from radiogs_core.capabilities import RelitByLamps
-
-    from ..installed_methods import offered_methods
-    from ..methods import method
-
-    if not isinstance(method(name), RelitByLamps):
-        able = [each for each in sorted(offered_methods()) if isinstance(method(each), RelitByLamps)]
-        raise UsageError(f"{name} takes no lamps", f"Methods that do: {', '.join(able)}.", "Use a map: --envmap.")
+def require_lamps_alone(asked: Relighting) -> None:
+    """Raise UsageError for options that do not go with lamps."""
     for option, unlike in (("--mode", asked.mode is not None), ("--effects", asked.effects != "all")):
         if unlike:
             raise UsageError(
@@ -138,43 +125,21 @@ def require_lamps_alone(name: str, asked: Relighting) -> None:
             )
 
 
-def _relit(
-    name: str,
-    model: "Trained",
-    light: "EnvironmentMap | None",
-    lamps: "Sequence[Lamp]",
-    albedo_scale: "Float[Tensor, '3']",
-) -> "Prepared":
-    """The model under a map, lamps or both."""
-    from radiogs_core.capabilities import RelitByLamps
-    from radiogs_core.contract import Prepared
-
-    from ..method_calls import calling, require
-    from ..methods import method
-    from ..scoring.rendering import prepared
-
-    used = method(name)
-    if not lamps or not isinstance(used, RelitByLamps):
-        return prepared(name, model, light, albedo_scale)
-    with calling(name, "relit_by_lamps()"):
-        ready = used.relit_by_lamps(model, lamps, light, albedo_scale)
-    require(name, ready, Prepared, "relit_by_lamps()")
-    return ready
-
-
-def _placed(placing: Placing, scene: "Scene", envmap: Path) -> "EnvironmentMap":
+def _placed(placing: Placing, scene: "Scene", envmap: Path | None) -> "EnvironmentMap | None":
     """The scene's light of that name, or the one in a file, in the scene's world; prints how it lies there."""
     from radiogs_core.errors import unknown
     from radiogs_datasets.lights import read_light
 
     from ..scoring.recovered_light import NOT_DISTANT
 
+    if scene.surrounded:
+        say(f"relighting means little here: {NOT_DISTANT}")
+    if envmap is None:
+        return None
     name, named = str(envmap), not (envmap.suffix or envmap.exists())
     if named and name not in scene.lights:
         raise unknown("light", name, scene.lights, "Name one, or an .hdr or .exr file.", of=f"scene '{scene.name}'")
     light, repairs = (scene.lights[name], []) if named else read_light(envmap)
-    if scene.surrounded:
-        say(f"relighting means little here: {NOT_DISTANT}")
     found, lies = placed(placing, scene, light)
     say(*repairs, f"{envmap.name}: {lies}")
     return found

@@ -1,7 +1,7 @@
 """Lamps on surfels against closed forms, and against a map with the disc of a sun."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -137,17 +137,6 @@ def test_a_sun_stands_where_its_texel_stands_in_a_turned_map(up: tuple[float, ..
     assert float(placed.lookup(found)[0]) > 0.5 * float(placed.radiance.max()) > 0.1
 
 
-@pytest.mark.parametrize(
-    ("lamp", "message"),
-    [
-        (lambda: replace(LAMP, intensity=-1.0), "intensity: -1.0 is not zero or above"),
-        (lambda: replace(SUN, colour=(1.0, math.nan, 1.0)), "colour: nan is not zero or above"),
-        (lambda: replace(SPOT, inner=50.0), "inner angle 50 and the outer angle 45"),
-        (lambda: replace(SPOT, target=SPOT.position), "target is its position"),
-        (lambda: replace(SUN, elevation=91.0), "elevation 91"),
-        (lambda: lit([FLOOR], [LAMP, replace(LAMP, intensity=1e300)]), "lamp 2 of 2 gives a surfel an irradiance"),
-    ],
-)  # fmt: skip
-def test_a_lamp_that_cannot_be_is_refused(lamp: Callable[[], object], message: str) -> None:
-    with pytest.raises(UsageError, match=message):
-        lamp()
+def test_a_lamp_whose_light_overflows_is_refused() -> None:
+    with pytest.raises(UsageError, match="lamp 2 of 2 gives a surfel an irradiance beyond 32 bits"):
+        lit([FLOOR], [LAMP, replace(LAMP, intensity=1e300)])
