@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -12,6 +13,8 @@ from radiogs_core.contract import STANDARD_MAPS, Prepared, Run, SharedStart, Sta
 from radiogs_core.on_surfels.trained import Shown
 from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.lamp_light import extent_of
+from radiogs_core.transport.plan import EffectPlan
 
 from .constants import recipe_table
 from .effects.probing import probe_run
@@ -21,7 +24,7 @@ from .invert import InverseRendering
 from .model import Model
 from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import short_run, sizes
-from .relighting import extent_of, relit_by_lamps
+from .relighting import relight
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
@@ -122,9 +125,12 @@ class RadioGS:
     def relit_by_lamps(
         self, trained: Trained, lamps: Sequence[Lamp], light: EnvironmentMap | None, albedo_scale: Float[Tensor, "3"]
     ) -> Prepared:
-        """A trained model under lamps; see ``radiogs_core.capabilities.RelitByLamps``."""
+        """The model in mode "bounces" with all effects; see ``radiogs_core.transport.lamp_light.RelitByLamps``."""
         assert isinstance(trained, TrainedRadioGS)
-        lit = relit_by_lamps(trained.model, lamps, light, albedo_scale, trained.run)
+        run, plan = trained.run, EffectPlan(light_sampling=light is not None)
+        run = replace(run, variant=replace(run.variant, relighting="bounces"))
+        light = EnvironmentMap(torch.zeros(2, 4, 3)) if light is None else light
+        lit = relight(trained.model, light, albedo_scale, run, plan=plan, lamps=lamps)
         return Shown(lit, STANDARD_MAPS, (extent_of(lit.surfels),))
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:

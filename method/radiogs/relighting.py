@@ -16,12 +16,12 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.interreflection import bounced_incident
-from radiogs_core.transport.lamp_light import LitByLamps, lit_by_lamps
+from radiogs_core.transport.lamp_light import lamp_light, with_lamps
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.path_tracing import PathTracer
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
-from radiogs_core.transport.sampling import hemisphere_directions, relighting_directions
+from radiogs_core.transport.sampling import relighting_directions
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
 from .model import Model
@@ -36,13 +36,15 @@ def relight(
     run: Run[Variant, Budget],
     after_step: Callable[[], None] = lambda: None,
     plan: EffectPlan = EVERYTHING,
+    lamps: Sequence[Lamp] = (),
 ) -> "RelitByRays | RelitBySurfels":
     """The model under ``light``, in the mode of the run's variant (``settings.Relighting``).
 
     ``albedo_scale``: factor for each channel of the recovered albedo, which images determine only up to such a factor.
     ``after_step``: called after each step of fine-tuning, which uses the run's training cameras, and between parts of
     path tracing; it may raise to end them. ``plan``: the effects that rays simulate; fine-tuning and path tracing
-    simulate all of them. Raises DataError for a light that is not finite.
+    simulate all of them. ``lamps`` shine beside ``light``, in mode "bounces". Raises DataError for a light that is not
+    finite, UsageError as ``lamp_light`` does.
     """
     surfels, variant = model.surfels, run.variant
     device = surfels.centre.device
@@ -56,17 +58,18 @@ def relight(
         return path_traced(surfels, albedo, light, run, after_step)
     generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, RaySettings.of(variant)
     with torch.no_grad():
-        direction, weight = relighting_directions(
+        direction, weight = directions = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
             budget.relight_hemisphere_samples, budget.relight_light_samples if plan.light_sampling else 0, generator,
             rays.floor,
         )  # fmt: skip
-        tracer = rays.tracer(surfels)
+        tracer, shone = rays.tracer(surfels), None
         if variant.relighting == "finetuned":
             incident = incident_along(tracer, direction, weight, plan)
         elif variant.relighting == "bounces":
             count = budget.relight_bounces if plan.bounces else 1
-            incident = bounced_incident(tracer, albedo, light.radiance, direction, weight, count, plan)
+            shone = lamp_light(tracer, lamps) if lamps else None
+            incident = bounced_incident(tracer, albedo, light.radiance, directions, count, plan, shone)
         else:
             is_open = None
             if variant.met_light == "occluded":
@@ -75,45 +78,7 @@ def relight(
             incident = split_sum_incident(
                 tracer, features, PrefilteredLight(light.radiance, variant.masking), direction, weight, plan
             )
-    return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
-
-
-@torch.no_grad()
-def relit_by_lamps(
-    model: Model,
-    lamps: Sequence[Lamp],
-    light: EnvironmentMap | None,
-    albedo_scale: Float[Tensor, "3"],
-    run: Run[Variant, Budget],
-) -> LitByLamps:
-    """The model under lamps and a map (None: no map), with all effects and the bounces of the run's budget.
-
-    ``albedo_scale``: see ``relight``. Raises DataError for a map that is not finite, UsageError as ``lamp_light`` does.
-    """
-    surfels, budget, rays = model.surfels, run.budget, RaySettings.of(run.variant)
-    device, normal = surfels.centre.device, surfels.frame[..., 2]
-    generator = torch.Generator(device).manual_seed(run.seed)
-    if light is None:
-        light = EnvironmentMap(torch.zeros(2, 4, 3, device=device))
-        directions = hemisphere_directions(normal, budget.relight_hemisphere_samples, generator, rays.floor)
-    else:
-        light = EnvironmentMap(light.radiance.to(device))
-        directions = relighting_directions(
-            normal, LightSampler(light), budget.relight_hemisphere_samples, budget.relight_light_samples, generator,
-            rays.floor,
-        )  # fmt: skip
-    albedo = surfels.albedo.detach() * albedo_scale.to(device)
-    return lit_by_lamps(
-        rays.tracer(surfels), albedo, lamps, light, directions, budget.relight_bounces, run.variant.straight
-    )
-
-
-def extent_of(surfels: Surfels) -> str:
-    """A sentence on where surfels lie in the world, for who places lamps among them; 2 % along each axis may stray."""
-    centre = surfels.centre.detach().double().cpu().sort(0).values
-    low, high = (centre[round(share * (len(centre) - 1))].tolist() for share in (0.01, 0.99))
-    axes = (f"{name} {a:.3g} to {b:.3g}" for name, a, b in zip("xyz", low, high, strict=True))
-    return f"the model lies in {', '.join(axes)} of the scene's world"
+    return RelitByRays(surfels, albedo, light, incident, plan, variant.straight, shone)
 
 
 @torch.no_grad()
@@ -166,15 +131,21 @@ class RelitByRays:
         incident: Incident,
         plan: EffectPlan = EVERYTHING,
         straight: bool = True,
+        lamps: Incident | None = None,
     ) -> None:
         self.surfels, self.albedo, self.light, self.incident = surfels.with_cached_values(), albedo, light, incident
-        self.straight = straight
+        self.straight, self.lamps = straight, lamps
         self.specular = plan.specular_among(albedo)
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of ``Renderer.render``, under the new light."""
-        return shaded_maps(
+        maps = shaded_maps(
             camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular, self.straight
+        )
+        return (
+            maps
+            if self.lamps is None
+            else with_lamps(maps, camera, self.surfels, self.albedo, self.lamps, self.straight)
         )
 
 

@@ -11,7 +11,6 @@ from torch import Tensor
 from .contract import Prepared, Run, Trained
 from .errors import DataError
 from .scene.camera import Camera
-from .scene.lamps import Lamp
 from .scene.light import EnvironmentMap
 from .scene.scene import Scene
 
@@ -95,20 +94,6 @@ class RelitByReference(Protocol):
         """The model under ``light`` in the reference mode, with other random numbers than ``Trained.prepare`` draws.
 
         The arguments are those of ``Trained.prepare``.
-        """
-
-
-@runtime_checkable
-class RelitByLamps(Protocol):
-    """A method that can render a trained model under lamps, for ``radiogs-bench relight --point``."""
-
-    def relit_by_lamps(
-        self, trained: Trained, lamps: Sequence[Lamp], light: EnvironmentMap | None, albedo_scale: Float[Tensor, "3"]
-    ) -> Prepared:
-        """The model under lamps and, unless it is None, a map of distant light; all effects are simulated.
-
-        ``albedo_scale``: see ``Trained.prepare``. Raises DataError for a map that is not finite, UsageError for a lamp
-        that is too near or too strong.
         """
 
 

@@ -69,9 +69,9 @@ AS_IT_LIES = Placing()
 FORMS = {
     "point": "X,Y,Z[,INTENSITY]",
     "spot": "X,Y,Z,TO_X,TO_Y,TO_Z,INNER,OUTER[,INTENSITY]",
-    "sun": "AZIMUTH,ELEVATION[,IRRADIANCE]",
+    "sun": "AZIMUTH,ELEVATION[,INTENSITY]",
 }
-"""How each kind of lamp is written as an option; its strength is one number or one for each channel."""
+"""How each kind of lamp is written as an option; its intensity is one number or one for each channel."""
 
 
 def lamp(kind: str, text: str) -> "tuple[str, Lamp]":
@@ -82,29 +82,24 @@ def lamp(kind: str, text: str) -> "tuple[str, Lamp]":
     from radiogs_core.scene.lamps import PointLamp, SpotLamp, Sun
 
     found, name = [finite(each) for each in text.split(",")], f"{kind}{text}"
+    places = {"point": 3, "spot": 8, "sun": 2}[kind]
+    strength: dict[str, Any] = {}
+    if len(found) == places + 1:
+        strength = {"intensity": found[-1]}
+    elif len(found) == places + 3:
+        strength = {"intensity": 1.0, "colour": tuple(found[-3:])}
+    elif len(found) != places:
+        raise ValueError(f"'{text}' is not {FORMS[kind]}, with one number or R,G,B for INTENSITY")
     try:
-        match kind, found:
-            case "point", [x, y, z, *rest] if len(rest) in STRENGTHS:
-                return name, PointLamp(position=(x, y, z), **strength_of("intensity", rest))
-            case "spot", [x, y, z, to_x, to_y, to_z, inner, outer, *rest] if len(rest) in STRENGTHS:
-                cone: dict[str, Any] = {"target": (to_x, to_y, to_z), "inner": inner, "outer": outer}
-                return name, SpotLamp(position=(x, y, z), **cone, **strength_of("intensity", rest))
-            case "sun", [azimuth, elevation, *rest] if len(rest) in STRENGTHS:
-                return name, Sun(azimuth=azimuth, elevation=elevation, **strength_of("irradiance", rest))
+        if kind == "sun":
+            return name, Sun(azimuth=found[0], elevation=found[1], **strength)
+        x, y, z = found[:3]
+        if kind == "point":
+            return name, PointLamp(position=(x, y, z), **strength)
+        to_x, to_y, to_z, inner, outer = found[3:8]
+        return name, SpotLamp(position=(x, y, z), target=(to_x, to_y, to_z), inner=inner, outer=outer, **strength)
     except UsageError as refused:
         raise ValueError(f"'{text}': {refused.what}. {refused.why}".strip()) from refused
-    raise ValueError(f"'{text}' is not {FORMS[kind]}, with one number or R,G,B for the last")
-
-
-STRENGTHS = (0, 1, 3)
-"""Numbers with which a lamp's strength is written: none for the default, one, or one for each channel."""
-
-
-def strength_of(name: str, numbers: list[float]) -> dict[str, Any]:
-    """The field ``name`` of a lamp, and its colour, from as many numbers as STRENGTHS has."""
-    if len(numbers) == 3:
-        return {name: 1.0, "colour": tuple(numbers)}
-    return {name: numbers[0]} if numbers else {}
 
 
 def lamp_option(kind: str) -> tuple[Parameter, Parameter]:
@@ -129,17 +124,16 @@ class Lamps:
     faces it (default: pi, which makes white paper white)."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The name of each lamp that was given as an option, and that of the file."""
-        own = () if self.light is None else (self.light.stem,)
-        return (*own, *(name for name, _ in (*self.point, *self.spot, *self.sun)))
+    def names(self) -> list[str]:
+        """The names of the lamps that were given as options."""
+        return [name for name, _ in (*self.point, *self.spot, *self.sun)]
 
-    def found(self) -> "tuple[Lamp, ...]":
-        """The lamps of the file, and those given as options. Raises UsageError and DataError as ``read_lamps`` does."""
+    def found(self) -> "list[Lamp]":
+        """All lamps, those of the file first. Raises UsageError and DataError as ``read_lamps`` does."""
         from radiogs_datasets.lights import read_lamps
 
         read = () if self.light is None else read_lamps(self.light)
-        return (*read, *(each for _, each in (*self.point, *self.spot, *self.sun)))
+        return [*read, *(each for _, each in (*self.point, *self.spot, *self.sun))]
 
 
 NO_LAMPS = Lamps()

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -89,7 +89,7 @@ def relight(
     from ..scoring.rendering import lit_by_lamps, prepared
     from ..store.folder import Store
 
-    device, lit, given = opening.use(), lit_folder(envmap, lamps.names) + placing.marks, lamps.found()
+    device, lit, given = opening.use(), lit_folder(envmap, lamps) + placing.marks, lamps.found()
     if given:
         require_lamps_alone(asked)
     about = read_about(folder)
@@ -179,26 +179,32 @@ def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tupl
     return chosen, {modes.field: chosen}
 
 
-def lit_folder(envmap: Path | None, lamps: Sequence[str]) -> str:
-    """Name of the folder for renders under a map, lamps or both: their names, joined by +. Raises UsageError.
+def lit_folder(envmap: Path | None, lamps: Lamps) -> str:
+    """Name of the folder for renders: those of the map, of the file of lamps and of each lamp. Raises UsageError."""
+    from radiogs_datasets.bounded_reading import LONGEST_NAME
 
-    A map's name keeps its ending where an x.exr lies beside an x.hdr. ``lamps``: see ``Lamps.names``.
-    """
-    from radiogs_datasets.bounded_reading import LONGEST_NAME, require_storable
-
-    names = list(lamps)
-    if envmap is not None:
-        if envmap.stem.strip(".") == "":
-            raise UsageError(f"{envmap} has no name to store renders under", "", "Rename the file.")
-        require_storable(envmap.name, "the light")
-        two = envmap.suffix.lower() == ".exr" and envmap.with_suffix(".hdr").exists()
-        names.insert(0, f"{envmap.stem}_exr" if two else envmap.stem)
-    if not names:
+    files = (each for each in (envmap, lamps.light) if each is not None)
+    name = "+".join([*map(file_folder, files), *lamps.names])
+    if not name:
         raise UsageError("no light is given", "", "Give --envmap, --light, --point, --spot or --sun, or several.")
-    if len(joined := "+".join(names)) > LONGEST_NAME:
-        raise UsageError(
-            f"the lamps have {len(joined)} letters",
-            "Renders are stored under them.",
-            "Write lamps into a --light FILE.",
-        )
-    return joined
+    if len(name) > LONGEST_NAME:
+        what = f"the lights have a name of {len(name)} letters"
+        raise UsageError(what, "Renders are stored under it.", "Write lamps into a file: --light FILE.")
+    return name
+
+
+def file_folder(light: Path) -> str:
+    """The part of ``lit_folder`` of a file: its name, with its ending where an x.exr lies beside an x.hdr, or an x.json
+    beside an x.toml."""
+    from radiogs_datasets.bounded_reading import require_storable
+
+    if light.stem.strip(".") == "":
+        raise UsageError(f"{light} has no name to store renders under", "", "Rename the file.")
+    require_storable(light.name, "the light")
+    ending = light.suffix.lower()
+    two = ending in OTHERS and light.with_suffix(OTHERS[ending]).exists()
+    return f"{light.stem}_{ending[1:]}" if two else light.stem
+
+
+OTHERS = {".exr": ".hdr", ".json": ".toml"}
+"""Endings of files that may have the name of another light, and the ending of that."""

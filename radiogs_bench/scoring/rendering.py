@@ -8,7 +8,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.capabilities import RelitByLamps
 from radiogs_core.contract import MapKind, Prepared, Trained
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.camera import Camera
@@ -16,6 +15,7 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import View
+from radiogs_core.transport.lamp_light import RelitByLamps
 
 from ..installed_methods import offered_methods
 from ..method_calls import calling, own_camera, refused, require
@@ -82,7 +82,7 @@ def lit_by_lamps(
     light: EnvironmentMap | None = None,
     albedo_scale: Float[Tensor, "3"] | None = None,
 ) -> Prepared:
-    """The model of the method ``name`` under lamps and, unless it is None, a map; see ``capabilities.RelitByLamps``.
+    """The model of the method ``name`` under lamps and, unless it is None, a map; see ``RelitByLamps``.
 
     Raises UsageError for a method that takes no lamps, and for a lamp that is refused; DataError; MethodFailed.
     """

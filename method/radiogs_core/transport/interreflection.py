@@ -13,15 +13,15 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from ..kernels.shade.brdf import diffuse
 from ..kernels.shade.shade import shade
 from ..kernels.trace.hits import HitLists
 from ..scene.light_sampler import GOLDEN_RATIO
-from ..surfels.surfels import Surfels
 from .incident import Incident, unoccluded
 from .plan import EffectPlan
 from .sampling import sphere_directions
 from .shading import bounded_albedo, lobe_albedo
-from .splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT
+from .splatting import DIFFUSE_DIRECT
 from .tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
 
 KEPT_BYTES = 1 << 30
@@ -66,84 +66,54 @@ class FixedRays:
                 self.left -= size
             yield some, *self.tracer.blended(found, along, radiance)
 
-    def fill_visibility(self, incident: Incident) -> None:
-        """Set V of the surfels' rays in ``incident``, which has the same directions."""
-        for some, visibility, _ in self.arriving(torch.zeros_like(incident.radiance[:, 0])):
-            incident.visibility[some] = visibility
-
 
 @torch.no_grad()
 def bounced_incident(
     tracer: SurfelTracer,
     albedo: Float[Tensor, "surfels 3"],
     environment: Float[Tensor, "rows columns 3"],
-    direction: Float[Tensor, "surfels samples 3"],
-    weight: Float[Tensor, "surfels samples"],
+    directions: tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]],
     bounces: int,
     plan: EffectPlan = EVERYTHING,
+    lamps: Incident | None = None,
 ) -> Incident:
     """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
 
     ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
-    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced; surfels
-    without rays have the substitutes (``SurfelTracer.untraced``) and still send light.
+    ``directions``: unit directions and their solid angles. ``plan``: the effects that are traced; surfels without rays
+    have the substitutes (``SurfelTracer.untraced``) and still send light. ``lamps``: their light on the surfels
+    (``lamp_light``), which L_ind begins with, too.
     """
-    every = torch.arange(len(albedo), device=albedo.device)
+    surfels, (direction, weight) = tracer.surfels, directions
+    normal, roughness = surfels.frame[..., 2].detach(), surfels.roughness.detach()
+    reflectance = bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
+    every, dark = torch.arange(len(albedo), device=albedo.device), torch.zeros_like(albedo)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
     rays = FixedRays(tracer, plan.traced_among(every), direction, KEPT_BYTES)
     if plan.visibility:
-        rays.fill_visibility(incident)
-    if plan.indirect:
-        reflectance = reflectance_of(tracer.surfels, albedo)
-        direct = sent_by_lambert(tracer.surfels, reflectance, incident, environment)
-        add_bounces(rays, incident, reflectance, direct, bounces)
-    return incident
-
-
-def reflectance_of(surfels: Surfels, albedo: Float[Tensor, "surfels 3"]) -> Float[Tensor, "surfels 3"]:
-    """Share of light that surfels scatter, diffusely and by their lobe (``bounded_albedo``, ``lobe_albedo``)."""
-    roughness = surfels.roughness.detach()
-    return bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
-
-
-def sent_by_lambert(
-    surfels: Surfels,
-    reflectance: Float[Tensor, "surfels 3"],
-    incident: Incident,
-    environment: Float[Tensor, "rows columns 3"],
-) -> Float[Tensor, "surfels 3"]:
-    """Radiance of surfels that scatter all that arrives by Lambert's law, linear RGB."""
-    normal, roughness = surfels.frame[..., 2].detach(), surfels.roughness.detach()
-    no_lobe = torch.zeros_like(roughness, dtype=torch.bool)
-    parts = shade(
-        normal, reflectance, roughness, normal[:, None], incident.direction, incident.weight, incident.visibility,
-        incident.radiance, environment, no_lobe,
-    )[:, 0]  # fmt: skip
-    return parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
-
-
-def add_bounces(
-    rays: FixedRays,
-    incident: Incident,
-    reflectance: Float[Tensor, "surfels 3"],
-    direct: Float[Tensor, "surfels 3"],
-    bounces: int,
-) -> None:
-    """Set L_ind of ``incident`` to the light that surfels which first send ``direct`` scatter among themselves.
-
-    ``rays``: those of ``incident``. ``bounces``: see ``summed``.
-    """
-    normal = rays.tracer.surfels.frame[..., 2].detach()
+        for some, visibility, _ in rays.arriving(dark):
+            incident.visibility[some] = visibility
+    if not plan.indirect:
+        return incident
+    no_lobe = torch.zeros(len(albedo), dtype=torch.bool, device=albedo.device)
+    direct = shade(
+        normal, reflectance, roughness, normal[:, None], direction, weight, incident.visibility, incident.radiance,
+        environment, no_lobe,
+    )[:, 0, DIFFUSE_DIRECT]  # fmt: skip
+    if lamps is not None:
+        flow = lamps.weight * (lamps.direction * normal[:, None]).sum(-1).clamp(min=0)
+        direct = direct + diffuse(reflectance) * (flow[..., None] * lamps.radiance).sum(1)
 
     def again(sent: Tensor) -> Tensor:
-        scattered = torch.zeros_like(sent)
+        scattered = dark.clone()
         for some, _, arriving in rays.arriving(sent):
-            mean = mean_over_cosine(normal[some], incident.direction[some], incident.weight[some], arriving)
+            mean = mean_over_cosine(normal[some], direction[some], weight[some], arriving)
             scattered[some] = reflectance[some] * mean
         return scattered
 
     for some, _, arriving in rays.arriving(summed(direct, again, bounces)):
         incident.radiance[some] = arriving
+    return incident
 
 
 def mean_over_cosine(

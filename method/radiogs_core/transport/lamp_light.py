@@ -1,83 +1,43 @@
-"""Surfels under lamps: one ray from each surfel to each lamp, so that direct light has no noise, and interreflection.
+"""Surfels under lamps: one ray from each surfel to each lamp, so that direct light has no noise.
 
 Lamps have no size: shadows are as sharp as surfels are small, and no camera sees a lamp.
 """
 
 from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ..contract import Maps
+from ..contract import Maps, Prepared, Trained
 from ..errors import UsageError
+from ..kernels.image.display import displayed
 from ..kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP
 from ..scene.camera import Camera
 from ..scene.lamps import Lamp
 from ..scene.light import EnvironmentMap
 from ..surfels.surfels import Surfels
-from .incident import Incident, unoccluded
-from .interreflection import KEPT_BYTES, FixedRays, add_bounces, reflectance_of, sent_by_lambert
-from .maps import maps_of_light
-from .splatting import shade_surfels, towards
+from .incident import Incident
+from .splatting import DIFFUSE_INDIRECT, SPECULAR_INDIRECT, shade_surfels, splat, towards
 from .tracer import RAYS_AT_ONCE, SurfelTracer
 
 
-class LitByLamps:
-    """Shades every surfel under lamps and a map, whose light is traced once; the BRDF is evaluated for every camera.
+@runtime_checkable
+class RelitByLamps(Protocol):
+    """A method that can render a trained model under lamps, for ``radiogs-bench relight --point``.
 
-    ``incident``: light of the map and of all interreflection. ``lamps``: see ``lamp_light``. ``straight``: see
-    ``displayed``.
+    It is not in ``capabilities``, which training imports: no model is trained anew for a change here.
     """
 
-    def __init__(
-        self,
-        surfels: Surfels,
-        albedo: Float[Tensor, "surfels 3"],
-        light: EnvironmentMap,
-        incident: Incident,
-        lamps: Incident,
-        straight: bool,
-    ) -> None:
-        self.surfels, self.albedo, self.light = surfels.with_cached_values(), albedo, light
-        self.incident, self.lamps, self.straight = incident, lamps, straight
+    def relit_by_lamps(
+        self, trained: Trained, lamps: Sequence[Lamp], light: EnvironmentMap | None, albedo_scale: Float[Tensor, "3"]
+    ) -> Prepared:
+        """The model under lamps and, unless it is None, a map of distant light.
 
-    @torch.no_grad()
-    def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of ``on_surfels.trained.Renderer``; the lamps' unscattered light counts as ``direct``."""
-        outgoing = towards(camera, self.surfels)[:, None]
-        (direct, indirect), (_, from_lamps) = (
-            shade_surfels(self.surfels, self.albedo, arriving, outgoing, self.light.radiance)[:, 0]
-            .unflatten(1, (2, 2))  # diffuse and specular, each direct and indirect
-            .sum(1)
-            .unbind(1)
-            for arriving in (self.incident, self.lamps)
-        )
-        return maps_of_light(camera, self.surfels, self.albedo, direct + from_lamps, indirect, self.straight)
-
-
-@torch.no_grad()
-def lit_by_lamps(
-    tracer: SurfelTracer,
-    albedo: Float[Tensor, "surfels 3"],
-    lamps: Sequence[Lamp],
-    light: EnvironmentMap,
-    directions: tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]],
-    bounces: int,
-    straight: bool,
-) -> LitByLamps:
-    """The tracer's surfels under lamps and a map, ready to be rendered, with the interreflection of ``bounces``.
-
-    ``albedo``: linear, used instead of that of the surfels. ``light``: distant light, black for none. ``directions``:
-    unit directions and their solid angles, for the map and interreflection. Raises UsageError as ``lamp_light`` does.
-    """
-    surfels, shone = tracer.surfels, lamp_light(tracer, lamps)
-    incident, reflectance = unoccluded(*directions), reflectance_of(surfels, albedo)
-    rays = FixedRays(tracer, torch.arange(len(albedo), device=albedo.device), directions[0], KEPT_BYTES)
-    rays.fill_visibility(incident)
-    by_map, by_lamps = (sent_by_lambert(surfels, reflectance, each, light.radiance) for each in (incident, shone))
-    add_bounces(rays, incident, reflectance, by_map + by_lamps, bounces)
-    return LitByLamps(surfels, albedo, light, incident, shone, straight)
+        ``albedo_scale``: see ``Trained.prepare``. Raises DataError for a map that is not finite, UsageError as
+        ``lamp_light`` does.
+        """
 
 
 @torch.no_grad()
@@ -88,8 +48,8 @@ def lamp_light(tracer: SurfelTracer, lamps: Sequence[Lamp]) -> Incident:
     it (``visibility`` is 0). Raises UsageError for a lamp whose irradiance is beyond float32.
     """
     points = tracer.surfels.centre.detach()
-    found = [lamp.light_at(points.double()) for lamp in lamps]
-    direction, distance, irradiance = (torch.stack([each[part] for each in found], 1).to(points) for part in range(3))
+    found = zip(*(lamp.light_at(points.double()) for lamp in lamps), strict=True)
+    direction, distance, irradiance = (torch.stack(each, 1).to(points) for each in found)
     if not irradiance.isfinite().all():
         lamp = int(torch.nonzero(~irradiance.isfinite())[0, 1])
         raise UsageError(
@@ -97,11 +57,8 @@ def lamp_light(tracer: SurfelTracer, lamps: Sequence[Lamp]) -> Incident:
             "It lies on the surfel, or its light is too strong.",
             "Move it away from the surfaces, or make it weaker.",
         )
-    every = torch.arange(len(points), device=points.device)
-    seen = torch.cat(
-        [seen_lamps(tracer, some, direction[some], distance[some])
-         for some in every.split(max(1, RAYS_AT_ONCE // len(lamps)))]
-    )  # fmt: skip
+    parts = torch.arange(len(points), device=points.device).split(max(1, RAYS_AT_ONCE // len(lamps)))
+    seen = torch.cat([seen_lamps(tracer, some, direction[some], distance[some]) for some in parts])
     return Incident(direction, torch.ones_like(distance), torch.zeros_like(distance), irradiance * seen[..., None])
 
 
@@ -120,3 +77,24 @@ def seen_lamps(
     blocked.index_add_(0, ray[nearer], torch.log1p(-lists.alpha[nearer].double()))
     transmittance = blocked.exp()
     return torch.where(transmittance < TRACE_TRANSMITTANCE_STOP, 0.0, transmittance).to(distance).view_as(distance)
+
+
+@torch.no_grad()
+def with_lamps(
+    maps: Maps, camera: Camera, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], lamps: Incident, straight: bool
+) -> Maps:
+    """``maps.shaded_maps`` with the light of lamps (``lamp_light``) in ``direct`` and ``image``."""
+    dark, outgoing = albedo.new_zeros(1, 1, 3), towards(camera, surfels)[:, None]
+    parts = shade_surfels(surfels, albedo, lamps, outgoing, dark)[:, 0]
+    channels = {"lamps": parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT]}
+    direct = maps["direct"] + splat(camera, surfels, channels, depth_unit=1.0).images["lamps"]
+    image = displayed(direct + maps["indirect"], maps["alpha"][..., 0], straight).clamp(0, 1)
+    return {**maps, "direct": direct, "image": image}
+
+
+def extent_of(surfels: Surfels) -> str:
+    """A sentence on where surfels lie in the world, for who places lamps among them; 2 % along each axis may stray."""
+    centre = surfels.centre.detach().sort(0).values
+    low, high = (centre[round(share * (len(centre) - 1))].tolist() for share in (0.01, 0.99))
+    axes = (f"{name} {a:.3g} to {b:.3g}" for name, a, b in zip("xyz", low, high, strict=True))
+    return f"the model lies in {', '.join(axes)} of the scene's world"

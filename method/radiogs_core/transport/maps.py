@@ -50,20 +50,12 @@ def shaded_maps(
     """
     parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular_at)[:, 0]
     direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    return maps_of_light(
-        camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT], straight
-    )
+    return _maps(camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT], straight)
 
 
-def maps_of_light(
-    camera: Camera,
-    surfels: Surfels,
-    albedo: Float[Tensor, "surfels 3"],
-    direct: Float[Tensor, "surfels 3"],
-    indirect: Float[Tensor, "surfels 3"],
-    straight: bool,
-) -> dict[str, Float[Tensor, "height width _"]]:
-    """The maps of ``shaded_maps`` of surfels that send the radiance ``direct`` and ``indirect`` to the camera."""
+def _maps(
+    camera: Camera, surfels: Surfels, albedo: Tensor, direct: Tensor, indirect: Tensor, straight: bool
+) -> dict[str, Tensor]:
     channels = {"direct": direct, "indirect": indirect, "albedo": albedo, "roughness": surfels.roughness[:, None]}
     seen = splat(camera, surfels, channels, depth_unit=1.0)
     image = displayed(seen.images["direct"] + seen.images["indirect"], seen.alpha, straight).clamp(0, 1)
@@ -125,4 +117,4 @@ def split_sum_maps(
         surfels.frame[..., 2], surfels.albedo, surfels.roughness, towards(camera, surfels), light
     )
     direct = diffuse + specular
-    return maps_of_light(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct), straight)
+    return _maps(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct), straight)

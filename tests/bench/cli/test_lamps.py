@@ -24,7 +24,7 @@ def test_a_file_has_the_lamps_of_the_options_in_toml_and_in_json(tmp_path: Path)
     assert found[0] == PointLamp(position=(1.5, -1.0, 2.0), intensity=20.0, colour=(1.0, 0.8, 0.6))
     assert lamp("spot", "-2,0,3,0,0,0,10,25,60") == ("spot-2,0,3,0,0,0,10,25,60", spot)
     assert found[1] == spot
-    sun = Sun(azimuth=45.0, elevation=30.0, irradiance=1.0, colour=(1.5, 2.0, 0.0))
+    sun = Sun(azimuth=45.0, elevation=30.0, intensity=1.0, colour=(1.5, 2.0, 0.0))
     assert lamp("sun", "45,30,1.5,2,0")[1] == sun
     (tmp_path / "same.JSON").write_text(json.dumps(tomllib.loads(EXAMPLE.read_text())))
     assert read_lamps(tmp_path / "same.JSON") == found
@@ -51,15 +51,16 @@ def test_a_file_of_lamps_that_is_none_is_refused_by_its_field(content: str, mess
     ("options", "message"),
     [
         ("", "no light is given"),
-        ("--point 1,2,3,4,5", "'1,2,3,4,5' is not X,Y,Z[,INTENSITY], with one number or R,G,B for the last"),
+        ("--point 1,2,3,4,5", "'1,2,3,4,5' is not X,Y,Z[,INTENSITY], with one number or R,G,B for INTENSITY"),
         ("--point 1,2,3,-4", "--point: '1,2,3,-4': intensity: -4.0 is not zero or above"),
         ("--sun 0,91", "a sun has the elevation 91"),
         ("--spot 0,0,3,0,0,0,50,40", "0 <= inner < outer <= 90"),
         ("--spot 0,0,3,0,0,3,10,40", "a spot lamp's target is its position"),
+        ("--light ...toml", "...toml has no name to store renders under"),
         ("--light sky.hdr", "sky.hdr is neither .toml nor .json"),
         ("--sun 0,45 --mode path", "--mode does not go with lamps"),
         ("--sun 0,45 --effects none", "--effects does not go with lamps"),
-        ("--sun 0,45 " * 40, "the lamps have"),
+        ("--sun 0,45 " * 40, "the lights have a name of"),
         ("--lamp 0,45", "Unknown option: --lamp"),
     ],
 )

@@ -8,14 +8,18 @@ import pytest
 import torch
 from torch import Tensor
 
+from known_ball import CPU, SCENE
+from radiogs.model import Model
+from radiogs.relighting import RelitByRays, relight
+from radiogs.settings import PRESETS, Variant
+from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.shade.brdf import diffuse, specular
 from radiogs_core.scene.lamps import Lamp, PointLamp, SpotLamp, Sun
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.scene.placed_light import placed_light, rotation_to_map
-from radiogs_core.transport.lamp_light import LitByLamps, lamp_light, lit_by_lamps
-from radiogs_core.transport.sampling import relighting_directions
+from radiogs_core.transport.lamp_light import lamp_light
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.tracer import SurfelTracer
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box
@@ -29,14 +33,16 @@ CAMERA = look_at(torch.tensor([0.01, 0.0, 6.0]), torch.zeros(3), 24, 30.0)
 DARK = EnvironmentMap(torch.zeros(2, 4, 3))
 LAMP = PointLamp(position=(0.5, 0.2, 4.0), intensity=30.0, colour=(1.0, 0.8, 0.5))
 SPOT = SpotLamp(position=(0.5, 0.2, 4.0), target=(0.0, 0.0, 0.0), inner=5.0, outer=45.0, intensity=30.0)
-SUN = Sun(azimuth=60.0, elevation=50.0, irradiance=2.0)
+SUN = Sun(azimuth=60.0, elevation=50.0, intensity=2.0)
 
 
-def lit(solids: Sequence[Box], lamps: Sequence[Lamp], light: EnvironmentMap = DARK, bounces: int = 1) -> LitByLamps:
-    surfels = surfels_over(solids, 0.1 if len(solids) == 1 else 0.2)
-    generator = torch.Generator().manual_seed(0)
-    directions = relighting_directions(surfels.frame[..., 2], LightSampler(light), 32, 32, generator)
-    return lit_by_lamps(SurfelTracer(surfels), surfels.albedo, lamps, light, directions, bounces, True)
+def lit(solids: Sequence[Box], lamps: Sequence[Lamp], light: EnvironmentMap = DARK, bounces: int = 1) -> RelitByRays:
+    model = Model(surfels_over(solids, 0.1 if len(solids) == 1 else 0.2), torch.zeros(2, 4, 3))
+    budget = replace(PRESETS["smoke"], relight_hemisphere_samples=32, relight_light_samples=32, relight_bounces=bounces)
+    run, plan = Run(SCENE, Variant(relighting="bounces"), budget, 0, CPU), EffectPlan(light_sampling=light is not DARK)
+    found = relight(model, light, torch.ones(3), run, plan=plan, lamps=lamps)
+    assert isinstance(found, RelitByRays)
+    return found
 
 
 def points_of_the_floor() -> tuple[Tensor, Tensor]:
@@ -104,7 +110,7 @@ def test_two_lamps_add_directly_and_by_interreflection() -> None:
 
 def test_a_lamp_far_away_is_a_sun() -> None:
     distance = 1e5
-    far = PointLamp(position=tuple((distance * SUN.direction).tolist()), intensity=SUN.irradiance * distance**2)
+    far = PointLamp(position=tuple((distance * SUN.direction).tolist()), intensity=SUN.intensity * distance**2)
     sun, lamp = (lit([FLOOR, BLOCKER], [each]).render(CAMERA) for each in (SUN, far))
     torch.testing.assert_close(lamp["direct"], sun["direct"], rtol=1e-3, atol=1e-4)
     assert float(sun["direct"][sun["alpha"][..., 0] > 0.9].min()) < 0.01, "there is a shadow"
@@ -115,9 +121,9 @@ def test_a_sun_is_the_disc_of_a_sun_in_a_map_with_all_bounces() -> None:
     texels, direction = sun_and_sky(256)
     sky = EnvironmentMap(torch.full_like(texels, 0.1))
     x, y, z = direction.tolist()
-    sun = Sun(azimuth=math.degrees(math.atan2(y, x)), elevation=math.degrees(math.asin(z)), irradiance=2.0)
+    sun = Sun(azimuth=math.degrees(math.atan2(y, x)), elevation=math.degrees(math.asin(z)), intensity=2.0)
     scene = [FLOOR, WALL, BLOCKER]
-    in_map, lamp = lit(scene, [replace(sun, irradiance=0.0)], EnvironmentMap(texels), 3), lit(scene, [sun], sky, 3)
+    in_map, lamp = lit(scene, [replace(sun, intensity=0.0)], EnvironmentMap(texels), 3), lit(scene, [sun], sky, 3)
     maps = [each.render(CAMERA) for each in (in_map, lamp)]
     for name in ("direct", "indirect"):
         light = [each[name].mean((0, 1)) for each in maps]
