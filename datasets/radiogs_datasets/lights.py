@@ -60,12 +60,13 @@ class LampFile:
     sun: tuple[Sun, ...] = ()
 
 
-def read_lamps(path: Path) -> tuple[Lamp, ...]:
+def read_lamps(path: Path | str) -> tuple[Lamp, ...]:
     """The lamps of a .toml or .json file: its point lamps, its spot lamps, then its suns.
 
     Raises UsageError for a file of another kind, DataError for one that is damaged, has no lamp, or has a field that is
     unknown, missing or refused.
     """
+    path = Path(path)
     if path.suffix.lower() not in (".toml", ".json"):
         raise UsageError(f"{path} is neither .toml nor .json", "Lamps are tables of numbers.", "A map is an --envmap.")
     try:

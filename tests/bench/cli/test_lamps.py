@@ -27,7 +27,7 @@ def test_a_file_has_the_lamps_of_the_options_in_toml_and_in_json(tmp_path: Path)
     sun = Sun(azimuth=45.0, elevation=30.0, intensity=1.0, colour=(1.5, 2.0, 0.0))
     assert lamp("sun", "45,30,1.5,2,0")[1] == sun
     (tmp_path / "same.JSON").write_text(json.dumps(tomllib.loads(EXAMPLE.read_text())))
-    assert read_lamps(tmp_path / "same.JSON") == found
+    assert read_lamps(str(tmp_path / "same.JSON")) == found
 
 
 @pytest.mark.parametrize(

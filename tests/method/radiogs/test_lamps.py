@@ -15,6 +15,7 @@ from radiogs.settings import PRESETS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.shade.brdf import diffuse, specular
+from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.lamps import Lamp, PointLamp, SpotLamp, Sun
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.placed_light import placed_light, rotation_to_map
@@ -85,6 +86,8 @@ def test_a_floor_sends_its_brdf_times_the_irradiance_of_a_lamp(lamp: Lamp) -> No
     expected = brdf * arriving * to_lamp[:, 2:]
     torch.testing.assert_close(maps["direct"][inside] / maps["alpha"][inside], expected, rtol=0.03, atol=0.01)
     assert float(maps["indirect"].max()) == 0.0
+    shown = maps["alpha"][inside] * srgb_encode(expected).clamp(0, 1)
+    torch.testing.assert_close(maps["image"][inside], shown, rtol=0, atol=0.03)
 
 
 def test_a_shadow_lies_where_the_lamp_projects_the_blocker_and_nothing_behind_the_lamp_blocks() -> None:
