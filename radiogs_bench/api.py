@@ -15,7 +15,7 @@ import json
 import math
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -30,11 +30,12 @@ from torch import Tensor
 from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
+from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.placed_light import placed_light
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
-from radiogs_datasets.lights import latitude_longitude
+from radiogs_datasets.lights import latitude_longitude, read_lamps
 from radiogs_datasets.lights import read_light as read_light_file
 from radiogs_datasets.options import AS_STORED, SceneOptions
 from radiogs_datasets.soundness import require_trainable
@@ -57,7 +58,7 @@ from .runs.trained_folder import Origin, read_about, read_trained, set_other_mod
 from .scoring.evaluate import SCORES_ALONE, evaluate
 from .scoring.metrics.protocols import PROTOCOLS
 from .scoring.metrics.protocols import protocol as protocol_of
-from .scoring.rendering import on_black
+from .scoring.rendering import lit_by_lamps, on_black
 from .store.claim import saying_who_holds
 from .store.folder import Store
 from .trusted_methods import trusting
@@ -71,6 +72,7 @@ __all__ = [
     "open_model",
     "open_store",
     "protocol_names",
+    "read_lamps",
     "read_light",
     "scene_names",
     "train",
@@ -131,16 +133,22 @@ class Model:
         return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
 
     def prepared(
-        self, light: EnvironmentMap | str | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+        self,
+        light: EnvironmentMap | str | None = None,
+        albedo_scale: Float[Tensor, "3"] | None = None,
+        lamps: Sequence[Lamp] = (),
     ) -> PreparedModel:
         """The model made ready once for many views: under its own light, or under another one, also by its name.
 
-        ``albedo_scale``: a factor of albedo by channel. Raises NotOffered where the method cannot be relit, UsageError
-        for a light that the scene does not have.
+        ``albedo_scale``: a factor of albedo by channel. ``lamps`` (``read_lamps``, ``radiogs_core.scene.lamps``): shine
+        in place of its own light, and beside another one. Raises NotOffered where the method cannot be relit,
+        UsageError for a light that the scene does not have, and for lamps where the method takes none.
         """
-        if light is None:
-            return PreparedModel(self.trained.prepare(), self.run)
-        return PreparedModel(self.trained.prepare(_light(self.run.scene, light), albedo_scale), self.run)
+        found = None if light is None else _light(self.run.scene, light)
+        if lamps:
+            return PreparedModel(lit_by_lamps(self.method, self.trained, lamps, found, albedo_scale), self.run)
+        ready = self.trained.prepare() if found is None else self.trained.prepare(found, albedo_scale)
+        return PreparedModel(ready, self.run)
 
     def placed(
         self, light: EnvironmentMap, up: Float[Tensor, "3"] | None = None, turn: float = 0.0, strength: float = 1.0

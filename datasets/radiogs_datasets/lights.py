@@ -1,10 +1,11 @@
-"""Environment maps from files: distant light as linear radiance.
+"""Lights from files: environment maps, which are distant light as linear radiance, and lamps.
 
 A latitude-longitude map is twice as wide as high. Cube maps are converted where the file says how its faces lie:
 OpenEXR's attribute ``envmap`` (faces +X, -X, +Y, -Y, +Z, -Z of a world with Y up, in a column), and crosses with empty
 corners, which fold in one way. Any other shape is refused by name: nothing says which direction a pixel shows.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import PlainReader
+from radiogs_core.scene.lamps import Lamp, PointLamp, SpotLamp, Sun
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 
+from .bounded_reading import printable, read_json, read_toml
 from .image_files import read_exr, read_hdr
 from .image_structure import exr_envmap
 
@@ -46,6 +50,39 @@ def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
     radiance, how = latitude_longitude(path, stored, envmap)
     return EnvironmentMap(radiance), [*said, *([f"{path.name}: {how}"] if how else [])]
 
+
+@dataclass(frozen=True)
+class LampFile:
+    """The schema of a file of lamps: a table for each lamp, with the fields of its class."""
+
+    point: tuple[PointLamp, ...] = ()
+    spot: tuple[SpotLamp, ...] = ()
+    sun: tuple[Sun, ...] = ()
+
+
+def read_lamps(path: Path | str) -> tuple[Lamp, ...]:
+    """The lamps of a .toml or .json file: its point lamps, its spot lamps, then its suns.
+
+    Raises UsageError for a file of another kind, DataError for one that is damaged, has no lamp, or has a field that is
+    unknown, missing or refused.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".toml", ".json"):
+        raise UsageError(f"{path} is neither .toml nor .json", "Lamps are tables of numbers.", "A map is an --envmap.")
+    try:
+        content = read_json(path) if path.suffix.lower() == ".json" else read_toml(path)
+        found: LampFile = PlainReader(printable(path), LAMPS_MANUAL).build(LampFile, content, "")
+    except UsageError as refused:
+        raise DataError(refused.what, refused.why, refused.remedy) from refused
+    except ValueError as error:
+        raise DataError(f"{printable(path)} is not valid TOML: {error!s:.200}", "", LAMPS_MANUAL) from error
+    lamps = (*found.point, *found.spot, *found.sun)
+    if not lamps:
+        raise DataError(f"{printable(path)} has no lamp", "It lights nothing.", LAMPS_MANUAL)
+    return lamps
+
+
+LAMPS_MANUAL = "The tables of lamps are described in docs/datasets.md; docs/examples/lamps.toml has one of each."
 
 Face = tuple[tuple[int, int], tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
 """A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those in which

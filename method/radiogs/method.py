@@ -4,9 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
 from radiogs_core.capabilities import PARTS, Probe, require_truth
-from radiogs_core.contract import Run, SharedStart, Stage, StageSpec, Trained, values_but
+from radiogs_core.contract import STANDARD_MAPS, Prepared, Run, SharedStart, Stage, StageSpec, Trained, values_but
+from radiogs_core.on_surfels.trained import Shown
+from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.lamp_light import extent_of
+from radiogs_core.transport.plan import EffectPlan
 
 from .constants import recipe_table
 from .effects.probing import probe_run
@@ -16,6 +24,7 @@ from .invert import InverseRendering
 from .model import Model
 from .recipes import PUBLISHED, RECIPES, recipe_values
 from .rehearsing import short_run, sizes
+from .relighting import relight
 from .settings import INVERSE_ONLY, PRESETS, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
@@ -112,6 +121,17 @@ class RadioGS:
     def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
         return probe_run(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
+
+    def relit_by_lamps(
+        self, trained: Trained, lamps: Sequence[Lamp], light: EnvironmentMap | None, albedo_scale: Float[Tensor, "3"]
+    ) -> Prepared:
+        """The model in mode "bounces" with all effects; see ``radiogs_core.transport.lamp_light.RelitByLamps``."""
+        assert isinstance(trained, TrainedRadioGS)
+        run, plan = trained.run, EffectPlan(light_sampling=light is not None)
+        run = replace(run, variant=replace(run.variant, relighting="bounces"))
+        light = EnvironmentMap(torch.zeros(2, 4, 3)) if light is None else light
+        lit = relight(trained.model, light, albedo_scale, run, plan=plan, lamps=lamps)
+        return Shown(lit, STANDARD_MAPS, (extent_of(lit.surfels),))
 
     def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering. Raises DataError for malformed tensors."""

@@ -1,6 +1,6 @@
 """Relighting (paper, section on relighting): by rays with one of several kinds of L_ind, or by surfels alone."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
@@ -9,12 +9,14 @@ from torch import Tensor
 from radiogs_core.contract import Maps, Run
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.light_sampler import LightSampler
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.interreflection import bounced_incident
+from radiogs_core.transport.lamp_light import lamp_light, with_lamps
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.path_tracing import PathTracer
 from radiogs_core.transport.plan import EffectPlan
@@ -34,13 +36,15 @@ def relight(
     run: Run[Variant, Budget],
     after_step: Callable[[], None] = lambda: None,
     plan: EffectPlan = EVERYTHING,
+    lamps: Sequence[Lamp] = (),
 ) -> "RelitByRays | RelitBySurfels":
     """The model under ``light``, in the mode of the run's variant (``settings.Relighting``).
 
     ``albedo_scale``: factor for each channel of the recovered albedo, which images determine only up to such a factor.
     ``after_step``: called after each step of fine-tuning, which uses the run's training cameras, and between parts of
     path tracing; it may raise to end them. ``plan``: the effects that rays simulate; fine-tuning and path tracing
-    simulate all of them. Raises DataError for a light that is not finite.
+    simulate all of them. ``lamps`` shine beside ``light``, in mode "bounces". Raises DataError for a light that is not
+    finite, UsageError as ``lamp_light`` does.
     """
     surfels, variant = model.surfels, run.variant
     device = surfels.centre.device
@@ -54,17 +58,18 @@ def relight(
         return path_traced(surfels, albedo, light, run, after_step)
     generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, RaySettings.of(variant)
     with torch.no_grad():
-        direction, weight = relighting_directions(
+        direction, weight = directions = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
             budget.relight_hemisphere_samples, budget.relight_light_samples if plan.light_sampling else 0, generator,
             rays.floor,
         )  # fmt: skip
-        tracer = rays.tracer(surfels)
+        tracer, shone = rays.tracer(surfels), None
         if variant.relighting == "finetuned":
             incident = incident_along(tracer, direction, weight, plan)
         elif variant.relighting == "bounces":
             count = budget.relight_bounces if plan.bounces else 1
-            incident = bounced_incident(tracer, albedo, light.radiance, direction, weight, count, plan)
+            shone = lamp_light(tracer, lamps) if lamps else None
+            incident = bounced_incident(tracer, albedo, light.radiance, directions, count, plan, shone)
         else:
             is_open = None
             if variant.met_light == "occluded":
@@ -73,7 +78,7 @@ def relight(
             incident = split_sum_incident(
                 tracer, features, PrefilteredLight(light.radiance, variant.masking), direction, weight, plan
             )
-    return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
+    return RelitByRays(surfels, albedo, light, incident, plan, variant.straight, shone)
 
 
 @torch.no_grad()
@@ -126,15 +131,21 @@ class RelitByRays:
         incident: Incident,
         plan: EffectPlan = EVERYTHING,
         straight: bool = True,
+        lamps: Incident | None = None,
     ) -> None:
         self.surfels, self.albedo, self.light, self.incident = surfels.with_cached_values(), albedo, light, incident
-        self.straight = straight
+        self.straight, self.lamps = straight, lamps
         self.specular = plan.specular_among(albedo)
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of ``Renderer.render``, under the new light."""
-        return shaded_maps(
+        maps = shaded_maps(
             camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular, self.straight
+        )
+        return (
+            maps
+            if self.lamps is None
+            else with_lamps(maps, camera, self.surfels, self.albedo, self.lamps, self.straight)
         )
 
 

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from radiogs_core.errors import UsageError
 
-from .lights import AS_IT_LIES, Placing, placed
+from .lights import AS_IT_LIES, NO_LAMPS, Lamps, Placing, placed, placed_lamps
 from .options import AS_TRAINED, EffectsChoice, MaybeCount, Opening, no_effects
 from .reporter import say
 from .values import from_text
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
+
+BY_LAMPS = "lamps"
+"""Folder of renders under lamps."""
 
 FRAMES = 36
 """Pictures of a relit turntable."""
@@ -59,7 +62,8 @@ def relight(
     folder: Path,
     /,
     *,
-    envmap: Path,
+    envmap: Path | None = None,
+    lamps: Lamps = NO_LAMPS,
     placing: Placing = AS_IT_LIES,
     asked: Annotated[Relighting, Parameter(name="*")] = Relighting(),
     opening: Opening = AS_TRAINED,
@@ -67,6 +71,8 @@ def relight(
     """Render the views of a trained model under another light.
 
     Example:  radiogs-bench relight out/corner --envmap sunset
+
+    Lamps:  radiogs-bench relight out/corner --point 0,0,3,40 --sun 45,30
 
     :param folder: Open the model that `train` left in this folder.
     :param envmap: Relight by this light of the scene, or by this .hdr or .exr file: latitude-longitude, or a cube map
@@ -80,20 +86,24 @@ def relight(
     from ..export.views import beyond_levels, count_levels, write_turntable, write_views
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.rendering import prepared
+    from ..scoring.rendering import lit_by_lamps, prepared
     from ..store.folder import Store
 
-    device, lit = opening.use(), lit_folder(envmap) + placing.marks
+    device, lit, given = opening.use(), lit_folder(envmap, lamps) + placing.marks, lamps.found()
+    if given:
+        require_lamps_alone(asked)
     about = read_about(folder)
     name, (mode, changes) = about["method"], changes_of(about["method"], asked, about["variant"])
     with Store(folder).keeping_tracebacks():
         run, model = read_trained(folder, device, changes)
-        light = _placed(placing, run.scene, envmap)
-        with working(f"preparing {envmap.name}"):
-            relit = prepared(name, model, light, torch.tensor(asked.albedo_scale, dtype=torch.float32))
+        light, scale = _placed(placing, run.scene, envmap), torch.tensor(asked.albedo_scale, dtype=torch.float32)
+        shone, lies = placed_lamps(placing, run.scene, given)
+        say(*lies)
+        with working(f"preparing {lit}"):
+            relit = lit_by_lamps(name, model, shone, light, scale) if shone else prepared(name, model, light, scale)
         if isinstance(relit, Remarking):
             say(*relit.remarks)
-        place, levels = own_folder(folder / "relight" / mode, folder), Counter[str]()
+        place, levels = own_folder(folder / "relight" / (BY_LAMPS if given else mode), folder), Counter[str]()
         say(write_views(
             name, relit, run, asked.views, place,
             lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}", partial(count_levels, levels),
@@ -104,19 +114,32 @@ def relight(
             say(f"turntable: {write_turntable(name, relit, run, folder, place / 'relit' / lit, frames)}")
 
 
-def _placed(placing: Placing, scene: "Scene", envmap: Path) -> "EnvironmentMap":
+def require_lamps_alone(asked: Relighting) -> None:
+    """Raise UsageError for options that do not go with lamps."""
+    for option, unlike in (("--mode", asked.mode is not None), ("--effects", asked.effects != "all")):
+        if unlike:
+            raise UsageError(
+                f"{option} does not go with lamps",
+                "Lamps are traced in one way: a ray from each surfel to each lamp, then bounces, with all effects.",
+                f"Leave {option} out.",
+            )
+
+
+def _placed(placing: Placing, scene: "Scene", envmap: Path | None) -> "EnvironmentMap | None":
     """The scene's light of that name, or the one in a file, in the scene's world; prints how it lies there."""
     from radiogs_core.errors import unknown
     from radiogs_datasets.lights import read_light
 
     from ..scoring.recovered_light import NOT_DISTANT
 
+    if scene.surrounded:
+        say(f"relighting means little here: {NOT_DISTANT}")
+    if envmap is None:
+        return None
     name, named = str(envmap), not (envmap.suffix or envmap.exists())
     if named and name not in scene.lights:
         raise unknown("light", name, scene.lights, "Name one, or an .hdr or .exr file.", of=f"scene '{scene.name}'")
     light, repairs = (scene.lights[name], []) if named else read_light(envmap)
-    if scene.surrounded:
-        say(f"relighting means little here: {NOT_DISTANT}")
     found, lies = placed(placing, scene, light)
     say(*repairs, f"{envmap.name}: {lies}")
     return found
@@ -156,12 +179,32 @@ def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tupl
     return chosen, {modes.field: chosen}
 
 
-def lit_folder(envmap: Path) -> str:
-    """Name of the folder for renders under a map: the map's, with its ending where an x.exr lies beside an x.hdr."""
+def lit_folder(envmap: Path | None, lamps: Lamps) -> str:
+    """Name of the folder for renders: those of the map, of the file of lamps and of each lamp. Raises UsageError."""
+    from radiogs_datasets.bounded_reading import LONGEST_NAME
+
+    files = (each for each in (envmap, lamps.light) if each is not None)
+    name = "+".join([*map(file_folder, files), *lamps.names])
+    if not name:
+        raise UsageError("no light is given", "", "Give --envmap, --light, --point, --spot or --sun, or several.")
+    if len(name) > LONGEST_NAME:
+        what = f"the lights have a name of {len(name)} letters"
+        raise UsageError(what, "Renders are stored under it.", "Write lamps into a file: --light FILE.")
+    return name
+
+
+def file_folder(light: Path) -> str:
+    """The part of ``lit_folder`` of a file: its name, with its ending where an x.exr lies beside an x.hdr, or an x.json
+    beside an x.toml."""
     from radiogs_datasets.bounded_reading import require_storable
 
-    if envmap.stem.strip(".") == "":
-        raise UsageError(f"{envmap} has no name to store renders under", "", "Rename the file.")
-    require_storable(envmap.name, "the light")
-    two = envmap.suffix.lower() == ".exr" and envmap.with_suffix(".hdr").exists()
-    return f"{envmap.stem}_exr" if two else envmap.stem
+    if light.stem.strip(".") == "":
+        raise UsageError(f"{light} has no name to store renders under", "", "Rename the file.")
+    require_storable(light.name, "the light")
+    ending = light.suffix.lower()
+    two = ending in OTHERS and light.with_suffix(OTHERS[ending]).exists()
+    return f"{light.stem}_{ending[1:]}" if two else light.stem
+
+
+OTHERS = {".exr": ".hdr", ".json": ".toml"}
+"""Endings of files that may have the name of another light, and the ending of that."""

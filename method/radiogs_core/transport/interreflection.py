@@ -13,6 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from ..kernels.shade.brdf import diffuse
 from ..kernels.shade.shade import shade
 from ..kernels.trace.hits import HitLists
 from ..scene.light_sampler import GOLDEN_RATIO
@@ -65,18 +66,19 @@ def bounced_incident(
     tracer: SurfelTracer,
     albedo: Float[Tensor, "surfels 3"],
     environment: Float[Tensor, "rows columns 3"],
-    direction: Float[Tensor, "surfels samples 3"],
-    weight: Float[Tensor, "surfels samples"],
+    directions: tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]],
     bounces: int,
     plan: EffectPlan = EVERYTHING,
+    lamps: Incident | None = None,
 ) -> Incident:
     """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
 
     ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
-    ``direction``, ``weight``: unit directions and their solid angles. ``plan``: the effects that are traced; the
-    others have the substitutes (``SurfelTracer.untraced``).
+    ``directions``: unit directions and their solid angles. ``plan``: the effects that are traced; the others have the
+    substitutes (``SurfelTracer.untraced``). ``lamps``: their light on the surfels (``lamp_light``), which L_ind begins
+    with, too.
     """
-    surfels = tracer.surfels
+    surfels, (direction, weight) = tracer.surfels, directions
     normal, roughness = surfels.frame[..., 2].detach(), surfels.roughness.detach()
     reflectance = bounded_albedo(albedo, roughness) + lobe_albedo(roughness)[:, None]
     every, dark = torch.arange(len(albedo), device=albedo.device), torch.zeros_like(albedo)
@@ -92,6 +94,9 @@ def bounced_incident(
         normal, reflectance, roughness, normal[:, None], direction, weight, incident.visibility, incident.radiance,
         environment, no_lobe,
     )[:, 0, DIFFUSE_DIRECT]  # fmt: skip
+    if lamps is not None:
+        flow = lamps.weight * (lamps.direction * normal[:, None]).sum(-1).clamp(min=0)
+        direct = direct + diffuse(reflectance) * (flow[..., None] * lamps.radiance).sum(1)
 
     def again(sent: Tensor) -> Tensor:
         scattered = dark.clone()

@@ -240,6 +240,29 @@ def test_a_light_is_turned_and_strengthened_and_the_line_says_how_it_stands(
     assert float(np.abs(plain - relit(trained, "sun_up0,0,-1")).mean()) > 0.01
 
 
+def test_lamps_light_a_model_with_and_without_a_map_and_turn_with_it(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "two.toml").write_text("[[sun]]\nazimuth = 120\nelevation = 40\n[[point]]\nposition = [0, 0, 3]\n")
+    assert main(["relight", str(trained), "--sun", "120,40", "--point=0,0,3", "--turntable", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "suns: the zenith is +Z of the scene's world, azimuth 0 +X" in said
+    assert "the model lies in x -" in said
+    assert len(list(trained.rglob("sun120,40/relit.gif"))) == 0 < len(list(trained.rglob("*sun120,40/relit.gif")))
+    options = ["--light", str(tmp_path / "two.toml"), "--turn", "90", "--strength", "2"]
+    assert main(["relight", str(trained), *options]) == 0
+    assert main(["relight", str(trained), *options, "--envmap", "sunset"]) == 0
+    folder = trained / "relight/lamps"
+    direct = [
+        np.stack([read_exr(path) for path in sorted((folder / "direct" / name).glob("*.exr"))])
+        for name in ("point0,0,3+sun120,40", "two_turn90_strength2", "sunset+two_turn90_strength2")
+    ]
+    assert direct[0].mean() > 0.01
+    assert np.abs(direct[1] - 2 * direct[0]).mean() > 0.01, "the sun has turned"
+    assert (direct[2] - direct[1]).min() > -1e-4
+    assert (direct[2] - direct[1]).mean() > 0.01, "the map adds its light"
+
+
 def test_white_and_black_relit_views_are_said_with_their_share(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -61,7 +61,7 @@ def rendered(light: EnvironmentMap, shown: str = "relit") -> np.ndarray:
     [camera] = cameras_around(SURFELS, 1, SIDE, SEEN_FROM)
     drawn = relighting_directions(SURFELS.frame[..., 2], LightSampler(light), 64, 64, torch.Generator().manual_seed(0))
     with torch.no_grad():
-        incident = bounced_incident(SurfelTracer(SURFELS), SURFELS.albedo, light.radiance, *drawn, 4)
+        incident = bounced_incident(SurfelTracer(SURFELS), SURFELS.albedo, light.radiance, drawn, 4)
         maps = shaded_maps(camera, SURFELS, SURFELS.albedo, incident, light.radiance)
         linear = maps["direct"] + maps["indirect"] if shown == "relit" else maps[shown]
         return (displayed(linear, maps["alpha"][..., 0]).clamp(0, 1) + 1 - maps["alpha"]).numpy()

@@ -65,7 +65,7 @@ def bounced(
     albedo = torch.as_tensor(albedo).expand(len(surfels), 3)
     tracer = SurfelTracer(surfels, offset=OFFSET)
     directions = rays_of(surfels, light, samples)
-    return bounced_incident(tracer, albedo, light.radiance, *directions, bounces, plan or EffectPlan())
+    return bounced_incident(tracer, albedo, light.radiance, directions, bounces, plan or EffectPlan())
 
 
 def test_an_open_box_that_scatters_everything_is_as_bright_as_its_light() -> None:
@@ -141,7 +141,7 @@ def test_bounces_between_two_walls_converge_to_the_dense_solution() -> None:
     tracer = SurfelTracer(surfels, offset=OFFSET)
 
     def error(bounces: int) -> float:
-        found = bounced_incident(tracer, albedo, light.radiance, *directions, bounces)
+        found = bounced_incident(tracer, albedo, light.radiance, directions, bounces)
         return float((found.radiance - expected).abs().mean() / expected.mean())
 
     assert error(40) < 1e-4

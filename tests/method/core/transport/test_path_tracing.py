@@ -158,7 +158,7 @@ def test_matt_surfaces_have_the_light_of_many_bounces(albedo: float) -> None:
     directions = relighting_directions(surfels.frame[..., 2], LightSampler(light), 128, 128, generator)
     tracer, whole = SurfelTracer(surfels, offset=OFFSET), torch.full((len(surfels), 3), albedo)
     matt = EffectPlan(specular=False)
-    by_bounces = bounced_incident(tracer, whole, light.radiance, *directions, 30, matt)
+    by_bounces = bounced_incident(tracer, whole, light.radiance, directions, 30, matt)
     by_paths = PathTracer(tracer, whole, light, generator, matt.specular_among(whole)).incident(*directions)
     assert torch.allclose(by_bounces.visibility, by_paths.visibility, atol=1e-5)
     first, second = (irradiance(surfels, *directions, each.radiance) for each in (by_bounces, by_paths))
