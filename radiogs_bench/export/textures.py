@@ -196,7 +196,7 @@ def _add_view(
     right, down = (pixel[:, 0] - camera.cx) / camera.fx, (pixel[:, 1] - camera.cy) / camera.fy
     inverse, cosine = seen.at(right, down)
     near = (inverse > 0) & ((1 - depth * inverse).abs() <= seen.near * inverse)
-    weight = torch.where(near, cosine * facing * (min(camera.fx, camera.fy) / depth).square(), 0.0)
+    weight = torch.where(near, (cosine * facing * min(camera.fx, camera.fy) / depth).square(), 0.0)
     grid = pixel / pixel.new_tensor([camera.width, camera.height]) * 2 - 1
     values = grid_sample(
         paint.permute(2, 0, 1)[None], grid[None, None].float(), padding_mode="border", align_corners=False
