@@ -69,7 +69,7 @@ class PaintedBalls:
         exact = camera.to(dtype=torch.float64)
         depths = torch.stack([depth_of_sphere(exact, RADIUS, middle) for middle in MIDDLES])
         depth = torch.where(depths > 0, depths, torch.inf).amin(0)
-        alpha = depth.isfinite()[..., None].double()
+        alpha = 0.8 * depth.isfinite()[..., None].double()
         depth = torch.where(depth.isfinite(), depth, 0.0)[..., None]
         paint = alpha * paint_at(exact.centre + depth * exact.ray_directions(), PIXEL)
         maps = {
