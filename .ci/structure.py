@@ -51,12 +51,13 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs_bench": 25_440, "functions of radiogs_bench": 1_405,
     "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_779,
-    "lines of tests": 62_759,
+    "lines of tests": 62_761,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,
 masks, names and splits that captures by others have, and with their check in one pass; of JavaScript, reports and the
-harness with relighting in the page and with meshes for other programs; of reports with a contact sheet of every model; of tests with all."""
+harness with relighting in the page, and with textured meshes; of reports with a contact sheet of every model; of tests
+with all."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",

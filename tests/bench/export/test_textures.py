@@ -40,6 +40,7 @@ PIXEL = 4 / (1.3 * 160)
 
 VIEWS = [View(f"{place}", camera, {}) for place, camera in enumerate(all_around(24))]
 UP = torch.tensor([0.0, 0.0, 1.0])
+COVERAGE = 0.8
 PAINT = torch.tensor(
     [[0.9, 0.1, 0.05, 0.9], [0.2, 0.6, 0.1, 0.3], [0.02, 0.1, 0.7, 0.6], [0.8, 0.8, 0.75, 0.15]]
 ).double()
@@ -69,7 +70,7 @@ class PaintedBalls:
         exact = camera.to(dtype=torch.float64)
         depths = torch.stack([depth_of_sphere(exact, RADIUS, middle) for middle in MIDDLES])
         depth = torch.where(depths > 0, depths, torch.inf).amin(0)
-        alpha = 0.8 * depth.isfinite()[..., None].double()
+        alpha = COVERAGE * depth.isfinite()[..., None].double()
         depth = torch.where(depth.isfinite(), depth, 0.0)[..., None]
         paint = alpha * paint_at(exact.centre + depth * exact.ray_directions(), PIXEL)
         maps = {
@@ -197,7 +198,7 @@ def seen_straight(points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 4"
     for number, view in enumerate(VIEWS):
         pixel, _, _ = view.camera.project(points[best == number])
         maps = PaintedBalls().render(view.camera, "albedo", "roughness")
-        values[best == number] = looked_up(torch.cat([maps["albedo"], maps["roughness"]], -1), pixel / 160)
+        values[best == number] = looked_up(torch.cat([maps["albedo"], maps["roughness"]], -1), pixel / 160) / COVERAGE
     return values
 
 
@@ -260,6 +261,7 @@ scene.collection.objects.link(scene.camera)
 scene.camera.matrix_world = Matrix(pose)
 scene.camera.data.lens = lens * scene.camera.data.sensor_width
 scene.render.engine, scene.cycles.samples, scene.cycles.max_bounces = "CYCLES", 1, 0
+scene.cycles.use_denoising = False
 scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
 scene.render.resolution_x = scene.render.resolution_y = size
 scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
