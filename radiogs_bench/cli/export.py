@@ -10,13 +10,13 @@ from cyclopts import Group, Parameter
 from ..runs.progress import progress_for_stderr
 from .options import AS_TRAINED, CodeName, Opening, ProtocolName
 from .reporter import say, say_aside
-from .values import factor, from_text
+from .values import factor, from_text, positive
 
 if TYPE_CHECKING:
     import torch
 
-Form = Literal["csv", "json", "parquet", "tensorboard", "wandb", "3dgs-ply", "2dgs-ply", "supersplat"]
-"""A table of metrics, training curves for a logger, or a file of surfels."""
+Form = Literal["csv", "json", "parquet", "tensorboard", "wandb", "3dgs-ply", "2dgs-ply", "supersplat", "gltf", "obj"]
+"""A table of metrics, training curves for a logger, a file of surfels, or a mesh with textures."""
 
 MESH = Group("A model of `train` as a mesh", sort_key=1)
 LAYOUT = Group("The test views of a model of `train` as files (docs/scoring.md)", sort_key=1)
@@ -29,7 +29,8 @@ class Meshing:
     """How a mesh is made."""
 
     mesh: bool = False
-    """Fuse the depth maps of its views, and write the mesh to FOLDER/mesh.ply."""
+    """Fuse the depth maps of its views, and write the mesh to FOLDER/mesh.ply; with --to gltf or obj to FOLDER/mesh.glb
+    or FOLDER/mesh.obj, with textures of base colour and roughness (needs the extra [mesh])."""
     voxel: Above | None = None
     """Make voxels this share of the scene's extent (default: 1/512, or half a pixel if that is larger)."""
     truncation: Above = 4.0
@@ -38,6 +39,10 @@ class Meshing:
     """Use at most so many GiB for voxels."""
     views: Literal["train", "test"] = "train"
     """Fuse the views of this split."""
+    faces: Annotated[int, from_text(positive)] = 40_000
+    """Reduce a mesh with textures to at most this many triangles."""
+    texels: Annotated[int, from_text(positive)] = 4096
+    """Make textures at most about this many texels wide; a texel is half a pixel unless that needs more."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ def export(
     folder: Path,
     /,
     *,
-    to: Form = "csv",
+    to: Form | None = None,
     out: Annotated[Path | None, Parameter(name=("--out", "--file"))] = None,
     row: str | None = None,
     meshing: Annotated[Meshing, Parameter(name="*", group=MESH)] = Meshing(),
@@ -71,21 +76,29 @@ def export(
     Example:  radiogs-bench export out/ablations --to csv
 
     :param folder: Read the run or the model in this folder.
-    :param to: Write metrics (csv, json, parquet), training curves (tensorboard, wandb), or surfels (the others).
+    :param to: Write metrics (csv, the default, json, parquet), training curves (tensorboard, wandb), surfels (3dgs-ply,
+        2dgs-ply, supersplat), or a mesh with textures (gltf, obj).
     :param out: Write to this file or folder (default: FOLDER/export.csv and so on, FOLDER/tensorboard, FOLDER/wandb,
         FOLDER/3dgs.ply, FOLDER/mesh.ply, FOLDER/CODE).
     :param row: Write the surfels of this row of a run (default: the first).
     """
+    from radiogs_core.errors import UsageError
     from radiogs_core.surfels.viewer_files import FORMS
 
-    if meshing.mesh:
-        _mesh(folder, out or folder / "mesh.ply", meshing, opening.use())
+    from ..export.mesh_files import SUFFIX
+
+    if to in SUFFIX or meshing.mesh:
+        if to not in (None, *SUFFIX):
+            raise UsageError(
+                f"--mesh and --to {to} ask for two files", "A mesh is written as PLY, gltf or obj.", "Leave one out."
+            )
+        _mesh(folder, out or folder / f"mesh{SUFFIX.get(str(to), '.ply')}", to, meshing, opening.use())
     elif layout.layout_of is not None:
         _layout(folder, out, layout.layout_of, layout, opening.use())
-    elif to in FORMS:
+    elif to is not None and to in FORMS:
         _surfels(folder, out or folder / f"{to.removesuffix('-ply')}.ply", row, to)
     else:
-        _run(folder, out, to)
+        _run(folder, out, to or "csv")
 
 
 def _run(folder: Path, out: Path | None, to: str) -> None:
@@ -117,22 +130,18 @@ def _run(folder: Path, out: Path | None, to: str) -> None:
 
 def _surfels(folder: Path, path: Path, row: str | None, form: str) -> None:
     """Write the surfels, and print their number."""
-    import torch
-
     from radiogs_core.errors import DataError
     from radiogs_core.surfels.viewer_files import write_for_viewer
 
-    from ..export.trained_surfels import initial_viewpoint_in, surfels_in
+    from ..export.trained_surfels import surfels_in, upwards_in
     from ..store.atomic import explained
 
     surfels = surfels_in(folder, row)
     if not len(surfels):
         raise DataError(f"the model in '{folder}' has no surfels left", "There is nothing to write.")
-    seen_from = initial_viewpoint_in(folder, row)
-    up = torch.tensor([0.0, 0.0, 1.0]) if seen_from is None else seen_from.up
     with explained(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_for_viewer(surfels, form, up, path)
+        write_for_viewer(surfels, form, upwards_in(folder, row), path)
     say(f"{path}: {len(surfels)} surfels, colours as on a display")
 
 
@@ -161,24 +170,42 @@ def _layout(folder: Path, out: Path | None, code: str, by: Layout, device: "torc
     say(f"Score them:  radiogs-bench score {place} --scene {about['scene']} --from {code}")
 
 
-def _mesh(folder: Path, path: Path, by: Meshing, device: "torch.device") -> None:
+def _mesh(folder: Path, path: Path, form: str | None, by: Meshing, device: "torch.device") -> None:
     """Write the mesh and, beside it, its record as JSON; print its distances from the true shape if known."""
     from ..export.mesh import lattice_of, mesh_of, record_of, sentences_of, write_mesh
+    from ..export.mesh_files import require_ready, write_textured
+    from ..export.textures import reduced, texel_of, textured, unwrapped
+    from ..export.trained_surfels import upwards_in
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.rendering import prepared
+    from ..store.atomic import explained
     from ..store.folder import Store
     from ..store.seal import write_sealed
 
+    if form is not None:
+        require_ready(form, path)
     with Store(folder).keeping_tracebacks(), progress_for_stderr() as progress:
         run, model = read_trained(folder, device)
         name, scene = read_about(folder)["method"], run.scene
         lattice = lattice_of(scene, by.voxel, by.truncation)
+        shown, views = prepared(name, model), scene.train if by.views == "train" else scene.test
         made = mesh_of(
-            prepared(name, model), scene.train if by.views == "train" else scene.test, lattice,
-            int(by.memory * 2**30), partial(progress.advance, "fusing depth maps"), device=device, method=name,
+            shown, views, lattice, int(by.memory * 2**30), partial(progress.advance, "fusing depth maps"),
+            device=device, method=name,
         )  # fmt: skip
-        write_mesh(made, path)
-        say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
+        painted = ""
+        if form is None:
+            write_mesh(made, path)
+        else:
+            made = reduced(made, by.faces)
+            say(f"cutting {len(made.faces)} faces into charts")
+            shape = unwrapped(made, texel_of(scene, made, by.texels))
+            advance = partial(progress.advance, "painting")
+            textures = textured(shown, views, shape, lattice, advance, device=device, method=name)
+            with explained(path.parent):
+                write_textured(textures, form, upwards_in(folder, None), path)
+            painted = f", {textures}"
+        say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}{painted}")
         record = record_of(made, scene, lattice, by.views)
     write_sealed(path.with_suffix(".json"), record)
     say(*sentences_of(record["shape"]))

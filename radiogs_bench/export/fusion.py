@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
@@ -138,20 +138,15 @@ class Fusion:
 
         Raises UsageError where the field would exceed its memory, and where voxels are too fine for the view's pixels.
         """
-        camera, depth = camera.to("cpu", torch.float64), depth.detach().cpu().double()
-        solid = depth.isfinite() & (depth > 0) & (depth <= self.lattice.farthest)
-        if alpha is not None:
-            solid &= alpha.detach().cpu() >= SOLID_ALPHA
-        rows = self.blocks.made(self._near_surface(camera, depth, solid))
-        seen = _DepthMap(torch.where(solid, depth.reciprocal(), 0.0), camera, self.lattice.truncation)
+        seen = DepthMap.of(self.lattice, camera, depth, alpha)
+        rows = self.blocks.made(self._near_surface(seen))
         for some in np.split(rows, range(BLOCKS_AT_A_TIME, len(rows), BLOCKS_AT_A_TIME)):
-            self._add_to(some, camera, seen)
+            self._add_to(some, seen)
 
-    def _near_surface(
-        self, camera: Camera, depth: Float[Tensor, "height width"], solid: Bool[Tensor, "height width"]
-    ) -> Places:
-        """Blocks with lattice points within the truncation of the surface that solid pixels see."""
-        rays, depths = camera.ray_directions()[solid], depth[solid]
+    def _near_surface(self, seen: "DepthMap") -> Places:
+        """Blocks with lattice points within the truncation of the surface that a view sees."""
+        camera, solid = seen.camera, seen.inverse > 0
+        rays, depths = camera.ray_directions()[solid], seen.inverse[solid].reciprocal()
         block = SIDE * self.lattice.voxel
         margin = self.lattice.voxel + depths / min(camera.fx, camera.fy) / 2
         if len(margin) and float(margin.max()) > block / 2:
@@ -175,14 +170,15 @@ class Fusion:
             keys.append(np.unique(key_of(found)))
         return place_of(np.unique(np.concatenate(keys)))
 
-    def _add_to(self, rows: Int[np.ndarray, " blocks"], camera: Camera, depths: "_DepthMap") -> None:
+    def _add_to(self, rows: Int[np.ndarray, " blocks"], seen: "DepthMap") -> None:
+        camera = seen.camera
         lattice = self.blocks.places[rows][:, None] * SIDE + NEAR
         offset = torch.from_numpy(lattice * self.lattice.voxel) - camera.centre
         x, y, z = (offset @ camera.axes).unbind(-1)
         before = z > self.lattice.voxel
         safe = torch.where(before, z, 1.0)
         right, down = x / safe, y / safe
-        inverse, cosine = depths.at(right, down)
+        inverse, cosine = seen.at(right, down)
         known = before & (inverse > 0)
         along = (1 / torch.where(known, inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
         weight = torch.where(known & (along >= -self.lattice.truncation), cosine, 0.0)
@@ -192,8 +188,10 @@ class Fusion:
 
 
 @dataclass(frozen=True)
-class _DepthMap:
-    """Inverse z-depth at pixel centres, zero where no surface is; ``near`` is how far apart depths of one surface are.
+class DepthMap:
+    """Inverse z-depth at pixel centres, on the CPU in float64, zero where no surface is.
+
+    ``near`` is how far apart depths of one surface are, world units.
 
     A plane m . X = 1 in camera axes has the inverse depth m . r along the ray r = (right, down, 1): it is linear in the
     image, so planes are interpolated exactly. The cosine of ray and normal is m . r / (|m| |r|).
@@ -202,6 +200,22 @@ class _DepthMap:
     inverse: Float[Tensor, "height width"]
     camera: Camera
     near: float
+
+    @classmethod
+    def of(
+        cls,
+        lattice: Lattice,
+        camera: Camera,
+        depth: Float[Tensor, "height width"],
+        alpha: Float[Tensor, "height width"] | None = None,
+    ) -> "DepthMap":
+        """The surfaces that are fused of one view: see ``Fusion.add``."""
+        depth = depth.detach().cpu().double()
+        solid = depth.isfinite() & (depth > 0) & (depth <= lattice.farthest)
+        if alpha is not None:
+            solid &= alpha.detach().cpu() >= SOLID_ALPHA
+        inverse = torch.where(solid, depth.reciprocal(), 0.0)
+        return cls(inverse, camera.to("cpu", torch.float64), lattice.truncation)
 
     def at(
         self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]

@@ -7,7 +7,7 @@ does not grow with the scene. Vertices on a shared side are found twice and merg
 
 import itertools
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,12 @@ from jaxtyping import Bool, Float, Int
 from plyfile import PlyData, PlyElement
 from skimage.measure import marching_cubes
 
-from radiogs_core.contract import NotOffered, Prepared
+from radiogs_core.contract import Maps, NotOffered, Prepared
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene, View
 
 from ..scoring.metrics.surface_distance import chamfer, surface_distance
-from ..scoring.rendering import on_black
+from ..scoring.rendering import view_on_black
 from ..scoring.true_shape import true_shape
 from .fusion import SIDE, Fusion, Lattice, VoxelBlocks
 
@@ -91,6 +90,14 @@ def write_mesh(mesh: Mesh, path: Path) -> None:
     PlyData(described, byte_order="<").write(str(path))
 
 
+def pixel_width(scene: Scene) -> float:
+    """World units that a pixel of a training view covers at the scene's centre, in the median."""
+    widths = (
+        far / min(view.camera.fx, view.camera.fy) for far, view in zip(distances(scene), scene.train, strict=True)
+    )
+    return statistics.median(widths)
+
+
 def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRUNCATION) -> Lattice:
     """Voxels of ``share`` of the scene's extent (None: see ``FINEST``), and a truncation in voxels.
 
@@ -98,13 +105,7 @@ def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRU
     sizes that make no field.
     """
     farthest = 2 * max(distances(scene))
-    if share is None:
-        widths = (
-            far / min(view.camera.fx, view.camera.fy) for far, view in zip(distances(scene), scene.train, strict=True)
-        )
-        voxel = max(FINEST * scene.extent, FINEST_IN_PIXELS * statistics.median(widths))
-    else:
-        voxel = share * scene.extent
+    voxel = max(FINEST * scene.extent, FINEST_IN_PIXELS * pixel_width(scene)) if share is None else share * scene.extent
     return Lattice(voxel, truncation * voxel, farthest)
 
 
@@ -130,17 +131,25 @@ def mesh_of(
     that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no view
     sees a surface.
     """
-    lacking = [name for name in NEEDED if name not in prepared.offers]
-    if lacking:
-        raise NotOffered(f"{method} renders no {' and no '.join(lacking)}", "A mesh is made from both.")
-    further = [name for name in NEEDED if name not in prepared.default]
     fusion = Fusion(lattice, most_bytes)
-    for done, view in enumerate(views, 1):
-        camera: Camera = view.camera.to(device, torch.float32)
-        maps = on_black(prepared, camera, *further, method=method, view=view.name)
+    for done, (view, maps) in enumerate(rendered(prepared, views, NEEDED, device=device, method=method), 1):
         fusion.add(view.camera, maps["depth"][..., 0], maps["alpha"][..., 0])
         advance(done, len(views))
     return zero_level(fusion.blocks, lattice.voxel)
+
+
+def rendered(
+    prepared: Prepared, views: Sequence[View], needed: Sequence[str], *, device: torch.device | str, method: str
+) -> Iterator[tuple[View, Maps]]:
+    """Yields each view and its maps on black, the needed ones among them. Raises NotOffered where one lacks."""
+    lacking = [name for name in needed if name not in prepared.offers]
+    if lacking:
+        raise NotOffered(
+            f"{method} renders no {' and no '.join(lacking)}", f"This mesh is made from {', '.join(needed)}."
+        )
+    further = [name for name in needed if name not in prepared.default]
+    for view in views:
+        yield view, view_on_black(prepared, view, torch.device(device), *further, method=method)
 
 
 BLOCKS = 8

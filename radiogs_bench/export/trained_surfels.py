@@ -4,6 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.surfels.stored_tensors import restored_surfels
@@ -54,3 +56,9 @@ def initial_viewpoint_in(folder: Path, row: str | None) -> InitialViewpoint | No
                 names = ("eye", "up", "middle", "arc")
                 kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
     return InitialViewpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None
+
+
+def upwards_in(folder: Path, row: str | None) -> Float[Tensor, "3"]:
+    """The upward direction of the model's scene, unit, in the world; Z where it is unknown."""
+    seen_from = initial_viewpoint_in(folder, row)
+    return torch.tensor([0.0, 0.0, 1.0]) if seen_from is None else seen_from.up

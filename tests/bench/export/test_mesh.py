@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import pyvista
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from bench.chain_method import ChainPrepared
+from bench.export.depths import all_around, depth_of_box, depth_of_sphere, looking_at_origin
 from radiogs_bench.export import mesh as meshing
 from radiogs_bench.export.fusion import Fusion, Lattice, VoxelBlocks, key_of, place_of
 from radiogs_bench.export.mesh import Mesh, lattice_of, mesh_of, write_mesh, zero_level
@@ -23,40 +23,6 @@ from radiogs_core.scene.scene import Scene, View
 
 LATTICE = Lattice(voxel=0.03, truncation=0.12, farthest=10.0)
 BUDGET = 1 << 28
-
-
-def looking_at_origin(direction: Float[Tensor, "3"], distance: float = 4.0, size: int = 160) -> Camera:
-    forward = -direction / direction.norm()
-    up = torch.tensor([0.0, 0.0, 1.0] if abs(float(forward[2])) < 0.9 else [0.0, 1.0, 0.0], dtype=torch.float64)
-    right = torch.linalg.cross(forward, up)
-    right = right / right.norm()
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = torch.stack([right, torch.linalg.cross(forward, right), forward], -1)
-    pose[:3, 3] = -distance * forward
-    return Camera(pose, 1.3 * size, 1.3 * size, size / 2, size / 2, size, size)
-
-
-def all_around(count: int = 40) -> list[Camera]:
-    place = torch.arange(count, dtype=torch.float64)
-    height = 1 - (2 * place + 1) / count
-    turn = place * math.pi * (3 - math.sqrt(5))
-    side = (1 - height.square()).sqrt()
-    return [looking_at_origin(each) for each in torch.stack([side * turn.cos(), side * turn.sin(), height], -1)]
-
-
-def depth_of_sphere(camera: Camera, radius: float) -> Float[Tensor, "height width"]:
-    """Z-depth of the first hit; zero where there is none."""
-    rays = camera.ray_directions()
-    a, b = rays.square().sum(-1), rays @ camera.centre
-    under_root = b.square() - a * (camera.centre.square().sum() - radius**2)
-    return torch.where(under_root > 0, (-b - under_root.clamp(min=0).sqrt()) / a, 0.0)
-
-
-def depth_of_box(camera: Camera, low: Tensor, high: Tensor) -> Float[Tensor, "height width"]:
-    rays = camera.ray_directions()
-    sides = torch.stack([(low - camera.centre) / rays, (high - camera.centre) / rays])
-    enters, leaves = sides.amin(0).amax(-1), sides.amax(0).amin(-1)
-    return torch.where((leaves > enters) & (enters > 0), enters, 0.0)
 
 
 def fused(cameras: list[Camera], depths: list[Tensor], lattice: Lattice = LATTICE) -> Mesh:
