@@ -39,19 +39,19 @@ FEWEST, MOST = 5, 30
 HARNESS = "radiogs_bench"
 
 LIMITS: Mapping[str, int] = {
-    "product files": 542,
-    "files with one user": 89,
+    "product files": 543,
+    "files with one user": 90,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
     "lines of radiogs_core": 12_534, "functions of radiogs_core": 728,
     "lines of radiogs": 4_968, "functions of radiogs": 269,
-    "lines of radiogs_datasets": 11_959, "functions of radiogs_datasets": 644,
+    "lines of radiogs_datasets": 12_184, "functions of radiogs_datasets": 653,
     "lines of radiogs_baselines": 8_553, "functions of radiogs_baselines": 485,
     "lines of radiogs_reports": 8_559, "functions of radiogs_reports": 506,
-    "lines of radiogs_bench": 25_102, "functions of radiogs_bench": 1_389,
+    "lines of radiogs_bench": 25_141, "functions of radiogs_bench": 1_390,
     "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_779,
-    "lines of tests": 62_636,
+    "lines of tests": 62_828,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,

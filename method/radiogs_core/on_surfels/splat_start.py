@@ -128,11 +128,10 @@ def _columns(path: Path, sha256: str) -> dict[str, np.ndarray]:
             raise DataError(f"{path} holds no splats: it has {held:.300}", f"It lacks {', '.join(missing)}.", WRITERS)
         rest = sum(name.startswith("f_rest_") for name in there)
         names = [*NEEDED, *({"scale_2"} & {*there}), *(f"f_rest_{index}" for index in range(rest))]
-        rows = elements["vertex"]
-        columns = {name: np.asarray(rows[name], np.float64).astype(np.float32) for name in names}
+        columns = {name: np.asarray(elements["vertex"][name], np.float64).astype(np.float32) for name in names}
     except (PlyParseError, ValueError, TypeError, OSError, MemoryError, EOFError) as error:
         raise DataError(f"cannot read {path}: {error}", "It is no complete PLY file of splats.", WRITERS) from error
-    if len(rows) == 0:
+    if len(columns["x"]) == 0:
         raise DataError(
             f"{path} holds no splats: its element 'vertex' is empty", "Training has to start from some.", WRITERS
         )
