@@ -30,6 +30,7 @@ from torch import Tensor
 from radiogs_core.contract import Method, Prepared, Run, Trained
 from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
+from radiogs_core.plain_values import flat
 from radiogs_core.scene.lamps import Lamp
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.placed_light import placed_light
@@ -44,7 +45,7 @@ from .device import device_named
 from .export.records import rows
 from .initial_viewpoint import upwards
 from .installed_methods import method_names
-from .methods import budget_of, variant_by_recipe
+from .methods import budget_of, splat_fields, variant_by_recipe
 from .methods import method as installed_method
 from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption
@@ -236,6 +237,8 @@ class TrainingOptions(TypedDict, total=False):
     """How a scene that is given by its name or folder is opened (layout, reduction, held-out views)."""
     replace: bool
     """Whether another model in ``out`` is moved aside. Without it, ``train`` raises UsageError there."""
+    start: str | Path | None
+    """A .ply file of splats that training starts from, in the scene's world (docs/datasets.md)."""
     say: Callable[[str], None]
     """Receives the messages of a training: what was repaired in files, and which views contradict the others.
     Default: none are shown."""
@@ -268,8 +271,9 @@ def train(
     read = scene if isinstance(scene, Scene) else load_scene(str(scene), options=opened)
     for repair in read.repairs:
         say(f"{read.name}: {repair}")
-    changes = options.get("budget", {})
-    made = variant_by_recipe(used, options.get("recipe", ""), read.layout, read.name, variant or {})
+    changes, start = options.get("budget", {}), options.get("start")
+    fields = {**flat(variant or {}), **({} if start is None else splat_fields(used, Path(start)))}
+    made = variant_by_recipe(used, options.get("recipe", ""), read.layout, read.name, fields)
     work = Work(made, budget_of(used, preset, changes), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
     run = Run(read, cell.variant, cell.budget, seed, on)

@@ -3,18 +3,21 @@
 A method may also be a TOML file of commands (docs/methods_as_commands.md).
 """
 
+import hashlib
 import json
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from radiogs_core.capabilities import PARTS, OffersRecipes, TakesGiven
 from radiogs_core.contract import LARGEST_COUNT, Method, Run
 from radiogs_core.errors import UsageError, unknown
 from radiogs_core.plain_values import flat, leaf_names, to_plain, value_at, with_values
+from radiogs_datasets.bounded_reading import read_bytes
 
 from .installed_methods import method_names, offered_methods, origin, recipes, substitutes
 from .method_calls import calling, lacking, stops_at_once
@@ -64,6 +67,21 @@ def variant_by_recipe(of: Method, recipe: str, layout: str, scene: str, given: M
     with calling(of.name, "recipe_values()"):
         values = of.recipe_values(recipe, layout, scene)
     return variant_of(of, {**flat(values), **flat(given)})
+
+
+def splat_fields(of: Method, file: Path) -> dict[str, str]:
+    """The fields of a method's variant by which its training starts from a file of splats: its path and its SHA-256.
+
+    Raises UsageError for a method that does not start from splats, DataError for a file that cannot be read.
+    """
+    if "geometry.start.splat" not in leaf_names(of.variant()):
+        raise UsageError(
+            f"{of.name} does not start from splats",
+            "Methods on surfels do: their variant has the field geometry.start.splat.",
+            "Leave --start out, or choose another --method:  radiogs-bench methods",
+        )
+    digest = hashlib.sha256(read_bytes(file)).hexdigest()
+    return {"geometry.start.splat": str(file.absolute()), "geometry.start.splat_sha256": digest}
 
 
 def require_recipe(of: Method, recipe: str) -> None:

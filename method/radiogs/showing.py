@@ -77,7 +77,7 @@ class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
             "remarks": [
                 *([f"not simulated: {', '.join(plan.off)}"] if plan.off else []),
                 *(f"all effects are simulated, {each['why']}" for each in evidence[-1:] if each["measured"] is None),
-                *(f"{name}: {value}" for name, value in self.labels.items() if name in ("recipe", "length")),
+                *(f"{name}: {value}" for name, value in self.labels.items() if name in ("recipe", "length", "start")),
             ],
         }
 
@@ -162,7 +162,8 @@ def labels_of(variant: Variant, budget: Budget, layout: str, scene: str) -> dict
     made = {name: with_values(Variant(), recipe.of(layout, scene)) for name, recipe in RECIPES.items()}
     apart = {name: differences(variant, recipe) for name, recipe in made.items()}
     name = min(apart, key=lambda each: len(apart[each]))
-    own = ", ".join(f"{field} = {value}" for field, (value, _) in apart[name].items())
+    by_label = "geometry.start.splat"  # its fields have a label of their own, without the file's path
+    own = ", ".join(f"{field} = {value}" for field, (value, _) in apart[name].items() if not field.startswith(by_label))
     labels = {"recipe": f"{name}, {RECIPES[name].title}{', but for ' if own else ''}{own}"}
     labels |= length_label(variant, budget)
     unlike = differences(made[name], made[PUBLISHED])

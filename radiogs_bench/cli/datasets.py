@@ -120,6 +120,45 @@ def check(
 
 
 @datasets.command
+def pose(
+    photos: Path,
+    /,
+    *,
+    matching: Literal["auto", "exhaustive", "sequential"] = "auto",
+    mask_folder: Path | None = None,
+    threads: Count | None = None,
+) -> None:
+    """Find the camera poses of photographs by COLMAP, and write them to sparse/ beside them (needs the extra [poses]).
+
+    Example:  radiogs-bench datasets pose path/to/capture
+
+    :param photos: Pose the photos in this folder, or in its folder images/. A run that was stopped goes on.
+    :param matching: Match all pairs of photos, or those near each other in the order of names, such as a video's
+        (default: all up to 100 photos).
+    :param mask_folder: Use no feature where the masks in this folder are black (default: masks/ beside the photos).
+    :param threads: Use N CPU threads (default: as many as there are cores).
+    """
+    from radiogs_datasets.posing import pose_photos
+
+    from ..device import usable_cores
+    from ..extras import extra_library
+
+    colmap = extra_library("pycolmap", "`datasets pose` needs pycolmap", "poses")
+    with progress_for_stderr() as progress:
+        found = pose_photos(photos, colmap, matching, mask_folder, threads or usable_cores(), progress.advance)
+    registered = found.photos - len(found.unregistered)
+    say(f"{found.scene}/sparse/0: {registered} of {found.photos} photos have poses, {found.points} points")
+    say(f"reprojection error: {found.error:.2f} pixels in the mean")
+    if found.unregistered:
+        say(f"without a pose: {', '.join(found.unregistered)}")
+    if found.others:
+        counts = ", ".join(map(str, found.others))
+        say(f"the largest of {1 + len(found.others)} models is kept; the others had {counts} photos")
+    masks = "" if found.masks is None else f" --mask-folder {found.masks}"
+    say(f"Train on it:  radiogs-bench train {found.scene}{masks} --long-side 400")
+
+
+@datasets.command
 def convert(
     scene: SceneName, /, *, to: Layout, out: Path, every: Count = 1, data: Data = None, opened: Opened = AS_STORED
 ) -> None:

@@ -57,6 +57,9 @@ class Training:
     """Leave out the scores of the test views at the end."""
     config: Path | None = None
     """Take settings from this file, such as the OUT/settings.toml of another training; --set changes some of them."""
+    start: Path | None = None
+    """Start from the splats in this .ply file of 3DGS, 2DGS or gsplat, which is in the scene's world, and leave out the
+    first half of stage 1 (--set geometry.start.splat_skips=1 leaves out all of it)."""
 
 
 def train(
@@ -85,6 +88,7 @@ def train(
     model = api.train(
         asked.method, scene, asked.preset, variant, asked.seed, on.device, folder,
         budget=budget, recipe=changes.recipe, scene_options=opened, replace=asked.force, say=say,
+        start=asked.start,
     )  # fmt: skip
     written = [*(path.name for path in model.files), SETTINGS]
     text, unlike = settings_as_toml(method(asked.method), model.run)

@@ -30,6 +30,7 @@ from ..surfels.surroundings import surrounded_surfels
 from ..transport.blending_weights import blending_weights
 from ..transport.splatting import own_radiance_twice, splat
 from .settings import GeometryBudget
+from .splat_start import splat_surfels
 from .stage import SurfelStage
 
 DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
@@ -82,6 +83,8 @@ class FitGeometry(SurfelStage[Any, Any]):
         super().__init__(run, budget.steps, view_share)
         scene, self.learning, self.shading = run.scene, learning, shading
         self.geometry_rate = budget.rate
+        if learning.start.splat:  # the schedule goes on from where splats are as good as what it has made by then
+            self.iteration = round(learning.start.splat_skips * budget.steps)
         self.unit_rate = scene.extent * budget.rate
         self.space = Contraction.of(scene) if scene.surrounded else None
         views = self.views  # the density control keeps them, not the stage: in a cycle the stage would not be freed
@@ -94,9 +97,11 @@ class FitGeometry(SurfelStage[Any, Any]):
         )  # fmt: skip
 
     def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
-        """``count`` initial surfels, drawn on the CPU, so that every device starts with the same ones."""
+        """``count`` initial surfels, or those of the file of splats, made on the CPU: every device starts alike."""
         generator, linear = torch.Generator().manual_seed(self.seed), self.learning.colour == "linear"
-        if scene.surrounded:
+        if self.learning.start.splat:
+            surfels = splat_surfels(self.learning.start, [view.camera for view in views], linear)
+        elif scene.surrounded:
             around = self.learning.surroundings
             surfels = surrounded_surfels(scene, views, count, self.learning.start, around, linear, generator)
         else:

@@ -12,13 +12,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..contract import STANDARD_MAPS, BudgetT, MapKind, Maps, Prepared, Run, VariantT
+from ..contract import STANDARD_MAPS, BudgetT, MapKind, Maps, Prepared, Run
 from ..scene.camera import Camera
 from ..scene.light import EnvironmentMap
 from ..scene.light_sampler import require_finite_light
 from ..surfels.ply import write_ply
+from ..surfels.starting_points import SurfelStart
 from ..surfels.surfels import Surfels
 from .model import SurfelModel
+from .settings import SurfelVariant
 
 ARRIVING = INCIDENT, INCIDENT_DIRECT = "incident", "incident_direct"
 """Names of the maps of mean incident radiance, indirect and direct; they are rendered on request, under the recovered
@@ -31,13 +33,14 @@ SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {
 """Maps of a model that can also render the incident light."""
 
 ModelT = TypeVar("ModelT", bound=SurfelModel)
+V = TypeVar("V", bound=SurfelVariant)
 
 
-class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
+class TrainedOnSurfels(ABC, Generic[ModelT, V, BudgetT]):
     """A model and the run that trained it; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: ModelT, run: Run[VariantT, BudgetT], labels: Mapping[str, str]) -> None:
-        self.model, self.run, self.labels = model, run, dict(labels)
+    def __init__(self, model: ModelT, run: Run[V, BudgetT], labels: Mapping[str, str]) -> None:
+        self.model, self.run, self.labels = model, run, {**labels, **splat_label(run.variant.geometry.start)}
 
     @property
     def light(self) -> EnvironmentMap:
@@ -137,3 +140,11 @@ def light_start(light: str, published: str) -> str:
     if light == "least-variation":
         return f"shared: the light of least albedo variation (published: {published})"
     return f"constant, by the images' exposure (published: {published})"
+
+
+def splat_label(start: SurfelStart) -> dict[str, str]:
+    """The label ``start``: the file of splats that stage 1 started from; empty if there was none."""
+    if not start.splat:
+        return {}
+    skipped = f"without the first {100 * start.splat_skips:g} % of stage 1"
+    return {"start": f"splats of a file with the SHA-256 {start.splat_sha256[:12]}..., {skipped}"}

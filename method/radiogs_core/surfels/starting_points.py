@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from ..errors import DataError
+from ..errors import DataError, UsageError
 from ..plain_values import require
 from ..scene.camera import Camera
 from ..scene.colour import srgb_decode
@@ -56,6 +56,12 @@ class SurfelStart:
     """Initial linear diffuse albedo of all channels."""
     roughness: float = 0.6
     """Initial perceptual roughness r."""
+    splat: str = ""
+    """Path of a PLY file of splats that stage 1 starts from instead (``on_surfels.splat_start``); empty: none."""
+    splat_sha256: str = ""
+    """SHA-256 of this file, in hexadecimal."""
+    splat_skips: float = 0.5
+    """Share of stage 1's steps that a start from splats leaves out, those at the beginning (docs/datasets.md)."""
 
     def __post_init__(self) -> None:
         require(self, "one or above", "candidates")
@@ -63,6 +69,13 @@ class SurfelStart:
         require(self, "above 0 and at most 1", "consistent_share")
         require(self, "above 0 and below 1", "opacity", "albedo")
         require_roughness(self)
+        require(self, "between 0 and 1", "splat_skips")
+        if bool(self.splat) != bool(self.splat_sha256):
+            raise UsageError(
+                f"splat: '{self.splat}' with the SHA-256 '{self.splat_sha256}'",
+                "Results name the content of the file that training starts from, so one needs the other.",
+                "Name the file alone, by --start: `train` takes its SHA-256.",
+            )
 
 
 def initial_surfels(

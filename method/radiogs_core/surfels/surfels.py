@@ -229,6 +229,13 @@ def surfels_facing(
     return surfels
 
 
+def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
+    """The quaternion of the rotation by ``second`` followed by the rotation by ``first``."""
+    a, b = first[..., 1:], second[..., 1:]
+    scalar = first[..., :1] * second[..., :1] - (a * b).sum(-1, keepdim=True)
+    return torch.cat([scalar, first[..., :1] * b + second[..., :1] * a + torch.linalg.cross(a, b)], -1)
+
+
 def inverse_sigmoid(value: float) -> float:
     """log(p / (1 - p)), for 0 < p < 1."""
     return float(torch.logit(torch.tensor(value, dtype=torch.float64)))

@@ -17,8 +17,9 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from ..kernels.surfel.footprint import frames
-from .ply import DIRECTIONS, OF_3DGS, basis_along, spread_directions, write_ply
-from .surfels import Surfels
+from .harmonics import DIRECTIONS, basis_along, spread_directions
+from .ply import OF_3DGS, write_ply
+from .surfels import Surfels, product
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
 """Names of the forms of PLY files, which the module's text describes."""
@@ -65,10 +66,3 @@ def upright(up: Float[Tensor, "3"], wanted: Float[Tensor, "3"]) -> Float[Tensor,
         aside = torch.eye(3, dtype=torch.float64)[start.abs().argmin()]
         return torch.cat([torch.zeros(1).double(), normalize(torch.linalg.cross(start, aside), dim=0)])
     return normalize(torch.cat([(1 + cosine)[None], axis]), dim=0)
-
-
-def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
-    """The quaternion of the rotation by ``second`` followed by the rotation by ``first``."""
-    a, b = first[..., 1:], second[..., 1:]
-    scalar = first[..., :1] * second[..., :1] - (a * b).sum(-1, keepdim=True)
-    return torch.cat([scalar, first[..., :1] * b + second[..., :1] * a + torch.linalg.cross(a, b)], -1)

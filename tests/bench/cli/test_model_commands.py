@@ -45,6 +45,28 @@ def test_the_model_is_written_in_full(folder: Path) -> None:
     np.testing.assert_allclose(read_exr(folder / "environment.exr"), model.environment.numpy(), rtol=2**-11)
 
 
+@pytest.mark.slow
+def test_a_model_that_starts_from_splats_is_another_one_for_every_content_of_the_file(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its label says so, and ``settings.toml`` repeats it; a method without surfels and a file of none refuse."""
+    first, other = tmp_path / "first.ply", tmp_path / "other.ply"
+    first.write_bytes((folder / "surfels.ply").read_bytes())
+    other.write_bytes(first.read_bytes() + b" ")
+    command = ["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path / "out")]
+    assert main([*command, "--start", str(first)]) == 0
+    assert "start: splats of a file with the SHA-256 " in capsys.readouterr().out
+    key = read_about(tmp_path / "out")["training_key"]
+    assert main([*command, "--config", str(tmp_path / "out/settings.toml")]) == 0
+    assert main([*command, "--start", str(other)]) == 2, "it is another model"
+    assert read_about(tmp_path / "out")["training_key"] == key != read_about(folder)["training_key"]
+    (tmp_path / "mesh.ply").write_text("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n")
+    elsewhere = [*command[:-1], str(tmp_path / "not")]
+    assert main([*elsewhere, "--start", str(tmp_path / "mesh.ply")]) == 3
+    assert main([*elsewhere, "--start", str(first), "--method", "tensoir"]) == 2
+    assert "tensoir does not start from splats" in capsys.readouterr().err
+
+
 def test_training_again_by_the_settings_that_were_written_repeats_nothing(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
