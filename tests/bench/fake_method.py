@@ -120,7 +120,7 @@ class FakeTrained:
         self.place, self.kept = tensors["place"], dict(tensors)
 
     def facts(self) -> dict[str, Any]:
-        return {"surfels": 4, "effects": {"plan": EffectPlan().plain(), "evidence": []}}
+        return {"surfels": 4, "effects": {"plan": EffectPlan().state(), "evidence": []}}
 
     def export(self, folder: Path) -> list[Path]:
         return []
