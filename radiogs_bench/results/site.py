@@ -216,6 +216,7 @@ def _card(run: _Run, group: Sequence[CellRef], line: Line, terms: Sequence[str])
     cell, told = first["cell"], first["facts"].get("labels")
     size = [f"{name.replace('_', ' ')}: {value}" for name, value in first.get("data", {}).items()]
     source = "recovered from the images" if "environment" in first["maps"] else "not recovered as a map"
+    settings = [f"{name}: {text}" for name, text in told.items()] if isinstance(told, Mapping) else []
     limit = run.made.get("stated", {}).get(scene, {}).get(LIMIT)
     limits = [f"the BRDF cannot represent {limit}, which the scene has"] if limit else []
     limits += [each["text"] for each in run.made["doubts"] if group[0]["row"] in each["rows"]]
@@ -227,7 +228,7 @@ def _card(run: _Run, group: Sequence[CellRef], line: Line, terms: Sequence[str])
                  f"digest of its files: {cell['checksum']}", *terms],
         "Light": [f"training light: {'given' if 'light' in cell['variant'].get('given', ()) else source}",
                   f"relit under: {first['shown_light'] or 'no other light'}"],
-        "Settings": [f"{name}: {text}" for name, text in told.items()] if isinstance(told, Mapping) else ["none stored"],
+        "Settings": settings or ["none stored"],
         "Limits": limits or ["none stored"],
         "How it was made": [facts["command"], f"commit {facts['commit'] or 'unknown'}, {facts['date']}",
                             facts["machine"], *seconds],
