@@ -39,7 +39,7 @@ FEWEST, MOST = 5, 30
 HARNESS = "radiogs_bench"
 
 LIMITS: Mapping[str, int] = {
-    "product files": 541,
+    "product files": 543,
     "files with one user": 89,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
@@ -47,16 +47,17 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs": 4_967, "functions of radiogs": 269,
     "lines of radiogs_datasets": 11_959, "functions of radiogs_datasets": 644,
     "lines of radiogs_baselines": 8_553, "functions of radiogs_baselines": 485,
-    "lines of radiogs_reports": 8_559, "functions of radiogs_reports": 506,
-    "lines of radiogs_bench": 25_076, "functions of radiogs_bench": 1_388,
+    "lines of radiogs_reports": 8_674, "functions of radiogs_reports": 513,
+    "lines of radiogs_bench": 25_371, "functions of radiogs_bench": 1_403,
     "lines of kernels' C++": 3_824,
-    "lines of the page's JavaScript": 1_779,
+    "lines of the page's JavaScript": 1_806,
     "lines of tests": 62_449,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,
 masks, names and splits that captures by others have, and with their check in one pass; of JavaScript, reports and the
-harness with relighting in the page; of reports with a contact sheet of every model; of tests with all."""
+harness with relighting in the page, and with a published site; of reports with a contact sheet of every model; of tests
+with all."""
 
 TABLES = (
     "radiogs_bench.scoring.metrics.measures",

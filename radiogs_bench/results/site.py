@@ -170,7 +170,8 @@ def _read_run(folder: Path) -> _Run:
     made = summarise(store, sweep, *values_beside(sweep["published"], sweep["columns"]))
     settings = labels([(ref, results[ref["key"]]) for ref in sweep["cells"]], sweep)  # a card has its own
     made["doubts"] = [each for each in made.get("doubts", []) if each not in settings]
-    made["command"] = [FOLDERS.sub("", word) for word in without_out(made.get("command", []))]
+    words = without_out(made.get("command", []))  # in a word, names of folders may have blanks
+    made["command"] = [re.sub(r"(^|[=,])/[^,]*/(?=[^,])", r"\1", word) for word in words]
     return _Run(store, sweep, results, made)
 
 

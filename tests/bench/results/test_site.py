@@ -18,7 +18,7 @@ from radiogs_datasets import load_scene
 __all__ = ["browser"]
 
 EVIL = "<script>document.title='taken'</script><img src=https://host.example/x>"
-HOME = "/home/somebody/secret"
+HOME = "/home/some body/secret"
 
 
 def change(out: Path, **changes: object) -> list[dict]:
