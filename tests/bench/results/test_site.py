@@ -107,11 +107,11 @@ def test_stored_text_is_inert_and_the_table_filters(browser: "playwright.Browser
     site, rows = tmp_path / "site", json.loads((out / "sweep.json").read_text())["rows"]
     command = ["run", "ablations", "--out", HOME, "--data", HOME, f"--trust={HOME}/it.toml"]
     cells = [{**ref, "scene": EVIL} for ref in change(out)]
-    change(out, rows=[{**row, "text": EVIL} for row in rows], scenes=[EVIL], cells=cells, command=command)
+    change(out, rows=[{**row, "text": f"{EVIL} /srv/it"} for row in rows], scenes=[EVIL], cells=cells, command=command)
     lines = published(out, site, str(RECORDS / "closed.json"))
     assert lines[0]["facts"]["command"] == "radiogs-bench run ablations --data secret --trust=it.toml"
     for name, content in files(site).items():
-        assert not re.search(rf"{HOME}|{tmp_path}", content.decode())
+        assert not re.search(rf"{HOME}|{tmp_path}|/srv", content.decode())
         assert len(re.findall(r"<(?:script|img)\b", content.decode())) == name.endswith(".html") or name == "data.json"
     watched = Watched(browser, site / "index.html", viewport=DESK)
     assert watched.page.title() == "Results · radiogs-bench"
