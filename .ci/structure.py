@@ -39,19 +39,19 @@ FEWEST, MOST = 5, 30
 HARNESS = "radiogs_bench"
 
 LIMITS: Mapping[str, int] = {
-    "product files": 547,
-    "files with one user": 87,
+    "product files": 549,
+    "files with one user": 88,
     "arrows between folders of the harness": 61,
     "long functions of a thousand": 50,
     "lines of radiogs_core": 12_717, "functions of radiogs_core": 740,
     "lines of radiogs": 4_831, "functions of radiogs": 262,
     "lines of radiogs_datasets": 12_221, "functions of radiogs_datasets": 654,
     "lines of radiogs_baselines": 8_553, "functions of radiogs_baselines": 485,
-    "lines of radiogs_reports": 8_556, "functions of radiogs_reports": 506,
-    "lines of radiogs_bench": 25_688, "functions of radiogs_bench": 1_418,
+    "lines of radiogs_reports": 8_674, "functions of radiogs_reports": 513,
+    "lines of radiogs_bench": 25_983, "functions of radiogs_bench": 1_433,
     "lines of kernels' C++": 3_824,
-    "lines of the page's JavaScript": 1_779,
-    "lines of tests": 63_254,
+    "lines of the page's JavaScript": 1_806,
+    "lines of tests": 63_379,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,

@@ -44,6 +44,7 @@ COMMANDS = {
     "export": "export:export",
     "gate": "stored:gate",
     "record": "record:record",
+    "publish": "record:publish",
     "methods": "methods:methods",
     "train": "model:train",
     "render": "model:render",

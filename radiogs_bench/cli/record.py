@@ -1,9 +1,10 @@
-"""``radiogs-bench record``: keep what finished runs measured, to be committed and shown beside shorter runs."""
+"""``radiogs-bench record`` and ``publish``: keep what finished runs measured, and make a site of it."""
 
 from pathlib import Path
 
 from radiogs_core.errors import UsageError
 
+from .options import Names
 from .reporter import say
 
 
@@ -37,3 +38,28 @@ def record(*out: Path, to: Path, markdown: Path | None = None, document: Path | 
         if path is not None:
             write_atomically(path, text(read_record(to)).encode())
             say(f"{path}: the record in {to}")
+
+
+def publish(*out: Path, to: Path, with_pictures_of: Names = ()) -> None:
+    """Make a static site of runs: a table over all, a page of each row and scene, model cards, checksums.
+
+    Pictures of a scene are shown if it comes with the package, or by a licence such as CC0 or CC BY in its metadata.
+    Publish into the same folder again to renew the site.
+
+    Example:  radiogs-bench publish out/ablations --to site
+
+    :param out: Publish the runs in these folders, and sealed records (JSON files).
+    :param to: Write the site to this folder: a new one, an empty one, or that of an earlier site.
+    :param with_pictures_of: Show pictures of these scenes, too, whatever their licence: you have the right to.
+    """
+    from radiogs_reports.wording import count_of
+
+    from ..results.site import publish as write
+
+    if not out:
+        raise UsageError("no run was named", "", "Name its folder:  radiogs-bench publish OUT --to SITE")
+    lines = write(out, to, with_pictures_of)
+    for missing in (each for line in lines for each in line["missing"]):
+        say(f"missing: {missing}")
+    pages = count_of(sum(bool(line["page"]) for line in lines), "page")
+    say(f"{to / 'index.html'}: {count_of(len(lines), 'line')}, {pages} of rows and scenes")

@@ -51,7 +51,7 @@ def record_of(store: Store, sweep: Sweep) -> RecordedRun:
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))
     if "command" in made:
-        made["command"] = _without_out(made["command"])
+        made["command"] = without_out(made["command"])
     return {**recorded(made, own.get("marks", "")), "keys": {label(ref): ref["key"] for ref in own["cells"]}}
 
 
@@ -101,7 +101,7 @@ def _grids(report: Report) -> list[RecordedGrid]:
     ]
 
 
-def _without_out(words: Sequence[str]) -> list[str]:
+def without_out(words: Sequence[str]) -> list[str]:
     """The words of a command without the folder of its results, which decides none of them."""
     kept, left = [], iter(words)
     for word in left:

@@ -27,6 +27,7 @@ from ..store.seal import Broken
 from ..store.shapes import mismatch
 from ..suites.experiment import EXPERIMENTS
 
+WHY = "The gate compares only what the program has written."
 AGAIN = "Run the same command again, which makes what has changed anew"
 
 
@@ -61,15 +62,17 @@ def stored_cells(store: Store, sweep: Sweep) -> StoredCells:
     Raises DataError for a run without cells, a changed result, and one by other sources; OtherSchema, StoreError.
     """
     sweep = measured(sweep)
-    results = {label(ref): _stored(store, ref["key"], sweep) for ref in sweep["cells"]}
+    results = {label(ref): as_stored(store, ref["key"], sweep, WHY) for ref in sweep["cells"]}
     if not results:
         raise DataError("the run has no cells", "There is nothing to compare.", f"{AGAIN}{_command(sweep)}")
     finished = {name: result for name, result in results.items() if result is not None}
     return StoredCells(results, tuple(dict.fromkeys(_require_installed(finished, sweep))))
 
 
-def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
-    """The result of a cell, or None where it has not finished. Raises DataError where it is not as it was stored."""
+def as_stored(store: Store, key: str, sweep: Sweep, why: str) -> Result | None:
+    """The result of a cell, or None where it has not finished; no file is moved. Raises DataError where it is not as it
+    was stored; ``why`` that is refused.
+    """
     try:
         result = store.sealed_result(key)
         store.check_arrays(result)
@@ -80,7 +83,7 @@ def _stored(store: Store, key: str, sweep: Sweep) -> Result | None:
     except Broken as broken:
         raise DataError(
             f"{store.folder / 'cells' / key}.json is not as it was stored: {broken}",
-            "The gate compares only what the program has written.",
+            why,
             f"{AGAIN}{_command(sweep)}",
         ) from None
     return result

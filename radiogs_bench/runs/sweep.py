@@ -20,9 +20,9 @@ FINISHED = "finished"
 
 WITH = " with "
 
-STATED = ("choices", "maker", "not_represented")
-"""Names in a scene's ``metadata.json``: whether settings were tuned on it, who made it, and its material that the BRDF
-cannot represent."""
+STATED = ("choices", "maker", "not_represented", "licence")
+"""Names in a scene's ``metadata.json``: whether settings were tuned on it, who made it, its material that the BRDF
+cannot represent, and its licence."""
 
 
 class CellRef(TypedDict):

@@ -296,7 +296,7 @@ class RunTable(TypedDict):
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where none is known, and in earlier records."""
     stated: NotRequired[dict[str, dict[str, str]]]
-    """The facts "choices", "maker" and ``LIMIT`` in the metadata of each scene; absent like ``kinds``."""
+    """The facts "choices", "maker", "licence" and ``LIMIT`` in the metadata of each scene; absent like ``kinds``."""
 
 
 class RecordedGrid(TypedDict):

@@ -150,6 +150,8 @@ class PrintedRow:
     """How to read the paper's values of this row."""
     opens: str = ""
     """Key of the run whose provenance its label opens on the page."""
+    page: str = ""
+    """Address of the page that its label opens in a site."""
 
     @property
     def measured_label(self) -> str:
