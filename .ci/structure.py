@@ -56,7 +56,8 @@ LIMITS: Mapping[str, int] = {
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,
 masks, names and splits that captures by others have, and with their check in one pass; of JavaScript, reports and the
-harness with relighting in the page; of the kit and the harness with lamps; of reports with a contact sheet of every
+harness with relighting in the page; of the kit and the harness with lamps and starts from splats; of datasets with
+poses of photographs; of the harness with textured meshes and published sites; of reports with a contact sheet of every
 model; of tests with all."""
 
 TABLES = (
