@@ -116,10 +116,11 @@ def _scene_of(place: Path) -> tuple[Path, list[Path]]:
     scene, paths = images.parent if images.name == "images" else images, images_in(images)
     require_new(scene / "sparse")
     if len(paths) < FEWEST:
+        found = f"{images} has {len(paths)} photo{'s' * (len(paths) != 1)}"
         raise DataError(
-            f"{images} has {len(paths)} photos",
+            found if images.is_dir() else f"there is no folder {images}",
             f"Poses and points follow from at least {FEWEST} photos of one scene.",
-            "Give the folder that holds the photos themselves, as .jpg or .png.",
+            "Give the folder that holds the photos themselves, as .jpg or .png (convert .heic), not one above it.",
         )
     return scene, paths
 

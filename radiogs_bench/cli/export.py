@@ -36,7 +36,7 @@ class Meshing:
     truncation: Above = 4.0
     """Keep distances up to this many voxels from surfaces."""
     memory: Above = 2.0
-    """Use at most so many GiB for voxels."""
+    """Use at most so many GiB for voxels. Triangles come on top: larger voxels make fewer of them."""
     views: Literal["train", "test"] = "train"
     """Fuse the views of this split."""
     faces: Annotated[int, from_text(positive)] = 40_000
@@ -197,6 +197,7 @@ def _mesh(folder: Path, path: Path, form: str | None, by: Meshing, device: "torc
         if form is None:
             write_mesh(made, path)
         else:
+            say(f"reducing {len(made.faces)} faces")
             made = reduced(made, by.faces)
             say(f"cutting {len(made.faces)} faces into charts")
             shape = unwrapped(made, texel_of(scene, made, by.texels))

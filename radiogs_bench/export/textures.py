@@ -75,7 +75,7 @@ class Textured:
 
     def __str__(self) -> str:
         width, height = self.shape.size
-        return f"textures of {width} x {height} texels, {100 * self.unseen:.1f} % of the surface's seen by no view"
+        return f"textures of {width} x {height} texels, {100 * self.unseen:.1f} % of the surface seen by no view"
 
 
 def reduced(mesh: Mesh, most_faces: int) -> Mesh:

@@ -154,7 +154,9 @@ def test_what_cannot_be_posed_is_refused_in_three_parts(corner: Path, tmp_path: 
     shutil.copy(corner / "view 0.png", few)
     for index in range(3):
         cv2.imwrite(str(blank / f"{index}.png"), np.full((HEIGHT, WIDTH, 3), 100 + index, np.uint8))
-    for folder, message in ((few, "has 1 photos"), (blank, "3 photos could not be joined")):
+    nowhere = tmp_path / "nowhere"
+    expected = {few: r"has 1 photo\n", blank: "3 photos could not be joined", nowhere: f"there is no folder {nowhere}"}
+    for folder, message in expected.items():
         with pytest.raises(DataError, match=message) as refusal:
             pose_photos(folder, colmap, "auto", None, 1, nothing)
         assert refusal.value.why

@@ -37,6 +37,9 @@ WRITERS = "`train --start` reads the .ply files of 3DGS, 2DGS and gsplat; conver
 SMALLEST_TO_NORMAL = ((0.5, 0.5, 0.5, 0.5), (0.5, -0.5, -0.5, -0.5), (1.0, 0.0, 0.0, 0.0))
 """Rotations (w, x, y, z) that take Z to axis k and X, Y to the two axes that follow it in the circle x, y, z."""
 
+LEAST_SEEN = 0.25
+"""Least share of the splats that training views have to see. Views see most splats of a model of their own scene."""
+
 TURNED_OVER = (0.0, 1.0, 0.0, 0.0)
 """Half a turn about t_u, which swaps the sides of a surfel."""
 
@@ -45,7 +48,8 @@ def splat_surfels(start: SurfelStart, cameras: Sequence[Camera], linear: bool) -
     """The splats of ``start.splat`` as surfels on the CPU, with the initial materials of ``start``.
 
     Their front sides face the cameras that see them. ``linear``: their radiance is converted to linear RGB; else it
-    stays display sRGB. Raises DataError for a file that has changed or holds no splats, or whose splats no camera sees.
+    stays display sRGB. Raises DataError for a file that has changed, holds no splats, or holds
+    hardly any that a camera sees.
     """
     path = Path(start.splat)
     surfels = read_splats(path, start.splat_sha256)
@@ -55,9 +59,10 @@ def splat_surfels(start: SurfelStart, cameras: Sequence[Camera], linear: bool) -
     for camera in cameras:  # splats have two sides, and surfels are seen from the front alone
         towards = normalize(camera.centre.to(surfels.centre) - surfels.centre, dim=-1)
         direction += blending_weights(camera, facing(surfels, towards))[:, None] * towards
-    if not direction.any():
+    seen = int((direction != 0).any(-1).sum())
+    if seen < LEAST_SEEN * len(surfels):
         raise DataError(
-            f"no training view sees any of the {len(surfels)} splats of {path}",
+            f"the training views see {seen} of the {len(surfels)} splats of {path}",
             f"They lie about {_triple(surfels.centre.median(0).values)}, and the first camera at"
             f" {_triple(cameras[0].centre)}: the world of the file is not that of the scene.",
             "Train the splats with the same poses as the scene has, or move and scale them into its world.",
