@@ -128,6 +128,11 @@ def changed(**columns: Any) -> Callable[[Path], SurfelStart]:
     return lambda path: write(path, on_the_sphere(WRITERS["3dgs"][0], 3)[0] | columns)
 
 
+def mostly_elsewhere(path: Path) -> SurfelStart:
+    columns = on_the_sphere(WRITERS["3dgs"][0], 100)[0]
+    return write(path, columns | {"x": np.where(np.arange(100) < 20, columns["x"], 1e4)})
+
+
 def truncated(path: Path) -> SurfelStart:
     write(path, on_the_sphere(WRITERS["3dgs"][0], 3)[0])
     path.write_bytes(path.read_bytes()[:-9])
@@ -146,6 +151,7 @@ REFUSED: Mapping[str, tuple[Callable[[Path], SurfelStart], str]] = {
     "degree 4": (changed(**dict.fromkeys(harmonics(25), 0.0)), "72 properties f_rest"),
     "a gap in the names": (changed(f_rest_99=0.0), "cannot read .*f_rest_45"),
     "another world": (changed(x=np.full(3, 1e4)), r"training views see 0 of the 3 splats .*\n.*\(1e\+04,"),
+    "another world, all but a fifth": (mostly_elsewhere, r"training views see [1-9]\d of the 100 splats"),
     "a truncated file": (truncated, "cannot read"),
     "another file": (lambda path: replace(changed()(path), splat_sha256="0" * 64), "has changed since"),
 }
