@@ -43,6 +43,7 @@ from radiogs_datasets.soundness import require_trainable
 
 from .device import device_named
 from .export.records import rows
+from .export.views import lit_by_lamps
 from .initial_viewpoint import upwards
 from .installed_methods import method_names
 from .methods import budget_of, splat_fields, variant_by_recipe
@@ -59,7 +60,7 @@ from .runs.trained_folder import Origin, read_about, read_trained, set_other_mod
 from .scoring.evaluate import SCORES_ALONE, evaluate
 from .scoring.metrics.protocols import PROTOCOLS
 from .scoring.metrics.protocols import protocol as protocol_of
-from .scoring.rendering import lit_by_lamps, on_black
+from .scoring.rendering import on_black
 from .store.claim import saying_who_holds
 from .store.folder import Store
 from .trusted_methods import trusting

@@ -83,10 +83,10 @@ def relight(
     from radiogs_core.capabilities import Remarking
     from radiogs_core.own_files import own_folder
 
-    from ..export.views import beyond_levels, count_levels, write_turntable, write_views
+    from ..export.views import beyond_levels, count_levels, lit_by_lamps, write_turntable, write_views
     from ..runs.progress import working
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.rendering import lit_by_lamps, prepared
+    from ..scoring.rendering import prepared
     from ..store.folder import Store
 
     device, lit, given = opening.use(), lit_folder(envmap, lamps) + placing.marks, lamps.found()

@@ -2,19 +2,26 @@
 
 import statistics
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import torch
+from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
 from radiogs_core.contract import Prepared, Run, Trained
+from radiogs_core.errors import UsageError
 from radiogs_core.own_files import fresh, own_folder
+from radiogs_core.scene.lamps import Lamp
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.lamp_light import RelitByLamps
 from radiogs_datasets.image_files import write_exr, write_png
 
-from ..method_calls import calling
+from ..installed_methods import offered_methods
+from ..method_calls import calling, require
+from ..methods import method as installed_method
 from ..runs.progress import progress_for_stderr
 from ..scoring.metrics.protocols import protocol
 from ..scoring.rendering import frame_milliseconds, on_black
@@ -88,6 +95,27 @@ def write_relit_views(method: str, model: Trained, run: Run, folder: Path) -> st
     if expected:
         return f"no relit views: {method} does not relight"
     return f"no relit views: scene '{run.scene.name}' has no true image under another distant light"
+
+
+def lit_by_lamps(
+    name: str,
+    model: Trained,
+    lamps: Sequence[Lamp],
+    light: EnvironmentMap | None = None,
+    albedo_scale: Float[Tensor, "3"] | None = None,
+) -> Prepared:
+    """The model of the method ``name`` under lamps and, unless it is None, a map; see ``RelitByLamps``.
+
+    Raises UsageError for a method that takes no lamps, and for a lamp that is refused; DataError; MethodFailed.
+    """
+    used = installed_method(name)
+    if not isinstance(used, RelitByLamps):
+        able = [each for each in sorted(offered_methods()) if isinstance(installed_method(each), RelitByLamps)]
+        raise UsageError(f"{name} takes no lamps", f"Methods that do: {', '.join(able)}.", "Relight it by a map.")
+    with calling(name, "relit_by_lamps()"):
+        ready = used.relit_by_lamps(model, lamps, light, torch.ones(3) if albedo_scale is None else albedo_scale)
+    require(name, ready, Prepared, "relit_by_lamps()")
+    return ready
 
 
 def write_turntable(method: str, relit: Prepared, run: Run, model_folder: Path, folder: Path, frames: int) -> Path:

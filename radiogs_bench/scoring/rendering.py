@@ -9,17 +9,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import MapKind, Prepared, Trained
-from radiogs_core.errors import NumericalFailure, UsageError
+from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.scene.lamps import Lamp
-from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import View
-from radiogs_core.transport.lamp_light import RelitByLamps
 
-from ..installed_methods import offered_methods
 from ..method_calls import calling, own_camera, refused, require
-from ..methods import method
 from ..store.provenance import wait_for
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
@@ -72,27 +67,6 @@ def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
     with calling(method, "prepare() for another light" if lit else "prepare()"):
         ready = model.prepare(*lit)
     require(method, ready, Prepared, "prepare()")
-    return ready
-
-
-def lit_by_lamps(
-    name: str,
-    model: Trained,
-    lamps: Sequence[Lamp],
-    light: EnvironmentMap | None = None,
-    albedo_scale: Float[Tensor, "3"] | None = None,
-) -> Prepared:
-    """The model of the method ``name`` under lamps and, unless it is None, a map; see ``RelitByLamps``.
-
-    Raises UsageError for a method that takes no lamps, and for a lamp that is refused; DataError; MethodFailed.
-    """
-    used = method(name)
-    if not isinstance(used, RelitByLamps):
-        able = [each for each in sorted(offered_methods()) if isinstance(method(each), RelitByLamps)]
-        raise UsageError(f"{name} takes no lamps", f"Methods that do: {', '.join(able)}.", "Relight it by a map.")
-    with calling(name, "relit_by_lamps()"):
-        ready = used.relit_by_lamps(model, lamps, light, torch.ones(3) if albedo_scale is None else albedo_scale)
-    require(name, ready, Prepared, "relit_by_lamps()")
     return ready
 
 

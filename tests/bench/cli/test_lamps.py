@@ -10,7 +10,7 @@ import torch
 from bench.chain_method import ChainTrained
 from radiogs_bench.cli.lights import lamp
 from radiogs_bench.cli.main import main
-from radiogs_bench.scoring.rendering import lit_by_lamps
+from radiogs_bench.export.views import lit_by_lamps
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.lamps import PointLamp, SpotLamp, Sun
 from radiogs_datasets.lights import read_lamps

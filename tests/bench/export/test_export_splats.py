@@ -15,6 +15,7 @@ from plyfile import PlyData
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import export, main
+from radiogs_bench.export import mesh_files
 from radiogs_bench.export.trained_surfels import surfels_in
 from radiogs_bench.store.folder import Store
 from radiogs_core.surfels import viewer_files
@@ -58,7 +59,7 @@ def test_a_row_without_a_model_an_unknown_row_and_an_unknown_form_are_refused(
 
 
 def test_the_command_line_knows_every_form() -> None:
-    assert get_args(export.Form)[-3:] == viewer_files.FORMS
+    assert get_args(export.Form)[-5:] == (*viewer_files.FORMS, *mesh_files.SUFFIX)
 
 
 @needs_converter

@@ -211,8 +211,9 @@ def test_a_scene_that_is_not_finished_takes_no_name_and_no_room(tmp_path: Path) 
     assert not list(tmp_path.iterdir())
 
 
-REMOVES = {"unpack.py", "scene_folder.py"}
-"""The place of an archive in a folder of data, and a scene of Blender that was begun, both known by their marks."""
+REMOVES = {"unpack.py", "scene_folder.py", "posing.py"}
+"""The place of an archive in a folder of data, and a scene of Blender that was begun, both known by their marks; the
+work of finding poses, in a hidden folder named by the checksum of its photos."""
 
 
 def test_folders_are_removed_only_where_they_are_known_to_be_ours() -> None:
