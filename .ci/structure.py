@@ -51,7 +51,7 @@ LIMITS: Mapping[str, int] = {
     "lines of radiogs_bench": 25_987, "functions of radiogs_bench": 1_433,
     "lines of kernels' C++": 3_824,
     "lines of the page's JavaScript": 1_806,
-    "lines of tests": 63_389,
+    "lines of tests": 63_391,
 }  # fmt: skip
 """The most that there may be; lower a number once there is less. A file that one other imports belongs into that one,
 unless readers look for it by its own name. On 2026-11-30 some bounds rose: of datasets with the kinds of photos,

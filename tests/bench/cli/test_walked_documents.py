@@ -26,9 +26,11 @@ LIGHT = ROOT / "datasets" / "radiogs_datasets" / "tiny" / "corner" / "envmaps" /
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
-NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |path/to/method\.toml|git\+https|install .* dist/")
-"""A network, a cluster, what `make test` itself is, a code of somebody's (tests/baselines/commands have one), and the
-packages that tests/ci/test_wheel.py installs."""
+NOT_HERE = re.compile(
+    r"datasets (fetch|weights)|--engine ray|^make |path/to/method\.toml|git\+https|install .* dist/|PHOTOS|--start"
+)
+"""A network, a cluster, what `make test` itself is, a code of somebody's (tests/baselines/commands have one), the
+packages that tests/ci/test_wheel.py installs, photographs without poses (test_posing), and splats (test_splat_start)."""
 
 LISTS = (ROOT / "README.md", ROOT / "docs" / "commands.md")
 """Documents whose commands do not follow from each other."""
