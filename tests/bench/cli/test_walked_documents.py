@@ -30,7 +30,7 @@ NOT_HERE = re.compile(
     r"datasets (fetch|weights)|--engine ray|^make |path/to/method\.toml|git\+https|install .* dist/|PHOTOS|--start"
 )
 """A network, a cluster, what `make test` itself is, a code of somebody's (tests/baselines/commands have one), the
-packages that tests/ci/test_wheel.py installs, photographs without poses (test_posing), and splats (test_splat_start)."""
+packages that tests/ci/test_wheel.py installs, photographs (test_posing.py), and splats (test_splat_start.py)."""
 
 LISTS = (ROOT / "README.md", ROOT / "docs" / "commands.md")
 """Documents whose commands do not follow from each other."""
