@@ -23,9 +23,8 @@ class IncidentCache:
 
     A step traces the light on the surfels that it draws, and caches it; every ``refresh_interval`` steps the light on
     all surfels is traced again. ``Variant.incident`` and ``plan`` may limit both. Under a plan that keeps light
-    (``EffectPlan.kept``), V and L_ind come from ``kept``, along directions that are drawn anew where all surfels would
-    be traced again: with directions that stayed, the noise of their sums would stay, and
-    materials would be fitted to it.
+    (``EffectPlan.kept``), V and L_ind come from ``kept`` along directions that are drawn as often: with directions
+    that stayed, the noise of their sums would stay, and materials would be fitted to it.
     """
 
     def __init__(
@@ -88,14 +87,12 @@ class IncidentCache:
         return value.view(self.sets * len(value), -1, *value.shape[2:])
 
     def light_on(self, index: Int[Tensor, " chosen"], model: Model, iteration: int) -> Incident:
-        """The light on the surfels ``index`` along a set of directions: traced now and cached, or from the cache if
-        light is traced once or kept."""
+        """The light on the surfels ``index`` along a set of directions: along new ones and cached, or from the cache if
+        light is traced once."""
         if self.traced_again and iteration % self.interval == 0 and iteration != self.traced_at:
             self.renew(model, iteration)
         number = self.set_of(iteration)
-        if self.plan.kept or not self.traced_again:
-            return self.of_set(index, number)
-        return self.traced(index, model, number)
+        return self.fresh(index, model, number) if self.traced_again else self.of_set(index, number)
 
     def adopt(self, plan: EffectPlan, model: Model, iteration: int) -> None:
         """Follow another plan from now on; for one that keeps light, all surfels are traced a last time."""
@@ -116,7 +113,7 @@ class IncidentCache:
         direction, weight = self.all_sets(model)
         if self.kept is None:
             return incident_along(self.tracer, direction, weight, self.plan)
-        return Incident(direction, weight, *self.kept.along(direction))
+        return self.kept.along(direction, weight)
 
     def all_sets(
         self, model: Model, index: Int[Tensor, " chosen"] | None = None
@@ -142,10 +139,14 @@ class IncidentCache:
             self.sampled = sampled
         return sampled[2]
 
-    def traced(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
-        """The light on the surfels ``index``, traced along new directions and stored in the cache as set ``number``."""
+    def fresh(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
+        """The light on the surfels ``index``, traced or kept, along new directions, which is stored as set ``number``."""
         self.tracer.follow(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.gradient):
-            fresh = self.tracer.incident(index, *self.directions(model, index), self.plan)
+            direction, weight = self.directions(model, index)
+            if self.kept is None:
+                fresh = self.tracer.incident(index, direction, weight, self.plan)
+            else:
+                fresh = self.kept.along(direction, weight, index)
         self.store(index, number, fresh)
         return fresh

@@ -49,16 +49,20 @@ class KeptLight:
 
     @torch.no_grad()
     def along(
-        self, direction: Float[Tensor, "surfels samples 3"]
-    ) -> tuple[Float[Tensor, "surfels samples"], Float[Tensor, "surfels samples 3"]]:
-        """V and L_ind of all surfels along unit directions."""
-        visibility, radiance = torch.empty_like(direction[..., 0]), torch.empty_like(direction)
-        every = torch.arange(len(self.frame), device=self.frame.device)
-        for some in every.split(max(1, DIRECTIONS_AT_ONCE // direction.shape[1])):
-            place = some[:, None] * CELLS**2 + cells(direction[some] @ self.frame[some])
-            visibility[some] = self.visibility.flatten()[place]
-            radiance[some] = self.radiance.flatten(0, 1)[place]
-        return visibility, radiance
+        self,
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+        index: Int[Tensor, " chosen"] | None = None,
+    ) -> Incident:
+        """The light on the surfels at ``index`` (None: all) along unit directions with these solid angles."""
+        visibility, radiance = torch.empty_like(weight), torch.empty_like(direction)
+        index = torch.arange(len(self.frame), device=self.frame.device) if index is None else index
+        for rows in torch.arange(len(index), device=index.device).split(max(1, DIRECTIONS_AT_ONCE // direction.shape[1])):
+            surfels = index[rows]
+            place = surfels[:, None] * CELLS**2 + cells(direction[rows] @ self.frame[surfels])
+            visibility[rows] = self.visibility.flatten()[place]
+            radiance[rows] = self.radiance.flatten(0, 1)[place]
+        return Incident(direction, weight, visibility, radiance)
 
 
 def cells(local: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:

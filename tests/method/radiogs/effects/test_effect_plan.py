@@ -150,7 +150,7 @@ def is_kept(now: Incident, kept: KeptLight) -> bool:
     return same and torch.equal(now.radiance, kept.radiance[row, cell])
 
 
-def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_refresh_draws_anew(
+def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_drawn_as_rays_were(
     initialised: dict[str, Any],
 ) -> None:
     """Directions that stayed would keep the noise of their sums, and materials would be fitted to it."""
@@ -158,10 +158,12 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_re
     before = copy_of(stage.cache.incident)
     assert is_kept(before, stage.cache.kept)
     with recording() as instruments:
+        stage.step()
+        anew = (before.direction != stage.cache.incident.direction).any(-1)
+        assert int(anew.any(-1).sum()) == min(BUDGET.consistency_surfels, len(anew))
+        assert int(anew.sum()) == int(anew.any(-1).sum()) * anew.shape[1] // stage.cache.sets
         for _ in range(BUDGET.refresh_interval):
             stage.step()
-        assert torch.equal(before.direction, stage.cache.incident.direction)
-        stage.step()
     assert not instruments.work["rays"]
     assert bool((before.direction != stage.cache.incident.direction).any(-1).all())
     assert is_kept(stage.cache.incident, stage.cache.kept)
@@ -198,6 +200,7 @@ def test_a_probe_that_leaves_out_rays_is_restored_with_the_light_that_it_kept(in
     stage, again = decided(initialised, NO_RAYS), decided(initialised, EffectPlan())
     index = torch.tensor([5, 3, 9, 1])
     light = stage.cache.light_on(index, stage.model, 1)
+    assert is_kept(light, KeptLight(*(value[index] for value in vars(stage.cache.kept).values())))
     assert all(torch.equal(value, getattr(stage.cache.of_set(index, 1), name)) for name, value in vars(light).items())
     assert not light.visibility.requires_grad
     assert again.cache.light_on(index, again.model, 1).radiance.requires_grad
