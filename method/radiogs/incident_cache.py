@@ -140,7 +140,7 @@ class IncidentCache:
         return sampled[2]
 
     def fresh(self, index: Int[Tensor, " chosen"], model: Model, number: int) -> Incident:
-        """The light on the surfels ``index``, traced or kept, along new directions, which is stored as set ``number``."""
+        """The light on the surfels ``index``, traced or kept, along new directions; it is stored as set ``number``."""
         self.tracer.follow(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.gradient):
             direction, weight = self.directions(model, index)

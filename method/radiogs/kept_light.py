@@ -57,7 +57,8 @@ class KeptLight:
         """The light on the surfels at ``index`` (None: all) along unit directions with these solid angles."""
         visibility, radiance = torch.empty_like(weight), torch.empty_like(direction)
         index = torch.arange(len(self.frame), device=self.frame.device) if index is None else index
-        for rows in torch.arange(len(index), device=index.device).split(max(1, DIRECTIONS_AT_ONCE // direction.shape[1])):
+        every, at_once = torch.arange(len(index), device=index.device), DIRECTIONS_AT_ONCE // direction.shape[1]
+        for rows in every.split(max(1, at_once)):
             surfels = index[rows]
             place = surfels[:, None] * CELLS**2 + cells(direction[rows] @ self.frame[surfels])
             visibility[rows] = self.visibility.flatten()[place]
