@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from radiogs_core.capabilities import Part
+
 from .own import EVERY_PART
 from .paper import ABLATIONS
 from .suite import JUDGED, Row, Suite, metrics
@@ -106,11 +108,13 @@ CONSISTENT: Mapping[str, Values] = {"": {}, "no-rad": {"radiometric_weight": 0.0
 """With L_rad and without it."""
 
 
-def _both(key: str, text: str, values: Values, recipe: str) -> tuple[Row, ...]:
+def _both(
+    key: str, text: str, values: Values, recipe: str = "", given: tuple[Part, ...] | None = None
+) -> tuple[Row, ...]:
     """The row with L_rad and the one without."""
     return tuple(
         Row(f"{key}-{without}".rstrip("-"), "", f"{text}, λ_rad = 0" if without else text, {**values, **change},
-            recipe=recipe)
+            recipe=recipe, given=given)
         for without, change in CONSISTENT.items()
     )  # fmt: skip
 
@@ -184,10 +188,16 @@ CLOSED = Suite(
     title="Radiometric consistency at the paper's rates",
     published="ablation",
     reference="ours",
-    rows=ABLATIONS.rows[:2],
+    rows=(
+        *ABLATIONS.rows[:2],
+        *_both("held", "light sought and held", SOUGHT),
+        *_both("true", "true light, held", {}, given=("light",)),
+        *_both("constant", "constant light, held", {"materials.rates.constant_light": 0.0}),
+    ),
     columns=(*EVERY_PART, *metrics("environment/error", "scale/factor")),
-    scenes=("bowl", "front_patterned", "front_plain", "niche", "knot", "lamps", "corner", "crowd"),
+    scenes=(*JUDGED, "crowd", "grotto", "trophy", "nefertiti"),
     recipe=PRINTED,
 )
-"""With and without L_rad. The length rule's factor is 1 at the paper's length (``--set inverse_iterations=20000``), and
+"""With and without L_rad, under four lights, on scenes of eight kinds on which no setting was chosen; five are by other
+hands. The length rule's factor is 1 at the paper's length (``--set inverse_iterations=20000``), and
 at every length with ``--set materials.rates.length_power=0``: then length and rates are told apart."""
