@@ -45,7 +45,7 @@ class Asked:
     envmap: Path | None = None
     """Probe relighting by this .hdr or .exr file, which `relight` would take."""
     picture: Path | None = None
-    """Draw where effects matter here (default: probe-NAME.png)."""
+    """Draw where effects matter in this .png file."""
     psnr: Count | None = None
     """Judge effects beside the error of a model of this PSNR, in dB (default: 38; a trained model's own)."""
     as_json: Json = False
@@ -93,11 +93,12 @@ def probe(
     else:
         known = (Path(subject) / "trained.json").exists()
         _show(name, found, asked.psnr or (None if known else TRAINED))
-    drawn = picture or Path(f"probe-{name}.png")
+    if picture is None:
+        return
     with working("drawing where effects matter"):
-        _draw(found, drawn)
+        _draw(found, picture)
     if not asked.as_json:
-        say(f"wrote {drawn}: changes of {MATTERS:g} of the display's range and above are white")
+        say(f"wrote {picture}: changes of {MATTERS:g} of the display's range and above are white")
 
 
 def _probed(

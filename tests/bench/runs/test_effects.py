@@ -96,8 +96,12 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
 
 
 @pytest.mark.slow
-def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["probe", "convex", "--picture", str(tmp_path / "convex.png")]) == 0
+def test_a_probe_of_a_scene_says_why_and_draws_nothing_unasked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["probe", "convex"]) == 0
+    assert not list(tmp_path.iterdir())
     said = capsys.readouterr().out
     assert "visibility" in said
     assert "beside 38 dB" in said
