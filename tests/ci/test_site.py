@@ -72,5 +72,5 @@ def test_links_between_pages_lead_somewhere_and_nothing_is_loaded_from_elsewhere
 
 
 def test_links_to_sources_name_the_file_instead(site: Path) -> None:
-    text = (site / "oracles" / "index.html").read_text(encoding="utf-8")
+    text = (site / "what_images_determine" / "index.html").read_text(encoding="utf-8")
     assert '<abbr title="radiogs_bench/suites/own.py">oracles.py</abbr>' in text

@@ -14,7 +14,8 @@ from radiogs_datasets.image_files import write_hdr
 
 ROOT = Path(__file__).parents[2]
 NOTICE, DOCUMENT, BLENDER = (
-    (ROOT / name).read_text(encoding="utf-8") for name in ("NOTICE", "docs/datasets.md", "docs/blender.md")
+    (ROOT / name).read_text(encoding="utf-8")
+    for name in ("NOTICE", "docs/datasets.md", "docs/notebook/2026-11-30-blender.md")
 )
 
 
