@@ -17,7 +17,7 @@ from radiogs_datasets.generate.surfaces import metadata_of
 from radiogs_datasets.registry import load_scene
 from radiogs_reports.page.site import DATA, FILTERS, PROVENANCE, SITE_SCHEMA, Line, site_files
 from radiogs_reports.summary import LIMIT, RecordedRun, RunTable, Summary, counted_scenes, protocol_title
-from radiogs_reports.tables.caption import origin
+from radiogs_reports.tables.caption import division, origin
 from radiogs_reports.wording import marked
 
 from ..runs.rows_from_files import measured
@@ -134,14 +134,10 @@ def _by_row_and_scene(cells: Sequence[CellRef]) -> list[list[CellRef]]:
 
 
 def _facts(run: RunTable, told: Mapping[str, str], recipe: str, **further: str) -> dict[str, str]:
-    """The facts of a line. ``told``: the origin of its values.
-
-    Its division is closed where the recipe has the paper's values and length, else open.
-    """
-    closed = recipe == "printed" or recipe.startswith("printed, closed")
+    """The facts of a line. ``told``: the origin of its values."""
     known = {
         "suite": run["suite"], "preset": run["preset"], "machine": run["machine"], "recipe": recipe,
-        "division": "closed" if closed else "open", "seeds": ", ".join(map(str, run["seeds"])),
+        "division": division(recipe), "seeds": ", ".join(map(str, run["seeds"])),
         "commit": told.get("Commit", told.get("Version", "")),
     } | {name.lower(): text for name, text in told.items() if name in ("Date", "Command")}  # fmt: skip
     return {name: (known | further).get(name, "") for name in (*FILTERS, *PROVENANCE)}

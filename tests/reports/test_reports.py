@@ -191,6 +191,17 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
     assert r"Ours & -- & \textbf{31.23} \\" in both
 
 
+@pytest.mark.parametrize(
+    ("recipe", "division"),
+    [("printed, closed at tiny", "closed"), ("printed, shortened (600 steps, rates x 12)", "open"),
+     ("recommended", "open"), ("printed", "closed")],
+)  # fmt: skip
+def test_every_table_names_the_division_of_its_recipe(recipe: str, division: str) -> None:
+    made = {**summary(), "recipe": recipe}
+    for text in (camera_ready(made), suite_markdown(made, "")):
+        assert f"{recipe} ({division} division)" in text
+
+
 def test_the_table_of_a_paper_compiles(tmp_path: Path) -> None:
     (tmp_path / "paper.tex").write_text(document(camera_ready(summary())))
     assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex("paper.tex", tmp_path))

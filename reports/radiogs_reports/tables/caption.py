@@ -15,9 +15,14 @@ def run_note(summary: Summary) -> str:
 
 
 def preset_and_recipe(summary: Summary) -> str:
-    """The preset, and the recipe where one was named."""
-    recipe = f"; recipe {summary['recipe']}" if "recipe" in summary else ""
+    """The preset, and the recipe with its division where one was named."""
+    recipe = f"; recipe {summary['recipe']} ({division(summary['recipe'])} division)" if "recipe" in summary else ""
     return f"preset {summary['preset']}{recipe}"
+
+
+def division(recipe: str) -> str:
+    """``closed`` where a recipe has the paper's values and length, else ``open``."""
+    return "closed" if recipe == "printed" or recipe.startswith("printed, closed") else "open"
 
 
 def published_note(summary: Summary) -> str:
