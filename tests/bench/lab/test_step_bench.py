@@ -24,7 +24,6 @@ from radiogs_bench.lab.steps.record import (
     SCHEMA,
     comparable_sizes,
     frames_said,
-    headline,
     milliseconds,
     ratio_table,
     read_record,
