@@ -311,10 +311,10 @@ def test_the_documents_lines_are_those_of_the_stored_rehearsals() -> None:
         assert set(shown) <= set(whole)
         assert set(shown) >= {line for line in whole if line.startswith("- Forecast")} | {whole[0]}
         assert any("stage 2, inverse rendering: step |" in line for line in shown)
-        for factors, forecast in zip(("54 s to 16 min", "13 min to 3.9 h"), record["forecast"], strict=True):
-            assert factors in block
+        for range_said, forecast in zip(("54 s to 16 min", "13 min to 3.9 h"), record["forecast"], strict=True):
+            assert range_said in " ".join(block.split())
             low, high = (forecast["seconds"] * ratio for ratio in record["other"]["ratios"])
-            assert factors == f"{brief(low)} to {brief(high)}"
+            assert range_said == f"{brief(low)} to {brief(high)}"
 
 
 def brief(seconds: float) -> str:
