@@ -323,7 +323,6 @@ def brief(seconds: float) -> str:
     return f"{value:.2g} {unit}"
 
 
-
 def test_the_memory_of_one_size_does_not_count_for_the_next() -> None:
     """Freed blocks below one that is in use stay with the process until they are given back."""
     if getattr(ctypes.CDLL(None), "malloc_trim", None) is None:
