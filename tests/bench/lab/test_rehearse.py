@@ -298,12 +298,29 @@ def test_only_errors_of_allocation_count_as_a_lack_of_memory() -> None:
     assert not of_memory(None)
 
 
-def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
-    document = Path(__file__).parents[3] / "docs" / "paper_scale.md"
-    files = sorted(document.with_suffix("").glob("*.json"))
+def test_the_documents_lines_are_those_of_the_stored_rehearsals() -> None:
+    documents = Path(__file__).parents[3] / "docs"
+    text = (documents / "gpu.md").read_text(encoding="utf-8")
+    files = sorted((documents / "paper_scale").glob("*.json"))
     assert files
     for file in files:
-        assert "\n".join(lines_of(json.loads(file.read_bytes()))) in document.read_text(encoding="utf-8")
+        record = json.loads(file.read_bytes())
+        block = text.partition(f"<!-- rehearsal {file.stem} -->")[2].partition("<!-- end of rehearsal -->")[0]
+        whole = lines_of(record)
+        shown = [line for line in block.splitlines() if line.startswith(("| ", "- ", "`"))]
+        assert set(shown) <= set(whole)
+        assert set(shown) >= {line for line in whole if line.startswith("- Forecast")} | {whole[0]}
+        assert any("stage 2, inverse rendering: step |" in line for line in shown)
+        for range_said, forecast in zip(("54 s to 16 min", "13 min to 3.9 h"), record["forecast"], strict=True):
+            assert range_said in " ".join(block.split())
+            low, high = (forecast["seconds"] * ratio for ratio in record["other"]["ratios"])
+            assert range_said == f"{brief(low)} to {brief(high)}"
+
+
+def brief(seconds: float) -> str:
+    """Seconds, minutes or hours, to two digits."""
+    value, unit = next((seconds / each, unit) for each, unit in ((3600, "h"), (60, "min"), (1, "s")) if seconds >= each)
+    return f"{value:.2g} {unit}"
 
 
 def test_the_memory_of_one_size_does_not_count_for_the_next() -> None:
