@@ -198,7 +198,7 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
 )  # fmt: skip
 def test_every_table_names_the_division_of_its_recipe(recipe: str, division: str) -> None:
     made = {**summary(), "recipe": recipe}
-    for text in (camera_ready(made), suite_markdown(made, "")):
+    for text in (camera_ready(made), suite_markdown(suite_table(made), "")):
         assert f"{recipe} ({division} division)" in text
 
 
