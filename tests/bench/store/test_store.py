@@ -16,6 +16,10 @@ import torch
 
 from bench.fake_method import CPU, FakeSweep, fake_cell
 from radiogs_bench.errors import StoreError
+from radiogs_bench.results.baseline import BASELINE_SCHEMA
+from radiogs_bench.results.records import RECORD_SCHEMA
+from radiogs_bench.runs.sweep import SWEEP_SCHEMA
+from radiogs_bench.runs.trained_folder import TRAINED_SCHEMA
 from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import Claimed, claim
 from radiogs_bench.store.folder import Store
@@ -23,6 +27,7 @@ from radiogs_bench.store.keys import content_key
 from radiogs_bench.store.provenance import session
 from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session, StageName
 from radiogs_bench.store.seal import sealed, strict_json
+from radiogs_reports.summary import SCHEMA as SUMMARY_SCHEMA
 
 ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
 
@@ -233,7 +238,7 @@ def test_a_failure_is_remembered_until_the_cell_succeeds(tmp_path: Path) -> None
     assert json.loads((tmp_path / "cells" / f"{A}.json").read_bytes())["key"] == A
 
 
-DOCUMENT = (Path(__file__).parents[3] / "docs" / "store.md").read_text()
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "start.md").read_text()
 
 
 def section(title: str) -> str:
@@ -241,19 +246,24 @@ def section(title: str) -> str:
 
 
 def test_the_version_is_the_one_that_is_written() -> None:
-    assert f"## A cell: `{RESULT_SCHEMA}`" in DOCUMENT
-    assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("## Versions")
+    assert f"### A cell: `{RESULT_SCHEMA}`" in DOCUMENT
+    for schema in (RESULT_SCHEMA, SWEEP_SCHEMA, SUMMARY_SCHEMA, TRAINED_SCHEMA, BASELINE_SCHEMA, RECORD_SCHEMA):
+        assert f"`{schema.removeprefix('radiogs-bench/')}`" in section("### Versions")
+
+
+def keys_listed(text: str) -> list[str]:
+    """The keys in the first column of a table; a line may have two."""
+    firsts = re.findall(r"^\| (`[^|]+`) \|", text, re.MULTILINE)
+    return sorted(key for first in firsts for key in re.findall(r"`(\w+)`", first))
 
 
 def test_the_document_lists_exactly_the_keys_of_a_result() -> None:
-    lines = re.findall(r"^\| `(\w+)` \|", section("## A cell"), re.MULTILINE)
-    assert sorted(lines) == sorted(Result.__annotations__)
-    lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
-    assert sorted(lines) == sorted(Session.__annotations__)
+    assert keys_listed(section("### A cell")) == sorted(Result.__annotations__)
+    assert keys_listed(section("### A session")) == sorted(Session.__annotations__)
     for key in (*MetricValue.__annotations__, *StageName.__annotations__):
-        assert f"`{key}`" in section("## A cell")
+        assert f"`{key}`" in section("### A cell")
     for key in Failure.__annotations__:
-        assert f"`{key}`" in section("## A failure")
+        assert f"`{key}`" in section("### A failure")
 
 
 def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Path) -> None:
@@ -262,7 +272,7 @@ def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Pa
     stored = json.loads(file.read_text())
     assert stored.keys() == Result.__annotations__.keys()
     for name in stored["cell"]:
-        assert f"`{name}`" in section("## A cell")
+        assert f"`{name}`" in section("### A cell")
     assert stored["sessions"].keys() == {"initialise", "invert", "evaluate"}
     for stage, sessions in stored["sessions"].items():
         for each in sessions:
