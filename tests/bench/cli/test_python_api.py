@@ -1,4 +1,4 @@
-"""The Python API, by the walk of docs/python_api.md as it stands there."""
+"""The Python API, by the walk of docs/start.md as it stands there."""
 
 import pydoc
 import re
@@ -20,19 +20,20 @@ from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from scenes import sphere_scene
 
-WALK = Path(__file__).parents[3] / "docs" / "python_api.md"
+PAGE = Path(__file__).parents[3] / "docs" / "start.md"
+WALK = PAGE.read_text().split("\n## From Python\n", 1)[1]
 
 
 @pytest.mark.slow
-def test_the_examples_of_the_python_api_page_run_unchanged(
+def test_the_examples_of_the_python_api_run_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", WALK.read_text(), flags=re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", WALK, flags=re.DOTALL)
     names: dict[str, object] = {}
     capsys.readouterr()
     for block in blocks:
-        exec(compile(block, str(WALK), "exec"), names)
+        exec(compile(block, str(PAGE), "exec"), names)
     said = capsys.readouterr().out
     assert "corner 48 training views" in said
     assert "no-rad" in said
@@ -48,12 +49,11 @@ def test_the_examples_of_the_python_api_page_run_unchanged(
 
 
 def test_every_public_name_is_there_and_documented() -> None:
-    walk = WALK.read_text()
     assert {*api.__all__, *whole_runs.__all__} == set(rb.__all__) - {"__version__"}
     for module in (api, whole_runs):
         for name in module.__all__:
             assert getattr(rb, name) is getattr(module, name)
-            assert f"rb.{name}" in walk
+            assert f"rb.{name}" in WALK
 
 
 def test_completion_and_help_list_the_names() -> None:

@@ -233,7 +233,7 @@ def test_a_failure_is_remembered_until_the_cell_succeeds(tmp_path: Path) -> None
     assert json.loads((tmp_path / "cells" / f"{A}.json").read_bytes())["key"] == A
 
 
-DOCUMENT = (Path(__file__).parents[3] / "docs" / "store.md").read_text()
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "start.md").read_text()
 
 
 def section(title: str) -> str:
@@ -241,19 +241,19 @@ def section(title: str) -> str:
 
 
 def test_the_version_is_the_one_that_is_written() -> None:
-    assert f"## A cell: `{RESULT_SCHEMA}`" in DOCUMENT
-    assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("## Versions")
+    assert f"### A cell: `{RESULT_SCHEMA}`" in DOCUMENT
+    assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("### Versions")
 
 
 def test_the_document_lists_exactly_the_keys_of_a_result() -> None:
-    lines = re.findall(r"^\| `(\w+)` \|", section("## A cell"), re.MULTILINE)
+    lines = re.findall(r"^\| `(\w+)` \|", section("### A cell"), re.MULTILINE)
     assert sorted(lines) == sorted(Result.__annotations__)
     lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
     assert sorted(lines) == sorted(Session.__annotations__)
     for key in (*MetricValue.__annotations__, *StageName.__annotations__):
-        assert f"`{key}`" in section("## A cell")
+        assert f"`{key}`" in section("### A cell")
     for key in Failure.__annotations__:
-        assert f"`{key}`" in section("## A failure")
+        assert f"`{key}`" in section("### A failure")
 
 
 def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Path) -> None:
@@ -262,7 +262,7 @@ def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Pa
     stored = json.loads(file.read_text())
     assert stored.keys() == Result.__annotations__.keys()
     for name in stored["cell"]:
-        assert f"`{name}`" in section("## A cell")
+        assert f"`{name}`" in section("### A cell")
     assert stored["sessions"].keys() == {"initialise", "invert", "evaluate"}
     for stage, sessions in stored["sessions"].items():
         for each in sessions:
