@@ -16,6 +16,7 @@ from made_up_run import summary, write_run
 from radiogs_reports.figures.contact_sheet import write_bands, write_contact_sheet
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
+from radiogs_reports.tables.caption import run_note
 from radiogs_reports.tables.suite import suite_table
 from radiogs_reports.write.camera_ready import camera_ready
 from radiogs_reports.write.latex import END, PREAMBLE, document, escape, report_document
@@ -65,7 +66,7 @@ def test_a_value_that_a_footnote_concerns_has_no_colour(row: str) -> None:
     made["doubts"] = [{"column": "nvs/psnr", "rows": [row], "text": "no better than a constant"}]
     assert "FBDCC4}30.00" not in suite_latex(suite_table(made))
     assert "CDE4F7}7.00" in suite_latex(suite_table(made))
-    assert ": worse)" not in suite_markdown(suite_table(made), "")
+    assert ": worse)" not in run_note(made)
     psnr, normals = suite_table(made).rows[1].cells[:2]
     assert (psnr.verdict, normals.verdict) == (None, "better")
 
@@ -198,7 +199,7 @@ def test_the_table_of_a_paper_has_means_alone_with_the_best_in_bold_and_what_is_
 )  # fmt: skip
 def test_every_table_names_the_division_of_its_recipe(recipe: str, division: str) -> None:
     made = {**summary(), "recipe": recipe}
-    for text in (camera_ready(made), suite_markdown(suite_table(made), "")):
+    for text in (camera_ready(made), run_note(made)):
         assert f"{recipe} ({division} division)" in text
 
 
