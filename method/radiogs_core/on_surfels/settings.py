@@ -88,7 +88,7 @@ GEOMETRY_PRESETS: Mapping[str, GeometryBudget] = {
         steps=40_000, initial_surfels=100_000, maximum_surfels=2_000_000, densify_interval=500
     ),
 }
-"""Budgets of stage 1 by preset. In the paper, density control runs from 5 % to 62.5 % of the 40,000 steps."""
+"""Budgets of stage 1 by preset. In the paper, density control runs from 1.25 % to 37.5 % of the 40,000 steps."""
 
 RENAMED: Mapping[str, str] = {
     "initialise_iterations": "geometry.steps",
