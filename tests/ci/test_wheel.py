@@ -91,7 +91,7 @@ def test_a_model_is_trained_where_there_is_no_checkout(fresh: Mapping[str, str],
 def test_the_gate_of_another_repository_s_method_passes_and_stops_a_worse_one(
     fresh: Mapping[str, str], tmp_path: Path
 ) -> None:
-    """The recipe of docs/reliability.md and then its workflow, step by step, with the wheel in the place of a Git address.
+    """The recipe of docs/reliability.md and then its workflow, step by step, with the wheel in place of a Git address.
 
     Two seeds of few pixels take the place of eight of all.
     """
