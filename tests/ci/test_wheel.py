@@ -91,7 +91,7 @@ def test_a_model_is_trained_where_there_is_no_checkout(fresh: Mapping[str, str],
 def test_the_gate_of_another_repository_s_method_passes_and_stops_a_worse_one(
     fresh: Mapping[str, str], tmp_path: Path
 ) -> None:
-    """The recipe of docs/gate.md and then its workflow, step by step, with the wheel in the place of a Git address.
+    """The recipe of docs/reliability.md and then its workflow, step by step, with the wheel in place of a Git address.
 
     Two seeds of few pixels take the place of eight of all.
     """
@@ -111,7 +111,7 @@ def test_the_gate_of_another_repository_s_method_passes_and_stops_a_worse_one(
             ["bash", "-ec", line], cwd=tmp_path, env=fresh, capture_output=True, text=True, check=False
         )
 
-    block = (ROOT / "docs/gate.md").read_text().split("```sh\n")[2].split("```")[0]
+    block = (ROOT / "docs/reliability.md").read_text().split("```sh\n")[2].split("```")[0]
     for line in (line for line in block.splitlines() if not line.startswith("#")):
         done = step(line)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"

@@ -19,7 +19,7 @@ BOTH = pytest.mark.parametrize("place", [0, 1], ids=WORKFLOWS)
 
 
 def recipe(place: int) -> list[str]:
-    block = (ROOT / "docs" / "gate.md").read_text().split("```sh\n")[1 + place].split("```", 1)[0]
+    block = (ROOT / "docs" / "reliability.md").read_text().split("```sh\n")[1 + place].split("```", 1)[0]
     return [line.split(" && ")[0] for line in block.splitlines() if not line.startswith("#")]
 
 
