@@ -43,7 +43,7 @@ def renewed(text: str, folder: Path) -> tuple[str, list[str]]:
 def main(write: bool) -> int:
     """Look through all documents."""
     found: list[str] = []
-    for document in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+    for document in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
         text, wrong = renewed(document.read_text(), document.parent)
         found += [f"{document.relative_to(ROOT)}: {each}" for each in wrong]
         if write:

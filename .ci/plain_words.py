@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("method", "datasets", "baselines", "reports", "radiogs_bench", "tests", ".ci")
-DOCUMENTS = ("*.md", "docs/*.md", "docs/tutorials/*.md")
+DOCUMENTS = ("*.md", "docs/*.md")
 
 OPENING = re.compile(r"[\"'`(*-]*\s*(Of|What|That of|Those of|The same of)\b(?!-)")
 """A forbidden opening, after quotes, a bracket or the dash of a list."""

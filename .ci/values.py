@@ -51,7 +51,7 @@ def findings(documents: Mapping[str, str], allowed: Mapping[str, Mapping[str, An
 
 def documents(root: Path) -> dict[str, str]:
     """README and the pages of the documentation by name; records are written by a command."""
-    paths = [root / "README.md", *sorted((root / "docs").glob("*.md")), *sorted((root / "docs/tutorials").glob("*.md"))]
+    paths = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
     return {str(path.relative_to(root)): path.read_text(encoding="utf-8") for path in paths}
 
 

@@ -8,7 +8,7 @@
     relit = model.relight(scene.lights["sunset"], scene.test[0])["image"]
     print(model.score())
 
-docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
+docs/start.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Names of the methods that are installed, found by their entry points; those of this project are no exception.
 
 A package offers a method by an entry point of the group ``radiogs_bench.methods`` whose object is a
-``radiogs_core.contract.Method`` (docs/your_own_method.md). Nothing here imports PyTorch: to list names takes no time.
+``radiogs_core.contract.Method`` (docs/your_method.md). Nothing here imports PyTorch: to list names takes no time.
 """
 
 from collections.abc import Mapping

@@ -29,7 +29,7 @@ from .process_state import as_before, set_apart
 FRAMES = 2
 """Traceback frames that are shown: the raising one and its caller."""
 
-CONTRACT = "What a method is: docs/your_own_method.md and radiogs_core.contract"
+CONTRACT = "What a method is: docs/your_method.md and radiogs_core.contract"
 
 LEAVES = (type(None), bool, int, float, complex, str, bytes, bytearray, torch.Size, torch.dtype, torch.device)
 BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)

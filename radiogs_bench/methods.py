@@ -1,6 +1,6 @@
 """The methods that are installed (``method_names``), loaded and checked, with their variants and budgets.
 
-A method may also be a TOML file of commands (docs/methods_as_commands.md).
+A method may also be a TOML file of commands (docs/your_method.md).
 """
 
 import hashlib
@@ -152,7 +152,7 @@ def with_given(of: Method, variant: Any, parts: Sequence[str]) -> Any:
         return variant
     refusal = why_not_given(of, parts)
     if refusal or not isinstance(of, TakesGiven):
-        raise UsageError(refusal, f"Parts: {', '.join(PARTS)}.", "How a method offers it: docs/your_own_method.md")
+        raise UsageError(refusal, f"Parts: {', '.join(PARTS)}.", "How a method offers it: docs/your_method.md")
     with calling(of.name, "with_given()"):
         return of.with_given(variant, tuple(parts))
 
@@ -329,7 +329,7 @@ def _loaded(point: EntryPoint) -> Method:
         raise UsageError(
             f"the method '{point.name}' is not what a method is",
             f"{point.value}: {wrong}.",
-            "What a method is: docs/your_own_method.md",
+            "What a method is: docs/your_method.md",
         )
     checked: Method = loaded
     return checked

@@ -19,7 +19,7 @@ Form = Literal["csv", "json", "parquet", "tensorboard", "wandb", "3dgs-ply", "2d
 """A table of metrics, training curves for a logger, a file of surfels, or a mesh with textures."""
 
 MESH = Group("A model of `train` as a mesh", sort_key=1)
-LAYOUT = Group("The test views of a model of `train` as files (docs/scoring.md)", sort_key=1)
+LAYOUT = Group("The test views of a model of `train` as files (docs/protocols.md)", sort_key=1)
 
 Above = Annotated[float, from_text(factor)]
 

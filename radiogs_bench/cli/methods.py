@@ -118,7 +118,7 @@ def _list_all() -> int:
     width = max(map(len, names))
     for name in names:
         say(f"{name:{width}}  {origin(name)}")
-    say("presets, stages and fields of one:  radiogs-bench methods NAME;  to add yours: docs/your_own_method.md")
+    say("presets, stages and fields of one:  radiogs-bench methods NAME;  to add yours: docs/your_method.md")
     return 0
 
 

@@ -131,7 +131,7 @@ def _lacking(title: str, kept: Mapping[str, Any], stages: Mapping[str, list[str]
         said = "; ".join(f"{name} ({', '.join(groups)})" for name, groups in without.items())
         yield Change(
             title, f"no gradients and updates of stage {said}: the method does not offer them"
-            " (docs/your_own_method.md), or an earlier version trained it", "remark",
+            " (docs/your_method.md), or an earlier version trained it", "remark",
         )  # fmt: skip
 
 

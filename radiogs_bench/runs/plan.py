@@ -175,7 +175,7 @@ def _refused(suite: Suite, method: Callable[[str], Method]) -> dict[str, str]:
             raise UsageError(
                 f"{method(name).name} takes no part of the truth that suite '{suite.name}' gives",
                 "Its rows replace parts of what a method finds; without them they would all be the same.",
-                "How a method offers it: docs/your_own_method.md",
+                "How a method offers it: docs/your_method.md",
             )
     return refused
 

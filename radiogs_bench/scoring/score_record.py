@@ -1,4 +1,4 @@
-"""Records of scores (schema ``radiogs-bench/score/1``, docs/scoring.md): metrics, by which conventions, of what."""
+"""Records of scores (schema ``radiogs-bench/score/1``, docs/protocols.md): metrics, by which conventions, of what."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

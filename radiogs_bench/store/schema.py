@@ -1,7 +1,7 @@
 """The schema of a stored result, key by key. Strict JSON; a number that does not exist is null and has a reason.
 
-The version rises when a key changes its meaning or is removed, or when a reader needs a new key. docs/store.md
-describes every key, and what each version changed.
+The version rises when a key changes its meaning or is removed, or when a reader needs a new key. docs/start.md
+describes every key, and CHANGELOG.md the changes of versions.
 """
 
 import math

@@ -111,7 +111,7 @@ DATA_SET_SUITES = (TENSOIR, SYNTHETIC4RELIGHT, STANFORD_ORB, MIPNERF360_NG, MIPN
 DOWNLOADS: Mapping[str, str] = {
     "tensoir-ind": (
         "The README of qbhan/RadioGS-public links to TensoIR_Ind; `datasets blend` renders the like of it from the"
-        " scenes' .blend files (docs/blender.md)."
+        " scenes' .blend files (docs/datasets.md)."
     ),
     **{suite.data_set: suite.download for suite in DATA_SET_SUITES},
 }
@@ -127,7 +127,7 @@ def as_published(suite: Suite) -> Suite:
         raise UsageError(
             f"suite '{suite.name}' reproduces no published table",
             "",
-            "Which suites do: docs/tutorials/paper_on_a_gpu.md",
+            "Which suites do: docs/suites.md",
         )
     conditions = published(suite.published).conditions
     return replace(

@@ -19,7 +19,7 @@ GRAMMAR = re.compile(r"[\[|]|\.\.\.")
 def commands() -> list[tuple[str, str]]:
     """Document and arguments of every command in a shell block; backslashes join lines, comments are left out."""
     found = []
-    for document in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+    for document in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
         for block in BLOCK.findall(document.read_text()):
             for match in COMMAND.finditer(block.replace("\\\n", " ")):
                 arguments = re.split(r"\s#|\s[>&|]|;", match["arguments"])[0].strip()

@@ -1,1 +1,1 @@
-"""Public codes as methods that are run as commands (docs/methods_as_commands.md)."""
+"""Public codes as methods that are run as commands (docs/your_method.md)."""

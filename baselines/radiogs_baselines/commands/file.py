@@ -1,7 +1,7 @@
 """The TOML file of a method that is run as commands: its schema, and the checks of its values.
 
 The dataclasses are the schema: a file may set every field, and has to set those without a default. See
-docs/methods_as_commands.md.
+docs/your_method.md.
 """
 
 import re
@@ -25,7 +25,7 @@ VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 """Names of environment variables."""
 LIGHT_SUFFIXES = (".hdr", ".exr")
 """Forms in which lights can be written for a command."""
-MANUAL = "The fields of a method's file are described in docs/methods_as_commands.md."
+MANUAL = "The fields of a method's file are described in docs/your_method.md."
 
 
 @dataclass(frozen=True)

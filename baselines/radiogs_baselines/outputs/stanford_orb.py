@@ -119,7 +119,7 @@ def _pairs_of(file: Path) -> Iterator[Pair]:
         raise DataError(
             f"{file} is not in the format of Stanford-ORB's script",
             f"An entry cannot be read: {type(error).__name__} {error}.",
-            "See docs/scoring.md for the keys.",
+            "See docs/protocols.md for the keys.",
         ) from error
 
 

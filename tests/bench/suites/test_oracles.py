@@ -124,7 +124,7 @@ def test_a_method_that_takes_no_part_is_refused_before_anything_runs(
     assert main(["run", "oracles", "--method", "chain", "--preset", "smoke", "--out", str(tmp_path)]) == 2
     message = capsys.readouterr().err
     assert "chain takes no part of the truth that suite 'oracles' gives" in message
-    assert "docs/your_own_method.md" in message
+    assert "docs/your_method.md" in message
     assert not chain.begun
 
 

@@ -1,7 +1,7 @@
 """A complete method in 150 lines: every camera sees the mean of the training images, lit as brightly as asked.
 
 It knows nothing of space. Its albedo is the mean image divided by the light that it assumes; relit, that albedo is
-multiplied by the mean radiance of the new light. docs/your_own_method.md walks through it.
+multiplied by the mean radiance of the new light. docs/your_method.md walks through it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
