@@ -1,4 +1,4 @@
-"""Every quick claim of docs/artifact.md is made anew: its command ends well, and prints the value within its tolerance."""
+"""Every quick claim of docs/artifact.md: its command ends well, and prints the value within its tolerance."""
 
 import re
 import shutil
