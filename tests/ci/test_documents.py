@@ -1,4 +1,4 @@
-"""No document or source holds what a merge left undecided."""
+"""Documents are few and short, and no file holds what a merge left undecided."""
 
 import subprocess
 from pathlib import Path
@@ -16,3 +16,16 @@ def test_no_file_has_the_marks_of_an_undecided_merge() -> None:
             lines = file.read_text(encoding="utf-8").splitlines()
             undecided += [f"{name}:{place}" for place, line in enumerate(lines, 1) if line.startswith(MARKS)]
     assert not undecided
+
+
+NOT_COUNTED = ("limits", "artifact", "protocols")
+"""Pages to look things up in."""
+
+
+def test_documents_stay_short_enough_to_be_read() -> None:
+    words = {path.stem: len(path.read_text(encoding="utf-8").split()) for path in (ROOT / "docs").glob("*.md")}
+    counted = {name: count for name, count in words.items() if name not in NOT_COUNTED}
+    assert len(counted) <= 16
+    assert sum(counted.values()) <= 36_000
+    assert max(counted.values()) <= 2_750, max(counted, key=counted.__getitem__)
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
