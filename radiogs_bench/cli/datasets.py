@@ -183,7 +183,7 @@ def convert(
 
 @dataclass(frozen=True)
 class Pictured:
-    """The views of a generated scene, and the paths of light; the fields of ``radiogs_datasets.generate.Pictures``."""
+    """Options of a generated scene's views and light paths; the fields of ``radiogs_datasets.generate.Pictures``."""
 
     size: Count = 96
     """Render N pixels on each side."""
@@ -259,7 +259,7 @@ def weights(*, to: Path | None = None, nets: Names = ()) -> None:
 
 @dataclass(frozen=True)
 class Rendered:
-    """How a .blend file is rendered; the fields of ``radiogs_datasets.blend.request.Request``."""
+    """Options of the rendering of a .blend file; the fields of ``radiogs_datasets.blend.request.Request``."""
 
     lights: Path | None = None
     """Light the scene by the .hdr and .exr maps in this folder, Z up (default: those of the generated scenes)."""

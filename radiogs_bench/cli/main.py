@@ -60,7 +60,7 @@ COMMANDS = {
 
 
 def shown_default(value: Any) -> str | None:
-    """The default value of an option in its help; None where there is none, and for a flag."""
+    """The default value that an option's help prints; None for a flag or an option without a default."""
     if value is None or value is False or value in ("", (), {}):
         return None
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -95,7 +95,7 @@ def launch(
 
 
 def values_of(given: BoundArguments) -> dict[str, Any]:
-    """The values of a command's arguments and options that were given, by name; those of a group of options are all."""
+    """Values of the arguments and options that were given, by name; of a group of options, all its values."""
     groups = [vars(value) for value in given.arguments.values() if is_dataclass(value)]
     return dict(ChainMap({**given.arguments}, *groups))
 
@@ -125,7 +125,7 @@ def commands_of(file: "MethodFile") -> list[str]:
 
 
 def parsed(by: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArguments]:
-    """The function that a line calls, and its arguments. Raises UsageError for a line that is none."""
+    """The function that a command line calls, and its arguments. Raises UsageError for an invalid line."""
     try:
         command, given, _ = by.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:

@@ -111,7 +111,7 @@ def _show_recipes(name: str | None) -> int:
 
 
 def _list_all() -> int:
-    """Print what every method is called and which package offers it; none of them is loaded."""
+    """Print the name of every method and the package that offers it; no method is loaded."""
     from ..installed_methods import method_names, origin
 
     names = method_names()

@@ -89,7 +89,7 @@ class Computing:
     """Use N CPU threads (default: as many as there are cores)."""
 
     def use(self) -> "torch.device":
-        """The device, with the number of CPU threads set. Raises UsageError where there is none."""
+        """Set the number of CPU threads; returns the device. Raises UsageError if the device is missing."""
         from ..device import use
 
         return use(self.device, self.threads)

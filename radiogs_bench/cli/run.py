@@ -81,7 +81,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Where(Computing):
-    """Where cells run; on a cluster a cell has one thread unless ``threads`` is given."""
+    """Options of where cells run; on a cluster a cell has one thread unless ``threads`` is given."""
 
     engine: Name | None = None
     """Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess). On a cluster a
@@ -129,7 +129,7 @@ def run(
 
 
 def _spec(suite: str, asked: Asked, changes: Changes, where: Where, opened: SceneOptions) -> "RunSpec":
-    """The run that is asked for. Raises UsageError for values that no run can have."""
+    """The run that the options ask for. Raises UsageError for invalid values."""
     from ..runs.spec import RunSpec
 
     return RunSpec(

@@ -110,7 +110,7 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class Gating:
-    """Options of a gate: other work than comparing, and changes that pass."""
+    """Options of a gate: work other than comparing, and changes that pass."""
 
     update: bool = False
     """Make the run the new baseline."""
@@ -169,7 +169,7 @@ def gate(
 
 
 def _ended(regressions: int, changed: int, accepted: bool) -> str:
-    """How the comparison ended, in words."""
+    """The outcome of the comparison in words."""
     if not regressions and not changed:
         return "no worse than the baseline, and computed alike"
     said = [f"{regressions} regressions"] * bool(regressions)

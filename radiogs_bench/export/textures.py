@@ -79,7 +79,7 @@ class Textured:
 
 
 def reduced(mesh: Mesh, most_faces: int) -> Mesh:
-    """The mesh with at most so many faces, none of them without area. Raises UsageError where VTK lacks libraries."""
+    """Simplify the mesh to at most so many faces, all of positive area. Raises UsageError if VTK lacks libraries."""
     if len(mesh.faces) > most_faces:
         solid = pyvista().PolyData.from_regular_faces(mesh.vertices, mesh.faces)
         fewer = solid.decimate(1 - most_faces / len(mesh.faces))

@@ -21,10 +21,10 @@ HEADS = (
 )
 
 OFFLINE_VARIABLE = "RADIOGS_BENCH_OFFLINE"
-"""Environment variable: where it is set to anything, no command downloads what it was not asked to."""
+"""Environment variable: if it is set, commands download only what they are asked to download."""
 
 PATIENCE = 10.0
-"""Seconds without an answer after which weights that nobody asked for are done without."""
+"""Seconds without an answer after which a download that the user did not ask for is given up."""
 
 MEGABYTES: Mapping[Net, int] = {"alex": 233, "vgg": 528, "squeeze": 5}
 """Size of the files of a network, rounded."""
