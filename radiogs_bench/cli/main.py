@@ -102,7 +102,7 @@ def values_of(given: BoundArguments) -> dict[str, Any]:
 
 @contextmanager
 def trusting_named(given: Mapping[str, Any]) -> Iterator[None]:
-    """Trust the methods' files of a command, and print what those in ``trust`` run. Raises DataError or UsageError."""
+    """Trust a command's methods' files, and print commands of those in ``trust``. Raises DataError or UsageError."""
     named = given.get("method") or ()
     chosen = (named,) if isinstance(named, str) else named
     with trusting(chosen), trusting(given.get("trust", ())) as added:
@@ -188,7 +188,7 @@ def answered(command: Callable[[], int], verbose: bool) -> int:
 
 
 def execute(words: Sequence[str]) -> int:
-    """Run the command of a line; returns its exit code. Raises UsageError for a wrong one, and what ends a command."""
+    """Execute a command line; returns its exit code. Raises UsageError for a wrong line, and the command's errors."""
     if not words or words[0] in app.help_flags:
         app.resolved_commands()  # the list of commands has a sentence of each
     command, given = parsed(app.meta, words)

@@ -1,4 +1,4 @@
-"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, and comparison with a baseline."""
+"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, its comparison with a baseline."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -208,7 +208,7 @@ class _Paced(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Read what is there. Raises TimeoutError where fewer than LEAST_RATE bytes a second came for a while."""
+        """Read available bytes. Raises TimeoutError if fewer than LEAST_RATE bytes a second came for a while."""
         count = self.source.readinto1(buffer)
         self.came += count
         if self.came >= LEAST_RATE * self.timeout:

@@ -119,7 +119,7 @@ def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:
 def refusal_of(
     rungs: Sequence[SizeResult], size: int | None, memory: Mapping[str, int], seconds: float
 ) -> Refusal | None:
-    """Why a size should not be tried with ``memory`` (bytes) and ``seconds``, by what smaller ones took; else None."""
+    """Why not to try a size with ``memory`` (bytes) and ``seconds``, judged by smaller sizes; None if it may fit."""
     if not rungs or size is None:
         return None
     if len(rungs) > 1:  # one size does not tell what of the memory grows with it

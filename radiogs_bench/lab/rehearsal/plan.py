@@ -36,7 +36,7 @@ class RehearsedRow:
         return self.method.sizes(self.budget) if isinstance(self.method, Rehearsing) else None
 
     def short(self, size: int | None) -> ShortRun:
-        """A run of few steps with models of this size (None: as at the start). Raises UsageError for program stages."""
+        """A run of few steps with models of this size (None: initial size). Raises UsageError for program stages."""
         if isinstance(self.method, Rehearsing) and size is not None:
             return self.method.short_run(self.variant, self.budget, size)
         with calling(self.method.name, "stages()"):

@@ -75,7 +75,7 @@ def _rung(rung: SizeResult) -> Plain:
 
 
 def _forecasts(plan: Plan, climbed: Rehearsal) -> list[Plain]:
-    """Forecasts at the size at which runs begin and at the largest, where they were measured or two others were."""
+    """Forecasts at the initial and the largest size, each if measured or extrapolated from two others."""
     whole = [rung for rung in climbed.rungs if rung.whole]
     found = []
     for size in dict.fromkeys(size_range(plan.rows) or (None,)):

@@ -23,7 +23,7 @@ AGAIN = 4
 
 @runtime_checkable
 class Observe(Protocol):
-    """Watches one piece of work. ``titles``: what it counts as; none for what is done on the way."""
+    """Watches one piece of work. ``titles``: what its seconds count as; empty for work that is not measured."""
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
         """Do the work; returns its result."""

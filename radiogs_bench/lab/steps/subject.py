@@ -99,7 +99,7 @@ def lay_on_surfaces(stage: Stage, subject: Subject) -> str:
 
 
 def surfels_over(scene: Scene, count: int) -> Surfels:
-    """So many surfels over the true surfaces, as wide and as opaque as those of kernel scene M, with noisy radiance."""
+    """So many surfels on the true surfaces, as wide and opaque as kernel scene M's, with noisy radiance."""
     spacing = FIRST_SPACING * scene.extent
     samples = scene.true_surfaces(spacing)
     while len(samples) < count:
