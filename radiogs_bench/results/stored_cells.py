@@ -125,7 +125,7 @@ def _require_installed(finished: Mapping[str, Result], sweep: Sweep) -> Iterator
 
 
 def _other_sources(cell: Mapping[str, Any], layout: str) -> list[str]:
-    """Which sources of a cell are not the installed ones. Raises UsageError for a method that is not installed."""
+    """Names of a cell's sources that differ from the installed ones. Raises UsageError for a missing method."""
     kind = EXPERIMENTS.get(cell["experiment"])
     if kind is None:
         return ["the experiment, which is no more"]

@@ -99,7 +99,7 @@ def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted:
 
 
 def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> "Table":
-    """A line for all that both did at a size; above 1 is faster now. Raises UsageError for other models or images."""
+    """Speed-ups of what both did at a size; above 1 is faster now. Raises UsageError for other models or images."""
     from rich.table import Table
 
     differing = [f"{name} {ours[name]} against {theirs[name]}" for name in MODEL if ours[name] != theirs[name]]
