@@ -121,7 +121,7 @@ def _error(rules: Protocol, ours: Float[Tensor, "points 3"], theirs: Float[Tenso
 
 
 def seen_surface(views: Sequence[View]) -> SeenSurface:
-    """Points at evenly spread pixels that the truth covers by more than half; none of views without true normals."""
+    """Points at evenly spread pixels that the truth covers by more than half; none in views without true normals."""
     share = PIXELS / max(PIXELS, sum(view.camera.width * view.camera.height for view in views))
     points = [_points(view, share) for view in views if view.has("normal")]
     none = torch.empty(0, 7, dtype=torch.float64)

@@ -120,7 +120,7 @@ class StanfordOrb(Protocol):
         mask: Mask | None = None,
         alpha: Mask | None = None,
     ) -> Scores:
-        """``psnr`` and ``ssim`` of linear albedo, ``lpips`` of it as display sRGB, after least squares a channel."""
+        """``psnr`` and ``ssim`` of linear albedo, ``lpips`` of it in display sRGB, after least squares per channel."""
         mask, _ = coverages(target, mask, None)
         region = eroded(mask)
         if not region.any():

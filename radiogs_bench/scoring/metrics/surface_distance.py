@@ -108,7 +108,7 @@ def sampled_surface(
 
 
 def pyvista() -> Any:
-    """pyvista, imported where it is needed, as VTK loads slowly. Raises UsageError where graphics libraries lack."""
+    """pyvista, imported on demand, as VTK loads slowly. Raises UsageError if graphics libraries are missing."""
     try:
         return import_module("pyvista")
     except ImportError as error:
