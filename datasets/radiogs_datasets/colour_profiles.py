@@ -1,7 +1,7 @@
 """Applies the colour information of image files or refuses it by name: ICC profiles, and gAMA, cHRM and cICP of PNG.
 
-Everything else here takes an 8- or 16-bit image for display sRGB (or for plain numbers, where it is a map). A file that
-says it is something else, such as a telephone's Display P3 or a gamma of 1, would be misread without a word.
+Everything else here takes an 8- or 16-bit image for display sRGB (or for plain numbers, where it is a map). A file in
+another colour space, such as a telephone's Display P3 or a gamma of 1, would be misread silently.
 """
 
 import io

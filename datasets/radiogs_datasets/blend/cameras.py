@@ -1,4 +1,4 @@
-"""Where the cameras of a rendered .blend file stand."""
+"""Poses of the cameras for a rendered .blend file."""
 
 import math
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ SPLITS = ("train", "test")
 
 @dataclass(frozen=True)
 class Shot:
-    """One view to be rendered; ``number`` counts all views of the scene, and ``distance`` is to what is looked at."""
+    """One view to be rendered; ``number`` counts all views of the scene; ``distance``: to its target."""
 
     name: str
     split: str
@@ -51,8 +51,8 @@ def shots(request: Request, low: list[float], high: list[float]) -> list[Shot]:
     """The views of a request for a file whose surfaces lie between two corners.
 
     Published cameras lie evenly on the upper hemisphere of radius RADIUS about the origin, as NeRF-synthetic's do;
-    fitted ones on the like about the middle of the box. Raises DataError for a scene that the published ones do not
-    see as they should, and for cameras of a file that are no square pinholes.
+    fitted cameras lie on such a hemisphere about the middle of the box. Raises DataError for a scene that does not fit
+    the published cameras, and for cameras of a file that are not square pinholes.
     """
     files = request.camera_files()
     if files:

@@ -27,7 +27,7 @@ BEYOND = 0.01
 
 
 def map_agreement(evidence: Evidence) -> Iterator[Finding]:
-    """Albedo outside of its range, and maps of a test view that contradict those of the others."""
+    """Albedo outside of its range, and maps of a test view that contradict the other test views."""
     for truth in evidence.truths:
         for name in ("albedo", "roughness"):
             if name in truth.maps:

@@ -48,7 +48,7 @@ INVERTED_SHARE = 0.7
 """Share of the masks that have to look inverted where no outline is complete."""
 
 UNEXPLAINED = 0.01
-"""Residual, in longer sides of the image, that is named though no other reading explains it."""
+"""Residual, in longer sides of the image, from which outlines are named although no reading explains them."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def median(values: Array) -> float:
 
 
 def silhouettes(evidence: Evidence) -> Iterator[Finding]:
-    """Cameras and masks that the outlines of the other views contradict, all of them together and each by itself."""
+    """Findings on cameras and masks that contradict the outlines of other views: all together, then single ones."""
     known = outlines(evidence, range(len(evidence.looks)))
     if known is None:
         yield from _all_inverted(evidence)
@@ -169,7 +169,7 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: Sequence[float]) -> str:
-    """Say what contradicts, and its cause: the masks where images agree with the cameras, else what explains it.
+    """Words for a contradiction and its cause: the masks if images agree with the cameras, else the best reading.
 
     ``fits``: the best reading of cameras first. ``agreed``: shares of matches that agree with cameras as recorded and
     as read.
