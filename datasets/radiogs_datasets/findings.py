@@ -13,7 +13,7 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong: where (a file or a view), what, and whether the scene can be used all the same."""
+    """A defect of a scene: its place (a file or a view), its description, and whether the scene is still usable."""
 
     place: str
     what: str

@@ -218,7 +218,7 @@ def _other_angles(fields: Mapping[str, Any], stored: Lens) -> Iterator[str]:
 
 
 def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple[float, ...]]:
-    """The projection and OpenCV's coefficients. Raises DataError for what is no number, or not of the model."""
+    """The projection and OpenCV's coefficients. Raises DataError for text, or coefficients of another model."""
     named = {name: finite(fields[name]) for name in COEFFICIENTS if fields.get(name) is not None}
     broken = [name for name, value in named.items() if not math.isfinite(value)]
     if broken:

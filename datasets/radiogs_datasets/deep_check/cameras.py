@@ -210,7 +210,7 @@ class Fit(NamedTuple):
     cost: float
 
     def explains(self, what: str, sound: float) -> str:
-        """Say what contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
+        """Words for a contradiction, with the reading as its cause if it leaves no more than a ``sound`` part has."""
         named = self.says and self.cost <= sound
         return f"{what}: {self.says} fits far better" if named else f"{what}, {NO_CAUSE}"
 

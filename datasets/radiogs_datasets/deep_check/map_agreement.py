@@ -84,7 +84,7 @@ def _readings(name: str, own: Array) -> Iterator[tuple[str, Array]]:
 
 
 def _cost(values: Array, at: Array, compared: NDArray[np.bool_], read: Array) -> float:
-    """Median difference between the surface's values of other views and one map; zero if it shows few of them."""
+    """Median difference between one map and the surface's values in other views; zero if it shows few points."""
     if int(compared.sum()) < FEWEST:
         return 0.0
     return float(np.median(np.abs(at_points(read, at[compared]) - values[compared]).max(1)))

@@ -34,7 +34,7 @@ NEAR, NEAR_PIXELS = 1 / 300, 0.5
 """Largest distance of a match from its epipolar line: in longer sides of the image, and at least in pixels."""
 
 FEWEST, FEWEST_VIEWS = 40, 4
-"""Matches of a view or of all, and views (one pair, perhaps of one place, would decide), below which it is silent."""
+"""Matches (of a view or of all) and views below which the check is silent: one pair alone would decide."""
 
 TRIED_TOGETHER = 1500
 """Matches on which readings of all cameras are tried."""
@@ -156,7 +156,7 @@ def agreement(evidence: Evidence, *read: Cameras, place: int | None = None) -> l
 
 
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
-    """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
+    """Cameras under which few matches agree but many under another reading: of all views, and of single ones."""
     (share,) = agreement(evidence) if len(evidence.looks) >= FEWEST_VIEWS else [np.nan]
     if share < WHOLE_AGREEING:
         found = matched(evidence)

@@ -27,7 +27,7 @@ POINTS_OF_A_VIEW, MOST_POINTS = 90, 480
 """Points that are shaded: of a view, and of all views."""
 
 CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
-"""Cells of the longer side of the grid that occludes light; length of a ray's step, and of its first step, in cells."""
+"""Cells of the longer side of the occluding grid; length of a ray's step, and its start above the surface, in cells."""
 
 NORMAL_INCIDENCE, SMOOTHEST = 0.04, 0.2
 """Reflectance of the specular lobe at normal incidence, and roughness below which it is narrower than a texel."""
@@ -127,10 +127,10 @@ DARK, MOST = 0.02, 1.0
 of a ratio that counts at most."""
 
 FITS, ROUGHNESS_FITS = 0.72, 0.62
-"""Share of the difference that another reading may leave; that of roughness, which decides less of an image."""
+"""Largest share of the difference that another reading may leave; the same for roughness, which matters less."""
 
 WORST, LEAST = 0.4, 0.03
-"""Differences between which this model of light says something: coarse light explains less, and more no reading."""
+"""Range of differences that this model of light can judge: below, light is too coarse; above, no reading fits."""
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:
-    """Mean difference of display colour between surface and view under a camera; infinite if it shows few points."""
+    """Mean difference of display colour between surface and view under a camera; infinite if few are shown."""
     at, visible = seen(surface, camera)
     if int(visible.sum()) < FEWEST:
         return np.inf

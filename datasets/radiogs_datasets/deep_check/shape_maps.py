@@ -27,7 +27,7 @@ OFF, TIMES, FAR_OFF = 0.002, 3.0, 0.01
 under another reading; and the difference from which a single view, or all views without an explaining reading, do."""
 
 POINTS, FEWEST, SHOWN = 300, 30, 0.35
-"""Points of a view that are compared, how few say nothing, and the quantile over them: the other view hides some."""
+"""Points of a view that are compared, the fewest that count, and the quantile over them: some are hidden."""
 
 FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 10.0, 100.0, 1000.0]]).T
 """Scales of depth that are tried; the search continues around the best one."""

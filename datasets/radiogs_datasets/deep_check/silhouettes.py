@@ -24,7 +24,7 @@ SIDE, CORNERS = 256, 24
 """Longest side of the masks that outlines are taken from, pixels, and corners of a convex hull that are kept."""
 
 FEWEST, TRIED_TOGETHER = 5, 16
-"""Outlines from which on one can be told from the others, and views on which readings of all cameras are tried."""
+"""Fewest outlines that identify a wrong one, and number of views on which readings of all cameras are tried."""
 
 BORDER, FLOOR = 0.75, 0.1
 """Distance from the border below which an outline is cut off, and residual that edges of pixels alone explain, in

@@ -15,7 +15,7 @@ POINTS_OF_A_VIEW, FEWEST = 700, 300
 """Most points of a view's map, and fewest points of all views for a usable surface."""
 
 CELLS, SLACK = 40, 0.02
-"""Cells of a side of the image in which the nearest point hides others, but for those less far behind it, in depths."""
+"""Cells per side of the image in which the nearest point hides others, except those less far behind, in depths."""
 
 
 @dataclass(frozen=True)
