@@ -262,7 +262,7 @@ PARASOL: Profile = (
     (0.05, 0.0), (0.18, 0.0), (0.18, 0.03), (0.04, 0.04), (0.025, 0.1), (0.025, 0.7), (0.05, 0.74), (0.25, 0.7),
     (0.43, 0.62), (0.45, 0.62), (0.44, 0.66), (0.25, 0.77), (0.06, 0.82), (0.02, 0.83),
 )  # fmt: skip
-"""Profile (radius, height) of a solid of revolution that stands on the plane z = 0, in world units."""
+"""VASE to PARASOL: profiles (radius, height) of solids of revolution that stand on the plane z = 0, world units."""
 
 
 def _scaled(profile: Profile, width: float, height: float) -> Profile:

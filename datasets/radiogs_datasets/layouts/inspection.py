@@ -141,7 +141,7 @@ def _plain(name: str) -> str:
 
 
 def alike(name: str) -> str:
-    """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
+    """The part that all names of one photo share: no ending, case or zeros (frame_1.HEIC, frame_0001.jpg)."""
     return NUMBER.sub(r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
 
 
