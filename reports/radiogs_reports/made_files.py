@@ -19,7 +19,7 @@ from .files import Unusable, opened
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
-"""A line with the digest of the reports' source, then SHA-256 and path in OUT per file; no other file is deleted."""
+"""A line with the digest of the reports' source, then SHA-256 and path in OUT per file; only these are deleted."""
 
 BEGUN = "reports_begun.txt"
 """Exists while reports are written: a line with their suite, then a line for each foreign file in their places. After a

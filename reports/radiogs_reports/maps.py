@@ -130,7 +130,7 @@ def read_maps(path: Path, start: str = "") -> dict[str, Image]:
 def open_codes(path: Path) -> "np.lib.npyio.NpzFile":
     """A cell's archive, to read codes of further views from: ``views/<number>/<side>/<map>``, uint8. To be closed.
 
-    Raises ValueError for an array, or arrays without codes, that grow beyond every map of a view when unpacked.
+    Raises ValueError for an array, or all arrays without codes, of more than ``MOST_BYTES`` when unpacked.
     """
     with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
         sizes = [part.file_size * (not part.filename.startswith(VIEWS)) for part in parts.infolist()]

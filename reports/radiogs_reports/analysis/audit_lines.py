@@ -18,7 +18,7 @@ Judgement = Literal["yes", "within noise", "no", "above"]
 
 
 class AuditLine(NamedTuple):
-    """Cost and savings of a row's plans on one scene beside the reference row, all effects on; None where not known."""
+    """Cost and savings of a row's plans on one scene against the reference row (all effects); None if unknown."""
 
     scene: str
     row: str
@@ -117,7 +117,7 @@ def judged(loss: Estimate | None, bound: float | None) -> Judgement | None:
 
 
 def shares_of(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> dict[Origin, float]:
-    """Part / whole, where both are known; for an arithmetic mean, because the part may be zero."""
+    """Part / whole, where both are known. Their mean is arithmetic, because a part may be zero."""
     return {each: part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0}
 
 

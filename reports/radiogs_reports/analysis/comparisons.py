@@ -29,7 +29,7 @@ class Comparison(NamedTuple):
     p_value: float | None
     """P value of no gain, after the correction; None for a single unit."""
     verdict: Verdict | None
-    """None where the two rows are not told apart, and in columns in which neither more nor less is better."""
+    """Which row is resolved to be better; None if unresolved, and in columns without a better side."""
 
 
 def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:

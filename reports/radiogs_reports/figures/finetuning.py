@@ -23,7 +23,7 @@ MILLISECONDS = ("prepare/ms", "render/ms")
 
 
 class Mode(NamedTuple):
-    """A relighting mode with fine-tuning: its index among the method's such modes, and whether it renders by rays."""
+    """A mode of relighting with fine-tuning: its index among the method's such modes, and its title."""
 
     number: int
     title: str

@@ -29,19 +29,19 @@ SCRIPTS = (
     "shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", *VIEWER,
     "provenance", "printing", "selection",
 )  # fmt: skip
-"""In the order in which they run: all may use the first, and the last one announces the selection to the others."""
+"""Scripts in the order in which they run: all may use the first, and the last one sends the selection to the others."""
 
 METRICS_OF = {
     "image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
     "indirect": "indirect/psnr",
 }  # fmt: skip
-"""The metric whose value of a view stands below a map, by kind. Relit views are scored over all lights."""
+"""By kind of map: the metric whose value of the view is shown below it. Relit views are scored over all lights."""
 
 STYLES = ("page", "tables", "comparison", "printing")
 
 
 LARGEST = 15_000_000
-"""Bytes of a page that is a single file, about: what can be sent by mail. Pictures may have a third in any case."""
+"""Bytes of a page in a single file, about: what mail accepts. Pictures may take a third in any case."""
 
 
 def write_page(
