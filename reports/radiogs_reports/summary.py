@@ -250,7 +250,7 @@ class PaperTable(TypedDict):
     reference: str | None
     columns: list[PaperColumn]
     rows: list[dict[str, str]]
-    """``key`` and ``text``; ``remark`` and ``ran`` may be empty: the label of what ran, if not the paper's row."""
+    """``key``, ``text``; ``remark`` and ``ran`` (the measured row's label, if it is not the paper's) may be empty."""
     cells: dict[str, dict[str, PaperValue]]
     """By row, then column."""
 

@@ -61,7 +61,7 @@ def shared_decimals(values: Sequence[float], decimals: int) -> int:
 def plus_minus(
     mean: float, half_width: float | None, decimals: int, text_of: Callable[[float, int], str] = signed
 ) -> str:
-    """A mean and the half-width of its interval, if it has one, which more decimals keep from being printed as zero."""
+    """A mean and the half-width of its interval, if any, with enough decimals for the half-width not to be zero."""
     if half_width is None:
         return text_of(mean, decimals)
     decimals = shared_decimals([half_width], decimals)

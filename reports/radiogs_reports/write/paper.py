@@ -81,7 +81,7 @@ def _heading(column: Column) -> str:
 
 
 def paper_markdown(table: Table) -> str:
-    """Lines of measured and published values by row; values by other conventions and reasons of missing ones below."""
+    """Lines of measured and published values by row; values by other conventions and reasons of n/a below."""
     lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings])]
     lines += table_head(["", "", *(column.heading for column in table.columns)])
     for row in table.rows:
